@@ -30,8 +30,10 @@ def is_address(text: str) -> bool:
     >>> is_address("spy:///dev/ttyUSB0?file=thesis.tex")
     False
     """
+    # A serial port is a name of the system, which only the system knows: opening it tells the rest.
     if "://" not in text:
         return True
+    # The whole text must match, because pySerial takes options after `?`.
     found = _ON_A_NETWORK.fullmatch(text)
     return found is not None and 1 <= int(found[1]) <= 65_535
 

@@ -10,6 +10,7 @@ from protocol.study.study import Study
 
 def assert_proved(study: Study, cohort: Sequence[Plan]) -> None:
     """Assert that every plan meets every requirement of the study file, by an independent check."""
+    # The proof and not the planner is asked: it shares no code with what drew the plans.
     if found := cohort_problems(study, cohort):
         raise AssertionError("\n".join(map(str, found)))
 

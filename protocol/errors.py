@@ -13,6 +13,7 @@ class WorkFailed(Exception):
 
 
 Path = tuple[str | int, ...]
+# One slip can break a whole file, and nobody reads more than a screen of problems.
 MOST_PROBLEMS = 50
 """Most problems of a study file that are listed at once."""
 

@@ -5,6 +5,7 @@ import re
 from protocol.errors import BadInput
 
 _PSEUDONYM = re.compile(
+    # Hardly any name of a person has a digit.
     r"(?=.*[0-9])"
     r"(?!(?:COM|LPT)[0-9]\Z)"  # which Windows takes for devices, as names of files too
     r"[A-Z0-9][A-Z0-9_-]{0,31}",

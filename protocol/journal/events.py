@@ -442,6 +442,8 @@ class StoredEvent:
     def record(self) -> Event:
         """The event, parsed at the first access; it is lost once erased. Raises as `event_of`."""
         if self._parsed is None:  # who verifies a session and who analyses it both ask
+            # The record is frozen for everybody else. What is parsed follows from the payload, so
+            # that comparing and printing leave it out.
             object.__setattr__(self, "_parsed", event_of(self.tag, self.payload))
         assert self._parsed is not None
         return self._parsed

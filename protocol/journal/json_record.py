@@ -8,6 +8,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Final, NamedTuple, Self, get_args, get_origin, get_type_hints
 
 _REQUIRED: Final = object()
+# No quantity of a study is as large. NaN and infinity fail the comparison, too.
 _LARGEST = 1e18
 _Reader = Callable[[Any], Any]
 
@@ -53,6 +54,8 @@ class JsonRecord:
         return {
             key.name: as_json(value)
             for key, value in keys
+            # A key that came later is left out where it says nothing, so that studies without it
+            # are written as before.
             if not (key.key.sparse and value == key.key.missing)
         }
 
@@ -148,6 +151,8 @@ def _fits(value: Any, hint: Any) -> bool:
         return isinstance(value, tuple) and all(_fits(each, parts[0]) for each in value)
     if origin is not None:
         return isinstance(value, Mapping) and all(_fits(it, parts[1]) for it in value.values())
+    # JSON of other programs may have 7 for 7.0. `type` and not `isinstance`, because True is an
+    # int.
     if hint is float:
         return type(value) in {int, float} and abs(value) < _LARGEST  # not NaN
     if hint not in {Any, bool, int, str} and issubclass(hint, tuple):

@@ -294,6 +294,8 @@ class Recording(JsonRecord):
         expected = self.count * BYTES_PER_COUNT * len(CHANNELS)
         try:
             unpacker = zlib.decompressobj()
+            # One byte more than expected, so that too long a recording is noticed, and no bomb is
+            # unpacked.
             counts = unpacker.decompress(b64decode(self.samples, validate=True), expected + 1)
         except (ValueError, zlib.error) as error:
             raise DamagedSamplesError(f"samples cannot be unpacked ({error})") from error

@@ -71,6 +71,7 @@ def shared_text(place: int, events: Sequence[StoredEvent]) -> str:
     for stored in events:
         event = _shared(stored.record)
         if event is not None:
+            # Relative to the opening: the time of day stays behind.
             since_s = (stored.utc - events[0].utc).total_seconds()
             lines.append([event.TAG, since_s, stored.monotonic_s, event.to_json()])
     return "".join(f"{json.dumps(line, ensure_ascii=False, allow_nan=False)}\n" for line in lines)
@@ -82,6 +83,7 @@ def shared_session(source: str, text: str) -> SharedSession:
     Raises:
         BadInput: it is none; the message begins with the name `source`.
     """
+    # Not `splitlines`, which also ends a line at U+2028, and a text may hold that.
     first, *lines = text.split("\n")[:-1] or [""]
     try:
         place = int(json.loads(first)["place"])
@@ -92,6 +94,7 @@ def shared_session(source: str, text: str) -> SharedSession:
     if opened is None:
         raise BadInput(f"{source}: must begin with the opening of a session")
     known = isinstance(opened, ScoresImported) or opened.kind in _KINDS
+    # Only sessions of people leave a study: a sliding experiment has no participant.
     if not known or not 1 <= opened.session <= _MOST_SESSIONS:
         told = f"{opened.kind!r}, {opened.session}"
         raise BadInput(f"{source}: must be a numbered session of a participant, got {told}")
@@ -100,6 +103,7 @@ def shared_session(source: str, text: str) -> SharedSession:
             told = f"trial {trial.index}, {trial.condition!r}"
             raise BadInput(f"{source}: a trial must be of one of the session's conditions, {told}")
     try:
+        # A name becomes part of files and rows, so that a stranger's is judged as one's own.
         pseudonym(opened.participant)
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
@@ -110,6 +114,7 @@ def _stored(
     seq: int, tag: str, since_s: float, monotonic_s: float, given: Mapping[str, Any]
 ) -> StoredEvent:
     event = event_of(tag, given)
+    # Judged once, here: everything behind it takes the journal's values as they are.
     if wrong := event.misfit() or _out_of_range(event):
         raise ValueError(f"{tag}, {wrong[:_LONGEST_QUOTE]}")
     if not isfinite(monotonic_s):

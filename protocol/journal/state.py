@@ -27,6 +27,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("idle", events.SessionResumed): "idle",
     ("idle", events.PracticeRenewed): "idle",
     ("idle", events.DeviceArmed): "armed",
+    # Only from `idle`: no session counts as complete whose output was not read back as off.
     ("idle", events.SessionCompleted): "completed",
     ("armed", events.WatchdogTested): "armed",
     ("armed", events.RigDescribed): "armed",
@@ -44,6 +45,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("touching", events.TouchEnded): "trial",
     ("trial", events.Answered): "armed",
     ("trial", events.TrialAborted): "armed",
+    # A touch that was broken off has no end of its own.
     ("touching", events.TrialAborted): "armed",
     ("trial", events.TrialDeferred): "armed",
     ("armed", events.PracticeRenewed): "armed",
@@ -178,8 +180,10 @@ class SessionState:
             KeyError, TypeError, AttributeError: no build has written such a payload.
         """
         tag = event.tag
+        # First of all, so that a refused event changes nothing.
         self.name = next_state(self.name, tag)
         self.last_event_utc = event.utc
+        # After a withdrawal the tags still lead to the state, and there is no payload to look at.
         if tag in _FOLDED and not event.erased:
             self._take_record(event.record)
 
@@ -190,6 +194,8 @@ class SessionState:
             case events.SessionResumed() | events.BeamMounted() | events.RigDescribed():
                 self._take_setup(event)
             case events.PracticeRenewed():
+                # Practice that is renewed counts as not answered: the session then asks for it
+                # again.
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
@@ -236,6 +242,7 @@ class SessionState:
                 if event.kind == "practice":
                     self.practised += [not made.missed for made in event.judged if made.judged]
                 score = [] if event.score is None else [f"score {event.score}"]
+                # No session writes such a journal: `verify` reports it.
                 if event.index in self.answers:
                     self.answered_twice.append(event.index)
                 done = "drawn" if event.kind == "pass" else event.change or "felt"

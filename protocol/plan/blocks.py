@@ -53,6 +53,8 @@ class Stream:
 
     def _drawn(self, bits: int) -> int:
         while self._bits < bits:
+            # docs/registration.md describes this stream, so that anybody can draw the orders
+            # without touchbeam: no byte of it may change.
             block = sha256(self._name + b"#%d" % self._blocks).digest()
             self._pool |= int.from_bytes(block, "little") << self._bits
             self._bits += 256
@@ -89,6 +91,7 @@ def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]
     """
     if kinds == 1 and repeats > max_run:
         raise ValueError(f"one item {repeats} times cannot have runs of at most {max_run}")
+    # No run can be too long: every shuffle will do, and none has to be rejected.
     if max_run >= repeats:
         return stream.shuffled(item for item in range(kinds) for _ in range(repeats))
     if max_run == 1:
@@ -124,6 +127,8 @@ def _without_neighbours_alike(kinds: int, repeats: int, stream: Stream) -> list[
     for kind in range(1, kinds):
         bad = [at for at in range(1, len(drawn)) if drawn[at] == drawn[at - 1]]
         choices = list(_choices(len(bad), kind, repeats))
+        # A choice counts as often as there are ways to complete it, or the orders would not be
+        # equally likely.
         weights = [
             ways * _completions(kinds, repeats, kind + 1, len(bad) - mending + repeats - parts)
             for parts, mending, ways in choices
@@ -180,6 +185,8 @@ def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -
     chosen: list[int] = []
     at = 0
     for wanted in range(number, 0, -1):
+        # Taken in proportion to the choices that contain the place, so that each choice is equally
+        # likely.
         while stream.below(ways[at][wanted]) >= ways[after[at]][wanted - 1]:
             at += 1
         chosen.append(allowed[at])
@@ -215,6 +222,7 @@ def williams_sequences(n: int) -> Orders:
     square = tuple(tuple((start + row) % n for start in first) for row in range(n))
     if n % 2 == 0 or n == 1:
         return square
+    # For odd n one square cannot balance the pairs; its mirror image has those that it lacks.
     return square + tuple(sequence[::-1] for sequence in square)
 
 
@@ -242,6 +250,7 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
         name: seed and names of the random stream.
         slot: slot of the participant, from 0.
     """
+    # Nothing is drawn, so that no stream is used.
     if wanted.order == "fixed" or wanted.conditions == 1:
         return (tuple(range(wanted.conditions)),) * wanted.repeats
     if wanted.order == "williams":
@@ -259,13 +268,17 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
 @lru_cache(maxsize=256)
 def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...]:
     """Return the orders of one cycle of slots, one slot per sequence, block by block."""
+    # One stream for the whole cycle: its slots must know of each other to be balanced together.
     stream = Stream(*name, "cycle", cycle)
     blocks: list[Orders] = []
     while len(blocks) < wanted.repeats:
         labels = stream.shuffled(range(wanted.conditions))
         sequences = stream.shuffled(williams_sequences(wanted.conditions))
         drawn = tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
+        # A condition stands once in a block, so that only ends of blocks can break the rule on
+        # runs.
         before = blocks[-1] if blocks and wanted.max_run == 1 else ()
+        # The whole cycle is drawn anew, because a repair of one sequence would break the balance.
         if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
             blocks.append(drawn)
     return tuple(blocks)
@@ -333,6 +346,7 @@ def opposite_expected(condition: Condition) -> str | None:
     """Return the answer expected of the opposite trial, or `None` if the condition has none."""
     answer = opposite_answer(condition.question, condition.expected)
     there, back = map(_courses, (condition.touches, opposite(condition.touches)))
+    # Touches that are the same backwards feel the same: nothing contrary can be expected.
     return None if there == back else answer
 
 
@@ -396,6 +410,7 @@ def beam_groups(study: Study) -> tuple[Group, ...]:
 def grouping(study: Study) -> Grouping:
     """Return how trials are grouped: as configured, or more if `max_beam_swaps` requires it."""
     asked = LEVELS.index(study.design.group_by_beam)
+    # A fixed order is the author's: it is refused if it needs too many swaps, and never regrouped.
     allowed = study.design.max_beam_swaps if study.design.order != "fixed" else None
     for level in LEVELS[asked:]:
         if allowed is None or most_swaps(study, level) <= allowed:
@@ -408,6 +423,7 @@ def most_swaps(study: Study, level: Grouping) -> int:
     groups, repeats, mounted = beam_groups(study), study.design.repeats, study.touch.beam
     begin = opening_swaps(study)
     if level == "no":
+        # Ungrouped, the worst order has each trial between two on the study's own beam.
         there_and_back = (
             len(group.members) * swap_count((mounted, *group.beams, mounted)) for group in groups
         )
@@ -415,6 +431,7 @@ def most_swaps(study: Study, level: Grouping) -> int:
     if level == "session":
         return begin + best_order(groups, mounted, repeats)[0]
     ends = {group.last for group in groups}
+    # A block may begin with whatever beam the one before left: the worst of these counts.
     later = max(best_order(groups, end, 1)[0] for end in ends)
     return begin + best_order(groups, mounted, 1)[0] + (repeats - 1) * later
 
@@ -435,6 +452,7 @@ def opening_swaps(study: Study) -> int:
 
 def _practised(study: Study) -> list[Group]:
     groups = beam_groups(study)
+    # Practice needs no swap where some condition is on the beam that is mounted already.
     return [group for group in groups if group.beams == (study.touch.beam,)] or list(groups)
 
 
@@ -494,6 +512,7 @@ def _orders(study: Study, group: Group, slot: int, session: int) -> tuple[tuple[
         repeats=study.design.repeats,
         max_run=study.design.max_alike_in_row,
     )
+    # The members are part of the name, so that each group has a stream of its own.
     members = "/".join(map(str, group.members))
     return block_orders(wanted, (study.study.seed, "order", session, members), slot)
 

@@ -24,6 +24,7 @@ def design_problems(study: Study) -> list[Problem]:
     """Return every constraint that cannot be met; if the list is empty, every slot has a plan."""
     found = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
     found += _min_trials(study)
+    # Asked only now: their search grows as 2 to the power of the groups, which `_groups` limits.
     return found or [*_swaps(study), *_runs(study), *_duration(study)]
 
 
@@ -140,6 +141,7 @@ def _runs(study: Study) -> Iterator[Problem]:
         sizes = [len(group.members) for group in beam_groups(study)]
     if min(sizes) > 1 or design.repeats == 1:
         return
+    # Alone in its group, a condition ends one block and may begin the next.
     at_most = 2 if level == "block" and len(sizes) > 1 else design.repeats
     if at_most > design.max_alike_in_row:
         alone = "the only condition" if level == "no" else "a condition alone on its beams"
@@ -171,7 +173,9 @@ def most_session_s(study: Study) -> float:
         for condition in study.condition
     ]
     opening_s = sum(_asked_s(study, opening.touches, scored=False) for opening in study.opening)
+    # An upper bound for every slot: each extra trial is taken for the longest one.
     extra_s = (design.practice_trials + design.catch_trials) * max(trials_s)
+    # Grouped over the session, each group has blocks of its own.
     blocks = design.repeats * (len(beam_groups(study)) if grouping(study) == "session" else 1)
     breaks = (blocks - 1) // design.break_every_blocks if design.break_every_blocks else 0
     swaps_s = most_swaps(study, grouping(study)) * study.timing.beam_swap_s

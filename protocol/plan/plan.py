@@ -51,6 +51,7 @@ def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
     if not study.design.catch_trials:
         return {}
     beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
+    # A catch trial takes the beam of the trial before it, so that it gives nobody away by a swap.
     allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
     stream = Stream(*name)
     places = spaced_places(allowed, study.design.catch_trials, study.design.catch_apart, stream)
@@ -73,6 +74,7 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
             this beforehand).
     """
 
+    # A stream for each purpose: a change of one part of the design leaves the others as they were.
     def stream_name(purpose: str) -> Name:
         return (study.study.seed, purpose, session, slot)
 
@@ -130,6 +132,8 @@ def _main(
         )
         if place in catches:
             condition = study.condition[catches[place]]
+            # A catch trial has everything of its condition but the drive, so that nothing else
+            # tells it apart.
             still = _trial(condition, 0.0, turned=False, block=block)
             same = no_change(condition.question)
             yield replace(still, kind="catch", expected=same, scored=False)
@@ -208,6 +212,7 @@ def deferral(
     fitting = [
         entry.index
         for entry in later
+        # Compared with coming at once, which breaks nothing new and is always possible.
         if all(cost <= limit for cost, limit in zip(costs(entry.index), at_once, strict=True))
     ]
     return trial.index, stream.one_of(fitting) if fitting else trial.index
@@ -249,6 +254,7 @@ def slide_study(study: Study) -> Study:
     was made so stays as it is.
     """
     rate_hz = study.force_channel.rate_hz or DEFAULT_RATE_HZ
+    # There is no participant who could be told to do it again.
     rules = study.as_instructed.model_copy(update={"retries": 0, "feedback": "never"})
     return study.model_copy(
         update={

@@ -38,6 +38,7 @@ class Trial:
 
 def planned_trial(trial: Trial) -> PlannedTrial:
     """Return the record of a trial that the journal keeps."""
+    # As a study file has it: what a touch does not give is left out.
     touches = tuple(touch.model_dump(exclude_none=True) for touch in trial.touches)
     return PlannedTrial(**{**vars(trial), "touches": touches})
 

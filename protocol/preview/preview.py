@@ -40,6 +40,7 @@ def session_lengths(study: Study) -> Iterator[SessionLength]:
     others = {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
     for other in sorted(other for other in others if other <= MOST_REPEATS):
         asked = _with(study, repeats=other)
+        # The schema refuses such a design, and a copy is not checked against it.
         whole = study.design.opposite_repeats < other and not design_problems(asked)
         planned = asked if whole else _relaxed(asked)
         yield SessionLength(
@@ -123,6 +124,7 @@ def cohort(participants: int, forecast: Forecast, rating: Rating) -> Cohort:
     """Return the cohort that a study file assumes, whose SDs are on the paper's scale."""
     points = rating.span / PAPERS_SCALE.span
     return Cohort(
+        # Nothing can be said of the spread between people from one of them.
         participants=participants if participants > 1 else PAPERS_PARTICIPANTS,
         residual_sd=points * forecast.residual_sd,
         off_the_line_sd=points * forecast.off_the_line_sd,
@@ -165,6 +167,7 @@ def relative_gain_half_width(contrasts: Contrasts, share: float, people: Cohort)
     """
     every = [contrast for own in contrasts.values() for contrast in own]
     spread, trials = share * squared_spread(every), round(share * len(every))
+    # A line takes two of the trials: less than three leave no degree of freedom.
     if trials < 3 or spread <= _NEGLIGIBLE:
         return inf
     count, variance = people.participants, people.residual_sd**2 / spread
@@ -209,6 +212,7 @@ def t_quantile(probability: float, df: int) -> float:
     2.1009
     """
     low, high = 0.0, 1e6
+    # More halvings than a float has bits, so that the interval ends at two neighbours.
     for _ in range(200):
         middle = (low + high) / 2
         if 0.5 + _central(middle, df) / 2 < probability:

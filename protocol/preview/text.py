@@ -100,6 +100,7 @@ def _columns(text: str) -> int:
     """Return the terminal columns that `text` takes: a Chinese character takes two."""
     if text.isascii():
         return len(text)
+    # Loaded only for names that are not ASCII, because `check` should start soon.
     from unicodedata import combining, east_asian_width
 
     return sum((east_asian_width(sign) in "WF") + (not combining(sign)) for sign in text)

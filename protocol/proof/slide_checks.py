@@ -103,5 +103,6 @@ def _references(study: Study, plan: Plan) -> Violations:
             yield "a round of references must not be interrupted", f"trials {places}"
     gaps = [later[0] - before[0] for before, later in pairwise(rounds)]
     ends = at and (at[0] != 0 or (len(rounds) > 1 and at[-1] != len(plan.trials) - 1))
+    # Rounds are spread over a whole number of passes: gaps may differ by one of them.
     if ends or max(gaps, default=0) - min(gaps, default=0) > 1:
         yield "references must be spread evenly from first to last", f"trials {at}"

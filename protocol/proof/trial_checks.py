@@ -20,6 +20,7 @@ from protocol.study.touch import Touch
 
 Violations = Iterator[tuple[str, str]]
 
+# A study may ask for exactly its limit, and this code multiplies in another order than the planner.
 _ROUNDING = 1 + 1e-12
 
 
@@ -45,6 +46,7 @@ def limit_violations(study: Study, plan: Plan) -> Violations:
 def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
     """Yield (quantity, value, limit) for each limited quantity of a touch."""
     rig = study.rig
+    # Not `peak_voltage_v`, which the planner uses: a mistake in it must not hide here, too.
     volts = max(touch.voltage_v, touch.end_voltage_v)
     hertz = max(touch.frequency, touch.end_frequency) * rig.nominal_resonance_hz
     seconds = _touch_s(study, touch)
@@ -347,6 +349,7 @@ def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list
     slots = [plan.slot for plan in plans]
     if slots != list(range(first, first + len(plans))):
         found.append(_problem(f"slots must be numbered from {first}", slots))
+    # A cohort of another size cannot be balanced: its carry-over is reported and no fault.
     if balance_guaranteed(study, len(plans)):
         pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
@@ -472,6 +475,7 @@ def order_problems(study: Study, plan: Plan, order: Sequence[int]) -> list[Probl
     if first != sorted(first):
         found.append(("opening and practice must come as planned", str(first)))
     as_run = replace(plan, trials=tuple(run))
+    # Only a whole session: what is left of one may need any number of swaps.
     if len(run) == len(plan.trials) and plan_swaps(study, as_run) > plan_swaps(study, plan):
         rule = f"there must be at most {plan_swaps(study, plan)} beam swaps"
         found.append((rule, str(plan_swaps(study, as_run))))

@@ -111,6 +111,7 @@ def _of_sessions(registered: Registration, sessions: Sequence[SessionRun]) -> It
         ("version", f"sessions by a touchbeam other than {registered.touchbeam}"),
         [run.name for run in sessions if run.touchbeam != registered.touchbeam],
     )
+    # One line for each calibration, in the order in which they were in force.
     for other in dict.fromkeys(run.calibration for run in sessions if run.calibration != rig):
         yield from _named(
             ("calibration", f"registered: {rig or PAPER}; in force: {other or PAPER}, in sessions"),
@@ -157,6 +158,7 @@ def _of_analysis(registered: Registration, conduct: Conduct) -> Iterator[Deviati
         yield Deviation(
             "version", f"reported by touchbeam {conduct.touchbeam}, not {registered.touchbeam}"
         )
+    # Settings of either side: one that was added or dropped is a deviation, too.
     for name in sorted({*registered.analysis, *conduct.analysis}):
         settled, used = registered.analysis.get(name), conduct.analysis.get(name)
         if settled != used:

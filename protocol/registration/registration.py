@@ -82,6 +82,7 @@ class Registration:
 
     def text(self) -> str:
         """Return the file: its first line is the digest of the others."""
+        # The digest is that of the bytes: a text that this version wrote anew could have others.
         if self.written:
             return self.written
         body = _NOTE + _toml(self._document())
@@ -118,6 +119,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
     Raises:
         BadInput: the text was changed after it was written; the message begins with `source`.
     """
+    # The digest comes before TOML is read, so that nothing of a changed file is believed.
     first, _, body = text.partition("\n")
     if first != f'digest = "{_digest(body)}"':
         raise BadInput(f"{source}: was changed after touchbeam register wrote it; {_AGAIN}")
@@ -137,6 +139,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
             written=text,
         )
         _require_form(made, found["schema"])
+    # The digest shows that nobody edited the file: what does not fit is another version's form.
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadInput(
             f"{source}: cannot be read by this version of touchbeam; use the one that wrote it, or "
@@ -191,6 +194,7 @@ def _hypotheses(found: Mapping[str, Any]) -> dict[str, Any]:
 
 def locked(study: Study, digest: str) -> Study:
     """Return the study with its random streams seeded by the digest of its registration."""
+    # The whole digest, so that no two registrations share a seed.
     seed = int(digest, 16)
     return study.model_copy(update={"study": study.study.model_copy(update={"seed": seed})})
 
@@ -282,8 +286,11 @@ def order_problem(opened: SessionOpened, under: SessionOpened | SessionResumed) 
         opened: the session's first event.
         under: the same, or a later one that resumes the session.
     """
+    # A session without a registration promises no order, and after a withdrawal nothing is left to
+    # prove.
     if under.registration is None or under.study_text is None:
         return ""
+    # Otherwise another study file could be put beside the digest, and its orders would fit.
     if under.study_sha256 != text_digest(under.study_text):
         return "its study file does not have the digest that the journal names"
     slot = None if opened.participant == SLIDE else opened.slot
@@ -303,6 +310,7 @@ def order_problem(opened: SessionOpened, under: SessionOpened | SessionResumed) 
     return ""
 
 
+# A plan is drawn once though `verify` and the report both ask, and sessions share a file.
 @lru_cache(maxsize=256)
 def _drawn(study_text: str, digest: str, slot: int | None, session: int) -> Plan:
     """Return the plan of a slot, or of a sliding experiment, which has none."""

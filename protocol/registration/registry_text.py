@@ -128,6 +128,7 @@ def _touch(touch: Touch) -> str:
         f"{touch.press:g} times the force" if touch.press != 1 else "",
         f"beam {touch.beam}" if touch.beam else "",
         f"{_course(touch.voltage_v, touch.end_voltage_v)} V",
+        # At 0 V there is no drive that could have a frequency.
         frequency if touch.peak_voltage_v else "",
         f"{touch.duration_s:g} s" if touch.duration_s else "",
     )
@@ -149,6 +150,7 @@ def _measured(study: Study) -> Iterator[str]:
     )
     for question in study.question:
         of = f" of {', '.join(question.conditions)}" if question.conditions else ""
+        # Registries are read in English; a study without it is quoted in its own language.
         text = question.text.get("en") or next(iter(question.text.values()))
         yield f"{question.name} ({question.kind}, {_TIMES[question.when]}{of}): {text}"
 

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 from pydantic_core import PydanticKnownError
 
+# Control characters could rewrite a terminal, and signs that turn the direction of writing could
+# make a text read as another one. Halves of a character (surrogates) cannot be written to a file.
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
 )
@@ -43,6 +45,7 @@ def require_printable(text: str) -> str:
 
 LONGEST_NAME = 64
 
+# `strict`: a number in quotes is a slip in the file, and must not pass for a number.
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
@@ -67,6 +70,7 @@ def known_as(kind: str) -> BeforeValidator:
     def known(name: Any, info: ValidationInfo) -> Any:
         names: Names | None = (info.context or {}).get(kind)
         there = None if names is None else tuple(names())
+        # pydantic's own error, so that it reads as the one for a choice that stands in the schema.
         if there is not None and name not in there:
             raise PydanticKnownError("literal_error", {"expected": alternatives(there)})
         return name
@@ -87,4 +91,5 @@ def alternatives(names: Sequence[str]) -> str:
 class Record(BaseModel):
     """Frozen, keyword-only, no unknown keys; a number is never read from a text."""
 
+    # An unknown key is refused, because a misspelt limit would otherwise be no limit.
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)

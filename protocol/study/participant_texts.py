@@ -41,6 +41,7 @@ def study_codes(study: Study) -> tuple[str, ...]:
 def required_codes(study: Study) -> tuple[str, ...]:
     """Return the codes of the languages in which the study must be complete."""
     wanted = {*study.session.languages, *study.languages, *study.texts}
+    # A default that nobody wrote demands nothing.
     if "language" in study.session.model_fields_set:
         wanted.add(study.session.language)
     return tuple(code for code in study_codes(study) if code in wanted)
@@ -62,6 +63,7 @@ def study_wording(study: Study, code: str) -> Wording:
         "hand": texts[f"hand.{study.session.hand}"],
         "finger": texts[f"finger.{study.session.finger}"],
     }
+    # Only these texts: the fields of others are filled where they are shown.
     for key in finger_texts():
         if key in texts:
             texts[key] = texts[key].format(**fingers)

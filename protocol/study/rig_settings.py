@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field
 from protocol.address import ADDRESS_RULE, is_address
 from protocol.study.fields import Line, Positive, Record, Whole, known_as
 
+# The name of a driver, of which there may be more than this package knows: the context lists them.
 _Spoken = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 Dialect = Annotated[_Spoken, known_as("dialects")]
 """Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
@@ -55,6 +56,7 @@ class Rig(Record):
             description="where the session looks for the rig's own resonance (paper, Table 3)",
         ),
     ] = 24_221.0
+    # A board keeps 200 V itself, and no study file may ask more of any device.
     max_voltage_v: Annotated[
         Positive, Field(le=200, description="largest amplitude (peak) at the beam")
     ] = 200.0

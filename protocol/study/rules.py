@@ -314,6 +314,7 @@ Score = Annotated[Whole, Field(le=1_000)]
 class Band(Record):
     """A range of scores, and its name in each language by the language's code."""
 
+    # Languages are keys beside `from` and `to`. Which of them exist only the whole study knows.
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[
         str, Annotated[Line, Field(description="its name in that language, such as `en`")]
@@ -361,6 +362,8 @@ class Rating(Record):
 
     @model_validator(mode="after")
     def _bands_cover_the_scale(self) -> Self:
+        # Every score once and in order: overlaps, gaps and bands out of order all differ from that
+        # list.
         covered = [score for band in self.bands for score in range(band.first, band.last + 1)]
         if self.bands and covered != list(range(self.minimum, self.maximum + 1)):
             spans = ", ".join(f"{band.first}-{band.last}" for band in self.bands)

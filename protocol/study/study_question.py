@@ -122,6 +122,7 @@ Identifier = Annotated[
 Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
 """On a scale."""
 LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]
+# No part begins with a point, so that no name leads out of the folder.
 _PICTURE = re.compile(r"\w[\w. -]*(/\w[\w. -]*)*\.(png|jpg|jpeg)", re.IGNORECASE)
 
 
@@ -250,6 +251,7 @@ class StudyQuestion(Record):
 
     def place(self, number: int) -> int | float:
         """Return a place on the scale, counted in steps from its lower end."""
+        # In decimals, because steps of 0.1 add up to 0.30000000000000004 in binary.
         low, _, step = (Decimal(repr(each)) for each in self.scale)
         return plain_number(float(low + number * step))
 
@@ -289,6 +291,7 @@ class StudyQuestion(Record):
     def _several(self, given: str) -> tuple[str, ...]:
         chosen = set(given.split(BETWEEN))
         self._checked(given, chosen <= set(self.values), f"be some of {self._known}")
+        # In the order of the labels, so that the same choice is always the same answer.
         return tuple(value for value in self.values if value in chosen)
 
     def _number(self, given: str) -> int | float:
@@ -298,7 +301,10 @@ class StudyQuestion(Record):
         decimals = self.decimals or 0
         kind = f"a number with at most {decimals} decimals" if decimals else "a whole number"
         rule = f"be {', '.join([kind, *spoken])}"
+        # Many languages write a decimal comma, and a number has no other use for it here.
         plain = given.replace(",", ".")
+        # A pattern and not `float` alone, which takes `1e9`, `nan` and digits of other scripts. 15
+        # digits are what a float holds.
         form = rf"[+-]?\d{{1,15}}(\.\d{{0,{decimals}}})?" if decimals else r"[+-]?\d{1,15}"
         self._checked(given, re.fullmatch(form, plain, re.ASCII) is not None, rule)
         number = float(plain)
@@ -313,6 +319,7 @@ class StudyQuestion(Record):
         except ValueError:
             number = float("nan")
         whole = isfinite(number) and low <= number <= high
+        # The answer is the scale's own number and not the one that came, which may be rounded.
         nearest = self.place(round((number - low) / step)) if whole else None
         rule = f"lie on the scale from {low:.15g} to {high:.15g}"
         self._checked(given, nearest is not None and abs(nearest - number) < step * 1e-6, rule)

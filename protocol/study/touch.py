@@ -314,10 +314,12 @@ class Slide(Record):
         listed = ("frequencies", "frequencies_hz", "directions", "speeds_m_s", "paths_m")
         for key in listed:
             values = getattr(self, key)
+            # A drive that stands twice would be counted as two passes that nothing tells apart.
             if twice := [value for value in values if values.count(value) > 1]:
                 raise ValueError(f"{key} must hold no value twice, got {twice[0]} twice")
         if self.passes > MOST_PASSES:
             raise ValueError(f"must have at most {MOST_PASSES} passes, got {self.passes}")
+        # The extremes are checked because each path is combined with each speed.
         lengths_m = [right_m - left_m for left_m, right_m in self.paths_m]
         shortest_s = min(lengths_m) / max(self.speeds_m_s)
         longest_s = max(lengths_m) / min(self.speeds_m_s)

@@ -52,6 +52,7 @@ def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
 def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
     seen: dict[str, _Named] = {}
     for path, name in named:
+        # People and spreadsheets take such names for one.
         remembered = " ".join(name.casefold().split())
         before, first = seen.setdefault(remembered, (path, name))
         if before != path:
@@ -118,6 +119,7 @@ def limit_problems(study: Study) -> list[Problem]:
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]
     for where, path, item in _items(study):
+        # The largest level counts: all others drive less.
         level = max(item.levels) if isinstance(item, Condition) else 1.0
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
@@ -147,6 +149,8 @@ def slide_problems(study: Study) -> list[Problem]:
     """Return every limit of the rig that the sliding experiment of `study` breaks."""
     sliding, path = slide_study(study), ("slide",)
     found: dict[tuple[str, str], Problem] = {}
+    # Equal problems are listed once, under the first pass that has them; one that is driven says
+    # most.
     driven_first = sorted(slide_plan(sliding).trials, key=lambda trial: -trial.touches[0].voltage_v)
     for trial in driven_first:
         made = trial.touches[0].at(study.rig.nominal_resonance_hz)
@@ -154,6 +158,7 @@ def slide_problems(study: Study) -> list[Problem]:
             key, hint = _OF_A_SLIDE.get(str(problem.path[-1]), (problem.path[-1], ""))
             known = replace(problem, path=(*path, key), hint=hint or problem.hint)
             found.setdefault((problem.rule, problem.value), known)
+    # Sliding always records: a study that does not is told here that its rig cannot.
     recorded = _unmeasured(sliding) if study.force_channel.rate_hz is None else ()
     beam = _missing_beam(study, "slide", path, study.slide.beam)
     return [*recorded, *beam, *found.values(), *_too_long(sliding)]
@@ -206,6 +211,7 @@ def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
 def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
     rig = study.rig
     if peak_v > rig.max_voltage_v:
+        # The key that holds the larger value is the one to mend.
         key = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
         shown = _above(peak_v, rig.max_voltage_v)
         yield (
@@ -276,6 +282,7 @@ def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
 
 def _above(value: float, limit: float, digits: int = 6) -> str:
     """`value`, which is above `limit`, with as many digits as show it."""
+    # A value just above its limit must not be shown as the limit.
     shown = (f"{value:.{many}g}" for many in range(digits, 17))
     return next((text for text in shown if float(text) > limit), repr(value))
 
@@ -317,6 +324,7 @@ def _unmeasured(study: Study) -> Iterator[Problem]:
             hint="give the address of a gauge as force_channel.gauge",
             path=("force_channel", "rate_hz"),
         )
+    # Both may be simulated: a simulated gauge has a line of its own.
     if channel.gauge == rig.device != SIMULATED:
         yield Problem(
             where="force_channel.gauge",
@@ -355,6 +363,8 @@ def problems_at(study: Study, resonance_hz: float, *, sliding: bool = False) -> 
     there = study.model_copy(update={"rig": rig})
     if sliding:
         return slide_problems(there)
+    # A session does not slide: a block that may not be drawn at this resonance does not keep people
+    # from touching.
     return [problem for problem in limit_problems(there) if problem.path[:1] != ("slide",)]
 
 

@@ -147,7 +147,9 @@ def schema_problems(document: Mapping[str, Any], error: ValidationError) -> list
     No more than one above `MOST_PROBLEMS`.
     """
     entries = [entry for entry in error.errors(include_url=False) if not follows(entry)]
+    # What is missing is often only misspelt: the unknown key is the one to read first.
     entries.sort(key=lambda entry: entry["type"] == "missing")
+    # One more than are listed, so that the list knows that it is cut.
     return [_problem(document, entry) for entry in entries[: MOST_PROBLEMS + 1]]
 
 
@@ -232,12 +234,14 @@ def place(document: Mapping[str, Any], path: Path) -> str:
 def _named(document: Mapping[str, Any], kind: str | int, number: int) -> str:
     item = document[str(kind)][number]
     name = item.get("name", item.get("kind")) if isinstance(item, dict) else None
+    # A name that could turn the writing of the terminal is not printed.
     return name if isinstance(name, str) and not unprintable(name) else str(number + 1)
 
 
 def _near_miss(path: Path) -> str:
     """A hint that names the key that was probably meant."""
     key, names = str(path[-1]), _keys_at(path[:-1])
+    # Who writes such a key thinks of peak-to-peak: half of the voltage would be meant.
     if any(mark in key.lower() for mark in ("vpp", "peak", "_pp")):
         return f"{_PEAK}; known: {', '.join(names)}"
     close = _meant(path)
@@ -305,6 +309,7 @@ def semantic_problems(
         return broken
     unknown = [unreadable(problem) for problem in broken]
     found = [*limit_problems(study), *further(study)]
+    # A design is counted from these: with one of them replaced, its problems would be made up.
     if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
         found = design_problems(study)
 
@@ -321,6 +326,7 @@ def recovered(document: dict[str, Any], known: Mapping[str, Names]) -> Study | N
     `None` if nothing can be made of the document. `known` are the names to choose from, by kind.
     """
     sound = deepcopy(document)
+    # Taking one wrong part away can uncover another.
     for _ in range(_ROUNDS):
         try:
             return Study.model_validate(sound, context=known)

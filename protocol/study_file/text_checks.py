@@ -126,6 +126,7 @@ def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
         yield _unknown_key(path, tuple(known), named)
     elif not plain(text):
         yield Problem(where=where, rule="a text must not be blank", value=repr(text), path=path)
+    # At a terminal numbers choose an answer, and a colon begins a command.
     elif key.startswith("answer.") and is_typed_to_choose(text):
         yield Problem(where=where, rule=TYPED_TO_CHOOSE, value=repr(text), path=path)
     elif unprintable(text):
@@ -152,6 +153,7 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
         keys = [key for answer in answers if (key := f"answer.{answer}") in texts]
         for one, other in combinations(keys, 2):
             path = text_path(study, code, other) or text_path(study, code, one)
+            # Only where the study has a say: built-in texts are not its author's to mend.
             if path and plain(texts[one]) == plain(texts[other]):
                 yield Problem(
                     where=dotted(path),
@@ -163,6 +165,7 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
 
 def plain(text: str) -> str:
     """Return what is seen of `text`, in whichever way it is written."""
+    # Signs that are written in several ways, or not seen at all, look alike to a participant.
     seen = "".join(sign for sign in normalize("NFKC", text) if category(sign) != "Cf")
     return " ".join(seen.casefold().split())
 
@@ -318,6 +321,7 @@ def _choices(question: StudyQuestion) -> _Found:
     for twice in _repeated(question.values):
         yield "labels", "must have values that differ", repr(twice), ""
     for value in question.values:
+        # Several values stand in one cell, and a terminal strips what is typed.
         if BETWEEN in value or value != value.strip() or is_typed_to_choose(value):
             rule = f"a value must have no {BETWEEN!r} or spaces at its ends, and be no number"
             yield "labels", rule, repr(value), ""
@@ -345,6 +349,7 @@ def _places(question: StudyQuestion, named: Sequence[float]) -> _Found:
     low, high, step = question.scale
     if low >= high:
         yield "maximum", f"must be above minimum = {low:.15g}", f"{high:.15g}", ""
+    # Relative, because a step such as 0.1 is not exact in binary.
     elif abs((high - low) / step - question.places) > 1e-9 * question.places:
         rule = f"must divide the {high - low:.15g} from minimum to maximum"
         yield "step", rule, f"{step:.15g}", ""

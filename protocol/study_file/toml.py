@@ -56,6 +56,7 @@ def no_toml(text: str, error: TOMLDecodeError) -> Problem:
     found = re.search(r"at line (\d+)", str(error))
     number = int(found[1]) if found else text.rstrip().count("\n") + 1
     unclosed = "Unclosed" in str(error) or "end of document" in str(error)
+    # The parser stops at the end of the file; the slip is where the bracket was opened.
     if unclosed and not _has_comma_slip(lines[number - 1]):
         number = _opened(lines, number)
     line = _without_comment(lines[number - 1])
@@ -90,6 +91,7 @@ def _without_comment(line: str) -> str:
 
 def _remedy(line: str, said: str, *, unclosed: bool) -> str:
     key, equals, value = (part.strip() for part in line.partition("="))
+    # Word processors put these quotes; nothing else that is wrong with the line matters before.
     if _CURLY.search(line):
         return f"a text stands in straight quotes: {_CURLY.sub(chr(34), line)}"
     if "Cannot" in said and line.startswith("[") and (name := line.strip("[]")) in _LISTS:
@@ -153,6 +155,7 @@ _DEEP_KEY = re.compile(
 
 def toml_document(text: str) -> dict[str, Any] | Problem:
     """Return the values in `text`, or why there are none."""
+    # The length comes first: all that follows takes time that grows with it.
     if len(text) > LONGEST_TEXT:
         rule = f"must have at most {LONGEST_TEXT} characters"
         return Problem(where="file", rule=rule, value="more", hint="leave out what is no study")
@@ -163,6 +166,7 @@ def toml_document(text: str) -> dict[str, Any] | Problem:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         return no_toml(text, error)
+    # `tomllib` raises these, which are no TOMLDecodeError, at nesting or numbers beyond all use.
     except (RecursionError, ValueError, MemoryError):
         return _EXTREME
     return _extreme(document, ()) or document
@@ -210,6 +214,7 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self.text = text
         self.at = 0
+        # Kept once, so that the line of a key is found by bisection.
         self.ends = [end.start() for end in re.finditer("\n", text)]
         self.lines: dict[Path, int] = {}
         self.arrays: dict[Path, int] = {}
@@ -264,6 +269,7 @@ class _Scanner:
         while True:
             self._skip_blank()
             token = self._taken(_KEY)
+            # A quoted key may have escapes, which the parser knows how to read.
             keys.append(tomllib.loads(f"key = {token}")["key"] if token[0] in "\"'" else token)
             self._skip_blank()
             if self.text[self.at] != ".":
@@ -331,6 +337,7 @@ class Unit:
         """
         shown = self.example
         if isinstance(value, int | float) and too_large == (self.worth < 1):
+            # A value far from everything that can be meant makes no example.
             shown = value if 1e-3 <= abs(value) <= 1e5 else shown
         return f"in {self.name}: {shown:g} {self.mistaken} is {shown * self.worth:.5g}"
 
@@ -368,5 +375,6 @@ def unit_hint(path: Path, value: object = None, *, too_large: bool = True) -> st
     if key in _HINTS:
         return _HINTS[key]
     found = (unit for ending, unit in _BY_ENDING.items() if key.endswith(ending))
+    # `v_per_s` ends in `_s` and is no time.
     unit = None if key.endswith("_per_s") else next(found, None)
     return unit.hint(value, too_large=too_large) if unit else ""

@@ -98,9 +98,11 @@ class SimulatedBeam:
             frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
+        # Replaced after the draws, so that the other hidden properties of the seed stay the same.
         if self.damping_ratio is not None:
             self.beam = replace(self.beam, damping_ratio=self.damping_ratio)
         self.sensor = ForceSensor.of(self.seed)
+        # Called for its error: an unknown law is refused now and not at the first touch.
         law_by_name(self.law)
         # The rung's own resonance is where the sensor at the tip shows it.
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
@@ -133,12 +135,14 @@ class SimulatedBeam:
             speed_m_s=speed_m_s,
             at_s=at_s,
         )
+        # Made for its errors: a finger beside the beam is refused before it replaces the old one.
         self._scene(finger, voltage_v=0.0, frequency_hz=1.0)
         self.finger = finger
 
     def set_up(self) -> None:
         """Load and compute now what the first driven touch needs; no answer then waits for it."""
         finger = Finger(force_n=1.0, position_m=self.beam.length_m / 2, direction="right")
+        # At 1 V, because at rest no rung is set up.
         self._friction(finger, np.zeros(1), np.ones(1), natural_frequency_hz(self.beam, MODE))
 
     def change(self, name: str, value: float) -> None:
@@ -190,6 +194,7 @@ class SimulatedBeam:
         Raises:
             ValueError: the spacing is negative.
         """
+        # Written so that NaN is refused, too.
         if not body_spacing_m >= 0:
             raise ValueError(f"the spacing must be 0 m or more, got {body_spacing_m}")
         self.body_height_m = BODY_HEIGHT_M if body_spacing_m > 0 else 0.0
@@ -227,6 +232,8 @@ class SimulatedBeam:
             skin=self.skin.skin,
             mu0=self.skin.mu0,
         )
+        # The rung has a resonance of its own: a drive at this beam's resonance is one at the
+        # rung's.
         model_hz = frequency_hz * self._model_hz_per_hz
         return felt_friction(self.world, fingers, model_hz, finger.direction)
 

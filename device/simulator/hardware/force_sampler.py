@@ -16,6 +16,7 @@ from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import Instrument
 
 RATE_RANGE_HZ = (50.0, 1_000.0)
+# At full scale 8.2 N and 0.16 m: more than a finger gives on a beam of 0.1 m.
 SCALE: Scale = (2.5e-4, 2.5e-4, 5e-6)
 BUFFER_S = 2.0
 _TURN_S = 900.0
@@ -69,12 +70,16 @@ class ForceSampler:
         """Take the samples up to a device time, to which `instrument` has not moved yet."""
         if not self.on:
             return
+        # The small number keeps a sample that is due just now from being lost to rounding.
         end = int((time_s - self._first_s) * self.rate_hz + 1e-9) + 1
+        # After a long step of the clock, only what a board would still keep is computed.
         begin = max(self._taken, end - round(BUFFER_S * self.rate_hz))
         if end <= self._taken:
             return
         if begin > self._taken:
             self._kept, self._due_v = array("h"), []
+        # Samples wait until something changes, so that friction is computed for many of them at
+        # once.
         changed = self._felt_hz != instrument.frequency_hz or vars(self._felt) != vars(self._beam)
         if changed or len(self._due_v) >= _CHUNK:
             self._count()
@@ -112,6 +117,8 @@ class ForceSampler:
         gains = (sensor.tangential_gain, sensor.normal_gain, 1.0)
         sizes = (sensor.tangential_noise_n, sensor.normal_noise_n, sensor.position_noise_m)
         rows = np.array(felt.forces(times_s, np.array(self._due_v), self._felt_hz))
+        # Stick-slip multiplies the friction, so that it comes before gain, drift and noise of the
+        # sensor.
         rows[_TANGENTIAL] *= np.exp(sensor.jitter * noise[3])
         rows *= np.array(gains)[:, None]
         rows[: _NORMAL + 1] += self._drift_n(times_s)
@@ -119,6 +126,7 @@ class ForceSampler:
         counts = np.rint(rows / np.array(SCALE)[:, None])
         if felt.is_saturated:
             counts[_TANGENTIAL] = FULL_SCALE
+        # A sensor at its limit shows full scale, and 16 bits must not wrap round.
         within = np.minimum(np.maximum(counts, -FULL_SCALE), FULL_SCALE)
         self._kept.frombytes(within.T.astype(np.int16).tobytes())
         self._due_v = []
@@ -134,6 +142,8 @@ class ForceSampler:
     def _noise(self, begin: int, end: int) -> FloatArray:
         """Return four rows of standard noise; the last has the jitter's correlation."""
         key = (self._beam.seed, self._recording, self.rate_hz * self._felt.sensor.jitter_s)
+        # Noise comes in chunks of fixed places, so that asking in other portions gives the same
+        # samples.
         first = begin // _CHUNK
         chunks = [_chunk(*key, number) for number in range(first, (end - 1) // _CHUNK + 1)]
         offset = first * _CHUNK
@@ -142,6 +152,7 @@ class ForceSampler:
 
 @lru_cache(maxsize=16)
 def _white(seed: int, recording: int, chunk: int) -> FloatArray:
+    # Words of a seed must not be negative.
     words = np.random.SeedSequence([seed % 2**64, recording, chunk])
     return np.random.default_rng(words).standard_normal((_STREAMS, _CHUNK))
 
@@ -150,6 +161,7 @@ def _white(seed: int, recording: int, chunk: int) -> FloatArray:
 def _chunk(seed: int, recording: int, correlation: float, chunk: int) -> FloatArray:
     """Return a chunk of noise; the jitter begins in the chunk before, which it forgets."""
     kept = float(np.exp(-1 / correlation)) if correlation > 0 else 0.0
+    # So that the variance of the jitter stays 1 whatever its correlation.
     fresh = math.sqrt(1 - kept**2)
     noise = _white(seed, recording, chunk).copy()
     before = _white(seed, recording, chunk - 1)[-1] if chunk else np.zeros(0)

@@ -36,6 +36,7 @@ class ForceSensor:
     @classmethod
     def of(cls, seed: int) -> "ForceSensor":
         """Return the sensor of the board of that seed, which its gains follow from."""
+        # A stream of its own: a property that is added elsewhere leaves this sensor as it was.
         hidden = random.Random(f"force sensor/{seed}")
         gains = [1 + hidden.gauss(0, _GAIN_SD) for _ in range(2)]
         return cls(tangential_gain=gains[0], normal_gain=gains[1])

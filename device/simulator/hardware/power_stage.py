@@ -13,6 +13,7 @@ RAMP_RANGE_V_PER_S = (1e-3, 2_000.0)
 DEFAULT_RAMP_V_PER_S = 400.0
 DEFAULT_FREQUENCY_HZ = 1_000.0
 WATCHDOG_RANGE_S = (0.05, 10.0)
+# Between the 90% and 100% that docs/wire-protocol.md asks of a board.
 WATCHDOG_MARGIN = 0.95
 """A watchdog promises 0 V within its time: it trips when this fraction of it was silent."""
 COOL_C, HOT_C = 31.0, 96.0
@@ -98,6 +99,7 @@ class Instrument:
         """Let device time pass: the amplitude moves on its slew, the frequency on its sweep."""
         if self.output:
             self.voltage_v = self._moved_v(time_s)
+        # Device time never runs backwards, whatever the wall clock does.
         self.time_s = max(time_s, self.time_s)
         if self.sweep is not None:
             self.frequency_hz = self.sweep.at(self.time_s)
@@ -107,13 +109,16 @@ class Instrument:
         if self.off_ignored and not on:
             return
         if self.relay_stuck and not on:
+            # The voltage of the first off stays: a second one finds 0 V set.
             self.left_v = max(self.left_v, self.voltage_v)
+        # Only when it changes: `OUTP ON` at an output that is on must not drop the amplitude.
         if on != self.output:
             self.voltage_v = 0.0
         self.output = on
 
     def silence_left_s(self, wall_s: float) -> float | None:
         """Return how long the host may still be silent; None while nothing depends on it."""
+        # The host may be silent for as long as it likes while the output is off.
         if not self.output or self.watchdog_s is None or self.watchdog_dead:
             return None
         return self.heard_wall_s + WATCHDOG_MARGIN * self.watchdog_s - wall_s
@@ -129,6 +134,7 @@ class Instrument:
 
         The power stage is cut behind the output's own switch.
         """
+        # Not by `switch`, so that no fault of the switch keeps protection from it.
         self.voltage_v, self.output = 0.0, False
         self.cause, self.tripped_wall_s = cause, wall_s
 

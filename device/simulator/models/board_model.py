@@ -63,6 +63,7 @@ class BoardDialect(Dialect):
 
     def turn_knobs(self) -> None:
         """Change limit and ramp, as if the board had a panel."""
+        # A board has no panel: what may change behind the host's back are limit and ramp.
         self._instrument.limit_v = MAX_VOLTAGE_V
         self._instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
 
@@ -154,6 +155,7 @@ class BoardDialect(Dialect):
 
     def _samples(self, call: Call) -> str:
         """The text has a letter for each byte, as the wire sends it."""
+        # The number of a sample has 32 bits in a block.
         first = scpi.quantity(call.argument, scpi.NO_UNIT, 0, 2**32 - 1)
         return block(encoded(self.sampler.block(int(first)))).decode("latin-1")
 
@@ -174,6 +176,7 @@ class BoardDialect(Dialect):
 
         def get(call: Call) -> str:
             return number_text(
+                # A watchdog that was never set is None, and is told as 0.
                 scpi.told(call.argument, getattr(owner, name) or 0.0, lowest, highest)
             )
 
@@ -182,6 +185,7 @@ class BoardDialect(Dialect):
     def _set_frequency(self, call: Call) -> None:
         value = scpi.quantity(call.argument, scpi.HERTZ, *FREQUENCY_RANGE_HZ)
         self._instrument.sweep = None
+        # The gain is that of the fault `read-back-differs`; the read-back must then show it.
         self._instrument.frequency_hz = self._instrument.set_gain * value
 
     def _set_voltage(self, call: Call) -> None:
@@ -190,11 +194,14 @@ class BoardDialect(Dialect):
 
     def _set_limit(self, call: Call) -> None:
         value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, MAX_VOLTAGE_V)
+        # Refused and not cut: a limit that lowers the amplitude by itself would hide a slip of the
+        # host.
         if value < self._instrument.target_v:
             raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
         self._instrument.limit_v = value
 
     def _switch(self, on: bool) -> None:
+        # The trip comes before the watchdog: it is what must be looked at.
         if on and self._instrument.tripped:
             raise ScpiError(-221, "Settings conflict; protection tripped")
         if on and self._instrument.watchdog_s is None:
@@ -212,9 +219,11 @@ class BoardDialect(Dialect):
             if on
             else None
         )
+        # The frequency is the sweep's from this moment on, also before time passes.
         self._instrument.advance_to(self._instrument.time_s)
 
     def _clear_trip(self) -> None:
+        # Protection stays while its cause does, or clearing it would only delay the damage.
         if self._instrument.hot:
             raise ScpiError(-240, "Hardware error; too hot")
         self._instrument.cause = "NONE"

@@ -121,6 +121,8 @@ class Dialect:
             handler, channel = self._headers.found(header)
             return handler(Call(argument=argument, channel=channel))
         except ScpiError as error:
+            # SCPI: what is wrong with a command has no answer, and the rest of the line is
+            # executed.
             self.status.complain(error)
             return None
 

@@ -10,6 +10,7 @@ from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceS
 from device.simulator.hardware.power_stage import Instrument
 
 IDN = "touchbeam,GAUGE,SIM,1.0"
+# So that a host that mixes the two clocks is found out.
 AHEAD_S = 1000.0
 """How much longer than the board the gauge has been on."""
 MOST_SAMPLES = 40

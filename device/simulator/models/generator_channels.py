@@ -92,6 +92,7 @@ class Channel:
         """Keep an amplitude; one out of range is clipped, and the maker's complaint returned."""
         least, most = self.least_vpp(), self.most_vpp()
         self.emf_vpp = min(max(vpp, least), most) / self.shown
+        # A value that is at the end but for its rounding is not complained about.
         if vpp > most * (1 + 1e-9):
             return UPPER
         return LOWER if vpp < least * (1 - 1e-9) else None
@@ -255,6 +256,7 @@ class Channels:
 
     def _set_frequency(self, call: Call) -> None:
         value = scpi.quantity(call.argument, scpi.HERTZ, 1e-6, self._model.most_hz)
+        # Only channel 1 drives the beam, so that only it shows the fault `read-back-differs`.
         if self.of(call) is self.all[0]:
             value *= self._instrument.set_gain
         self.of(call).frequency_hz = value
@@ -280,6 +282,7 @@ class Channels:
         text = scpi.given(call.argument)
         if text in {"INF", "INFINITY"} or text == f"{SCPI_INFINITY:.1E}":
             self.of(call).load_ohm = OPEN_OHM
+            # dBm is a power, and an open circuit takes none.
             if self.of(call).unit == "DBM":
                 self.of(call).unit = "VPP"
         else:
@@ -303,6 +306,7 @@ class Channels:
             self._clipped(channel.set_vpp(extreme))
             return
         value = scpi.number(argument, _AMPLITUDES)
+        # A unit in the command counts before the one that is set, as at the real generator.
         unit = next((unit for unit in ("VPP", "VRMS", "DBM") if unit in argument.upper()), None)
         if (unit or channel.unit) == "DBM" and channel.load_ohm == OPEN_OHM:
             raise ScpiError(-221, "Settings conflict; dBm not possible with infinite load")

@@ -46,6 +46,7 @@ class GeneratorDialect(Dialect):
     def answer(self, line: str) -> str | None:
         """Return what is answered to `line`; the beam follows."""
         answer = super().answer(line)
+        # After each line, because any of them may have changed what is on the beam.
         self.follow()
         return answer
 
@@ -58,6 +59,7 @@ class GeneratorDialect(Dialect):
     def follow(self) -> None:
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
         first, instrument = self._channels.all[0], self._instrument
+        # The output stage gives no more than this, whatever is added.
         emf_vpp = min(first.emf_vpp + self._added_emf_vpp(), MOST_EMF_VPP)
         instrument.target_v = AMPLIFIER_GAIN * emf_vpp / 2 if self._sounding() else 0.0
         if instrument.sweep is None:

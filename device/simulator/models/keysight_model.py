@@ -80,6 +80,7 @@ class KeysightDialect(GeneratorDialect):
     def _sounding(self) -> bool:
         """A burst that waits for its trigger, or is over, gives nothing."""
         settings = self.channels[0].settings
+        # With an immediate trigger bursts follow one another all the time.
         if not settings["BURSt"] or self._trigger_source() == "IMM":
             return True
         return self._burst_end_s is not None and self._instrument.time_s < self._burst_end_s
@@ -118,6 +119,7 @@ class KeysightDialect(GeneratorDialect):
 
     def _start_sweep(self, channel: int) -> None:
         settings = self.channels[channel - 1].settings
+        # The second channel does not drive the beam.
         if channel != 1:
             return
         self._instrument.sweep = (

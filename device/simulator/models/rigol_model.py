@@ -88,6 +88,7 @@ class RigolChannels(Channels):
                 self._set_offset,
                 self._set_phase,
             )
+            # Noise has no frequency, and a constant voltage neither that nor an amplitude.
             if function == "NOISe":
                 setters = setters[1:]
             elif function == "DC":

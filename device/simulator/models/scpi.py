@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+# For a frequency SCPI reads MHZ as mega, although M is milli everywhere else: hence MAHZ, too.
 HERTZ = {"": 1.0, "UHZ": 1e-6, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "MAHZ": 1e6, "GHZ": 1e9}
 VOLTS = {"": 1.0, "UV": 1e-6, "MV": 1e-3, "V": 1.0, "KV": 1e3}
 SECONDS = {"": 1.0, "NS": 1e-9, "US": 1e-6, "MS": 1e-3, "S": 1.0}
@@ -179,6 +180,7 @@ def split_outside_quotes(text: str, separator: str) -> list[str]:
     >>> split_outside_quotes("DISP:TEXT 'a;b';*OPC?", ";")
     ["DISP:TEXT 'a;b'", '*OPC?']
     """
+    # Hardly any command has quotes, and each poll passes through here.
     if "'" not in text and '"' not in text:
         parts = text.split(separator)
     else:
@@ -222,6 +224,7 @@ class Headers:
             ScpiError: it is no header (-102), unknown (-113), or of no channel here (-114).
         """
         if header not in self._known:
+            # Kept, because a session asks the same few headers again and again.
             self._known[header] = self._looked_up(header)
         return self._known[header]
 

@@ -169,6 +169,7 @@ class SiglentDialect(GeneratorDialect):
         channel, pairs = self.channels[number - 1], _pairs(words)
         if pairs.get("WVTP") in WAVES:
             channel.function = pairs["WVTP"]
+            # A basic wave ends modulation, sweep and burst.
             channel.settings |= dict.fromkeys(_MODES, "OFF")
         gain = self._instrument.set_gain if number == 1 else 1.0
         setters: Mapping[str, Callable[[float], object]] = {

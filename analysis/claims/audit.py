@@ -50,6 +50,7 @@ def counts(results: tuple[Audited, ...]) -> dict[str, Counter[Verdict]]:
 
 def _by_column(result: Audited) -> dict[str, Verdict]:
     if result.claim.law_free:
+        # Counted once, because under each law it would weigh three times as much as others.
         return {LAW_FREE: next(iter(result.findings.values())).verdict}
     return {law: finding.verdict for law, finding in result.findings.items()}
 

@@ -44,6 +44,7 @@ class Finding:
         decided = [part for part in self.scope if part is not None]
         if not decided:
             return Verdict.NOT_TESTABLE
+        # None is undecided and counts as not shown.
         if all((*self.scope, *self.details)):
             return Verdict.HOLDS
         return Verdict.PARTLY if any(decided) else Verdict.FAILS
@@ -103,6 +104,7 @@ class Claims(list[Claim]):
         """Add a claim with these texts; the decorated check gives it its name."""
 
         def added(check: Check) -> Check:
+            # Named after its function, so that no two places have to agree.
             name = check.__name__.strip("_").replace("_", "-")
             self.append(Claim(id=name, find=check, **texts))
             return check
@@ -142,5 +144,6 @@ class Audited:
 def audited(claim: Claim) -> Audited:
     """Check a claim under every law, or once if its check is independent of the law."""
     if claim.law_free:
+        # Computed once: many checks solve the beam several times.
         return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find()))
     return Audited(claim=claim, findings={law: claim.find(law) for law in LAWS})

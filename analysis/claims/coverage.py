@@ -24,8 +24,10 @@ from device.friction.scenes import Drive, FingerContact, Scene, Structure
 BEAM = Beam()
 ZONES = zones(6, BEAM.length_m)
 PATCH_START_M = BEAM.patches.start_m
+# Every 0.05 mm: twenty to the millimetre within which troughs are compared.
 PLACES_M = np.linspace(0.0, 0.1, 2001)
 OPERATING_M = 0.0231  # Eq 15 is periodic from here on; the first rise lies before
+# The paper's friction of skin on the resting beam (Section 3.1), and its finger (Section 3.2).
 MU = 0.4
 CONTACT_M = 0.01
 
@@ -36,6 +38,7 @@ def local_scene(*, voltage_v: float = 100.0, mode: int = 6, detuning: float = 1.
 
 
 def _drive(voltage_v: float, mode: int, detuning: float) -> Drive:
+    # Without a frequency each rung is driven at its own resonance, which differs from mode 6's.
     if detuning == 1.0:
         return Drive(voltage_v=voltage_v, mode=mode)
     frequency_hz = detuning * natural_frequency_hz(BEAM, mode)
@@ -67,6 +70,7 @@ def trough_places_m(curve: FloatArray) -> FloatArray:
     """Return the middles of minima, plateaus included, that are 0.01 below both adjacent peaks."""
     from scipy.signal import find_peaks
 
+    # Rounded, so that a plateau is one minimum: its values differ in the last digits.
     found, _ = find_peaks(-np.round(curve, 9), prominence=0.01)
     return np.asarray(PLACES_M[found])
 
@@ -155,6 +159,7 @@ def _fig8_range(law: str) -> Finding:
 def _fig8_linear_in_a(law: str) -> Finding:
     steps = np.diff(_fig8(law))
     ends = {"first_step": steps[0], "last_step": steps[-1]}
+    # A line has equal steps; 1e-9 allows for rounding.
     return finding((steps < 0).all(), np.ptp(steps) < 1e-9, **ends)
 
 
@@ -177,6 +182,7 @@ def _fig8_crossing(law: str) -> Finding:
     expected="falling",
 )
 def _u_lowers_mu_fixed_a(law: str) -> Finding:
+    # With a = 10 there cannot be fewer than ten bodies.
     values = [full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 15, 20, 30, 40)]
     return finding(falling(values), mu_at_10_15_20_30_40=values)
 
@@ -199,6 +205,8 @@ def _u_lowers_mu_fixed_ratio(law: str) -> Finding:
     expected="no significant change",
 )
 def _u_saturates(law: str) -> Finding:
+    # The lightest of the paper's three loads: the number of bodies acts through f_p/(uf), which is
+    # largest there.
     at = {u: full_coverage(law, same_direction=u / 2, bodies=u, load_n=2.0) for u in (4, 20, 40)}
     early, late = abs(at[20] - at[4]), abs(at[40] - at[20])
     return finding(late <= 0.25 * early, from_4_to_20=early, from_20_to_40=late)
@@ -216,6 +224,7 @@ def _u_effect_fades(law: str) -> Finding:
     return finding(abs(late) < abs(early), from_10_to_20=early, from_40_to_80=late)
 
 
+# The two sides of the resonance are apart, because motion grows towards it and falls beyond.
 _BELOW, _ABOVE = (0.95, 0.97, 0.99, 1.0), (1.0, 1.01, 1.03, 1.05)
 
 
@@ -289,6 +298,7 @@ def _a_and_frequency_lead(law: str) -> Finding:
     effects = {
         "a": spread(_fig8(law).tolist()),
         "frequency": spread([full_coverage(law, detuning=d) for d in (*_BELOW, *_ABOVE)]),
+        # With half of them helping, so that a's own influence is not counted again.
         "u": spread([full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 40)]),
         "voltage": spread([full_coverage(law, voltage_v=v) for v in (0.0, 100.0, 200.0)]),
     }
@@ -320,6 +330,7 @@ def _raise_a_and_voltage(law: str) -> Finding:
         for a, voltage_v in grid
     }
     a, voltage_v = min(mu, key=lambda at: mu[at])
+    # Half of the bodies help in both.
     gain = full_coverage(law) - full_coverage(law, same_direction=20.0, bodies=40)
     return finding(
         [a == 20, voltage_v == 200, gain < 0.01],
@@ -332,6 +343,7 @@ def _raise_a_and_voltage(law: str) -> Finding:
 
 # Claims about a single finger: Figs 12 and 14, Section 4.2 and the conclusions.
 
+# As printed after Fig 12 and again in Section 6.
 _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 
 
@@ -358,6 +370,7 @@ def _fig12_range(law: str) -> Finding:
 )
 def _fig12_range_repaired(law: str) -> Finding:
     """Check the range with Eq 15's λ but without its breakpoints."""
+    # Eq 13; Eq 14 is 1 less this.
     largest = WAVELENGTH_M / (4 * CONTACT_M)
     return from_02_to_06(
         *(full_coverage(law, same_direction=20 * ratio) for ratio in (largest, 1 - largest))
@@ -411,6 +424,7 @@ def _fig12_four_troughs(law: str) -> Finding:
     remark="the third place printed is within 1 mm of the second trough",
 )
 def _fig12_troughs(law: str) -> Finding:
+    # A law with fewer troughs is judged on those that it has.
     found = _left_troughs(law)[:3]
     off = np.abs(found - _TROUGHS_M[: found.size])
     return finding(off < 1e-3 if off.size else False, troughs_m=found, paper_m=_TROUGHS_M)
@@ -438,6 +452,7 @@ def _fig12_trough_gaps() -> Finding:
 )
 def _fig12_fourth_trough(law: str) -> Finding:
     found = _left_troughs(law)
+    # NaN compares as false: without any trough the claim fails.
     gap = PATCH_START_M - found[-1] if found.size else math.nan
     return finding(gap < CONTACT_M, last_trough_to_patch_m=gap)
 
@@ -477,6 +492,8 @@ def _centre_stays(law: str) -> Finding:
     expected="growing",
 )
 def _swing_grows_as_frequency_falls(law: str) -> Finding:
+    # Falling across the resonance is two claims, because motion grows on one side and fades on the
+    # other.
     steps = {"above": (1.02, 1.01, 1.0), "below": (1.0, 0.99, 0.98)}
     values = {
         f"{side}_resonance": [
@@ -495,6 +512,7 @@ def _swing_grows_as_frequency_falls(law: str) -> Finding:
     remark="200 V are assumed, as lower modes move less; at 100 V the counts are the same",
 )
 def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
+    # Eq 15 is for mode 6 alone.
     choice = LawChoice(name=law, ratio="mode")
     counts = {}
     for mode in (6, 5, 4):
@@ -514,12 +532,14 @@ def _direction_swaps(law: str) -> Finding:
     right = local_curve(law, local_scene())
     left = local_curve(law, leftward(local_scene()))
     correlation = float(np.corrcoef(operating(right), operating(left))[0, 1])
+    # Exactly opposite would be -1; inertia, which has no direction, takes from it.
     return finding(correlation < -0.5, correlation=correlation)
 
 
 def _local_effects(law: str) -> dict[str, float]:
     """Return the range of μ' over each parameter in local coverage, about the paper's scene."""
     driven = [Scene(drive=Drive(voltage_v=voltage)) for voltage in (0.0, 100.0, 200.0)]
+    # The paper's 20 N, half as much and half as much again.
     loaded = [Scene(touch=FingerContact(body_load_n=load)) for load in (10.0, 20.0, 30.0)]
     place = 2 * swing(operating(local_curve(law, Scene())))
     return {"place": place, "voltage": _over(law, driven), "load": _over(law, loaded)}
@@ -550,6 +570,8 @@ def _place_and_voltage_lead(law: str) -> Finding:
 )
 def _pressure_weak(law: str) -> Finding:
     effects = _local_effects(law)
+    # A finger that presses "slightly" more (Section 5.2), by the half that the study's condition
+    # has.
     loaded = [Scene(touch=FingerContact(finger_load_n=load)) for load in (0.5, 0.75)]
     shares = {
         "load_over_place": effects["load"] / effects["place"],

@@ -20,6 +20,7 @@ from device.beam.modes import modal_force_n_per_v
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
+# With and without sheets, with and without shear.
 _RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
 _FREQUENCY_HZ = 24221.0
 CLAIMS = Claims()
@@ -36,6 +37,7 @@ CLAIMS = Claims()
 def _drive_near_natural_frequency() -> Finding:
     found = {}
     for rung in _RUNGS:
+        # The operating mode is 6; a rung's own order of resonances may put another one nearest.
         resonances = np.array([rung_resonance_hz(rung, BEAM, mode) for mode in range(4, 9)])
         found[rung] = float(resonances[np.argmin(np.abs(resonances - _FREQUENCY_HZ))])
     return _within_the_bandwidth(_FREQUENCY_HZ, found)
@@ -62,6 +64,7 @@ def _patch_at(centre_m: float) -> Beam:
     expected="24,221 Hz",
 )
 def _drive_from_patch_position() -> Finding:
+    # Sheets of 10 mm must lie on the beam with all of their length.
     places = [float(place) for place in ZONES.antinodes_m if 5e-3 <= place <= 95e-3]
     found = {
         rung: [rung_resonance_hz(rung, _patch_at(place), 6) for place in places]
@@ -85,6 +88,7 @@ def _patch_on_peak() -> Finding:
     places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
     forces = np.array([abs(modal_force_n_per_v(_patch_at(float(p)), 6)) for p in places])
     best = float(places[np.argmax(forces)])
+    # None: the paper's place is not known, so that nothing can be compared.
     return finding(None, fifth_peak_m=peak, strongest_drive_at_m=best)
 
 
@@ -115,6 +119,7 @@ def _body_mass() -> Finding:
     "'2, 10, and 20 N finger pressures' in Section 4.1, the claim holds",
 )
 def _body_load() -> Finding:
+    # Twenty bodies with the load that Table 3 gives for each.
     deflection_m, stress_pa = _bent_by(20 * 20.0)
     whole = dict(zip(("tip_deflection_m", "stress_at_clamp_pa"), _bent_by(20.0), strict=True))
     return finding(
@@ -177,6 +182,7 @@ def _bodies_dense() -> Finding:
     expected="less",
 )
 def _single_finger_is_local() -> Finding:
+    # A zone is a quarter of a wave; near the ends of the beam zones differ.
     half_wave_m = 2 * float(np.diff(ZONES.edges_m)[2:-2].mean())
     return finding(half_wave_m > 0.01, contact_m=0.01, half_wave_m=half_wave_m)
 
@@ -192,6 +198,7 @@ SLIDING_CLAIMS = Claims()
     remark="a damping ratio of 0.005 is assumed; it holds on the nearest rungs from 0.038",
 )
 def _sliding_drive_near_resonance() -> Finding:
+    # It stands for a family of rungs and is none itself.
     rungs = [name for name in RUNG_NAMES if name != "modes:N"]
     resonances = {name: rung_resonance_hz(name, BEAM, 6) for name in rungs}
     return _within_the_bandwidth(23200.0, resonances)
@@ -236,6 +243,7 @@ def _sliding_matches_theory(law: str) -> Finding:
     # If theory hardly varies at the experiment's drive and load, no varying curve can match it;
     # otherwise only the measured curve could decide.
     own, paper = _sliding_swings(law, BEAM)
+    # Off resonance the motion depends on the damping, of which the paper says nothing.
     more, resonant = _sliding_swings(law, replace(BEAM, damping_ratio=0.03))
     swings = {"swing_at_23200_hz_0.56_n": own, "swing_in_fig12": paper}
     return finding(

@@ -82,6 +82,7 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     """
     centred = x - x.mean()
     information = float(centred @ centred)
+    # Without effects of subjects and of conditions, slopes are deviations from the common slope.
     residuals = scores - scores.mean(axis=0) - scores.mean(axis=1)[:, None] + scores.mean()
     squares = float(((residuals @ centred) ** 2).sum() / information)
     subjects, conditions = scores.shape
@@ -95,6 +96,7 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
             np.sqrt(max(0.0, squares * part / information / chdtri(df[0], 1 - probability)))
         )
 
+    # F needs to exceed its critical value with a probability of .8; solved for τ²Q/σ².
     detectable = float(fdtri(*df, 1 - ALPHA) / fdtri(*df, 1 - _POWER)) - 1
     return GainSpread(
         f=f,
@@ -117,6 +119,7 @@ def _levels_differ() -> tuple[float, float]:
 
 def _sensitivity_model(contrasts: FloatArray) -> OrdinalSensitivity:
     """Return M2, the report's own model of individual sensitivity, of the published scores."""
+    # M2 takes a row per score.
     subject, condition = np.indices(SCORES.shape)
     fit = ordinal_sensitivity(
         Ratings(
@@ -186,6 +189,7 @@ def _table4_third_subject() -> Finding:
 
 def prediction_interval(others: FloatArray) -> Interval:
     """Return the 95% interval of one more value, as far as the others are normal."""
+    # One more value scatters as the others do, and their mean is uncertain, too.
     spread = others.std(ddof=1) * np.sqrt(1 + 1 / others.size)
     half = float(stdtrit(others.size - 1, 1 - ALPHA / 2) * spread)
     return float(others.mean()) - half, float(others.mean()) + half
@@ -241,6 +245,7 @@ def _all_nine_smoother(law: str) -> Finding:
     share = interval_of_all(len(SCORES))
     return human_finding(
         f"9 of 9 people, {in_words(share)}",
+        # Where they touched is not told: either reading could be meant.
         [place < MU, mean < MU and rougher == 0],
         mu_at_smooth_place=place,
         mean_mu_along_path=mean,
@@ -294,6 +299,7 @@ def _voltage_best(law: str) -> Finding:
 def _pressure_weakest(law: str) -> Finding:
     contrasts, others = _contrasts(law), _others("pressure")
     least = min(abs(value) for value in contrasts.values())
+    # A law that ties pressure with another condition does not single it out.
     tied = [name for name, value in contrasts.items() if abs(value) <= least + 1e-12]
     return human_finding(
         PUBLISHED.compared("pressure", others),
@@ -319,6 +325,7 @@ def _ranking_follows_model(law: str) -> Finding:
     from scipy.stats import spearmanr
 
     contrasts, means = _contrasts(law), PUBLISHED.means
+    # The condition with the higher mean first, so that the law has to put it first as well.
     pairs = [sorted(pair, key=lambda name: -means[name]) for pair in combinations(means, 2)]
     told = {(a, b): PUBLISHED.p_holm(a, [b])[b] for a, b in pairs}
     decided = {pair: p for pair, p in told.items() if p < ALPHA}
@@ -370,6 +377,7 @@ def _all_as_expected(law: str) -> Finding:
     return human_finding(
         f"{(SCORES > 0).sum()} of {SCORES.size} answers; 9 of 9 people, {in_words(people)}",
         (SCORES > 0).all(),
+        # Above rounding error: a law without any change expects none.
         *(contrast > 1e-6 for contrast in contrasts.values()),
         share_of_people_interval=people,
         share_of_answers_interval_if_independent=answers,

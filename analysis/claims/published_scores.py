@@ -109,6 +109,7 @@ class HumanScores:
 
         It is open while p after Holm's correction is .05 or more, unless the means contradict it.
         """
+        # Means that contradict the claim need no test.
         if self.means[one] <= self.means[other]:
             return False
         return True if self._p_holm[frozenset((one, other))] < ALPHA else None
@@ -197,6 +198,7 @@ def _table4_averages() -> Finding:
 )
 def _table4_comprehensive() -> Finding:
     printed = [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
+    # In a complete table all subjects have intervals of the same width.
     half = np.ptp(PUBLISHED.effects.subject_intervals["1"]) / 2
     return human_finding(
         f"each ±{half:.2f} relative to the mean of all (95% CI)",
@@ -213,6 +215,7 @@ def _table4_comprehensive() -> Finding:
     expected="7.2",
 )
 def _table4_lowest() -> Finding:
+    # Half of the last digit that is printed.
     return about_subjects([_LOWEST_ROW], abs(_LOWEST - 7.2) < 0.05, lowest=_LOWEST)
 
 
@@ -253,6 +256,7 @@ def _device_performs_well() -> Finding:
     controls = [
         name
         for name in PUBLISHED.means
+        # A control would be a condition in which nothing changes.
         if name not in CONDITIONS or CONDITIONS[name].before == CONDITIONS[name].after
     ]
     least = PUBLISHED.grand_mean_interval[0]

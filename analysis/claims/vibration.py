@@ -34,6 +34,7 @@ CLAIMS = Claims()
 def _eq1_right_of_peak() -> Finding:
     antinodes = ZONES.antinodes_m / BEAM.length_m
     step = 1e-3
+    # Squared, so that peaks and troughs of the shape count alike.
     after = mode_shape(6, antinodes + step) ** 2 - mode_shape(6, antinodes + 2 * step) ** 2
     before = mode_shape(6, antinodes - step) ** 2 - mode_shape(6, antinodes - 2 * step) ** 2
     right, left = after > 0, before > 0
@@ -48,6 +49,7 @@ def _eq1_right_of_peak() -> Finding:
     remark="φφ' changes sign at nodes as well: half of the edges are not at peaks",
 )
 def _direction_changes_at_peaks() -> Finding:
+    # The beam's ends are edges without a change of direction.
     inner = ZONES.edges_m[1:-1]
     antinodes = set(ZONES.antinodes_m.tolist())
     shared = sum(edge in antinodes for edge in inner.tolist())
@@ -64,7 +66,10 @@ def _direction_changes_at_peaks() -> Finding:
 )
 def _right_of_peak_smoother(law: str) -> Finding:
     touch = FingerContact(contact_m=2e-3)
+    # The last one lies under the sheets, where nobody touches.
     peaks = ZONES.antinodes_m[:-1]
+    # A place is the finger's right edge: contacts begin 1 mm beyond the peak, and end 1 mm before
+    # it.
     places = np.concatenate([peaks + 3e-3, peaks - 1e-3])
     gaps = []
     for scene in (Scene(touch=touch), leftward(Scene(touch=touch))):

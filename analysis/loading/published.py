@@ -16,6 +16,7 @@ from protocol.pseudonyms import pseudonym
 from protocol.study.fields import LONGEST_NAME, require_printable
 from protocol.study.rules import PAPERS_SCALE
 
+# The paper's Table 4 has an average below and a comprehensive score at the right.
 NAMES = frozenset({"average", "comprehensive", "mean", "total"})
 LEAST_OTHERS = 3
 LEAST_ROWS = 3

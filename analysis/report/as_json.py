@@ -42,6 +42,7 @@ def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | Non
     if test is None:
         return None
     known: Json = plain(test)
+    # Its numbers stand beside the others, under names that Friedman's test has as well.
     del known["monte_carlo"]
     return {**known, **_monte_carlo_json(test.monte_carlo)}
 
@@ -121,7 +122,9 @@ def subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
 
 def _line_json(line: Json) -> Json:
     """Return a line with short names of intervals, and `null` in place of an unbounded JND."""
+    # `_ci` is the name in `report.json`, which programs of others read.
     found = {name.replace("interval", "ci"): value for name, value in line.items()}
+    # JSON has no infinity.
     low, high = (None if end == math.inf else end for end in found["jnd_ci"])
     jnd = None if found["jnd"] == math.inf else found["jnd"]
     reason = {} if high else {"jnd_reason": "unbounded, because the gain may be 0"}

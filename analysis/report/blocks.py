@@ -56,6 +56,7 @@ Row = Sequence[str | Cell]
 
 def p_cell(p: float | NotEstimable | None) -> Cell:
     """Return a p-value as journals print it, with all its digits as a tooltip."""
+    # Journals round p; whoever wants to compute with it needs all digits.
     known = isinstance(p, float)
     return Cell(text=p_value(p), why=f"p = {p:.6g}" if known else "", missing=not known)
 

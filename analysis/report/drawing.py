@@ -67,8 +67,10 @@ _FONT = "DejaVu Sans"
 _REPRODUCIBLE: Any = {
     # Not what a notebook has set, or a file of settings in whatever folder it was started in.
     **{name: value for name, value in rcParamsDefault.items() if name != "backend"},
+    # Ids of an SVG are random without a salt; the same input must give the same bytes.
     "svg.hashsalt": "touchbeam",
     "svg.fonttype": "none",
+    # TrueType, because many journals refuse the Type 3 fonts that are the default.
     "pdf.fonttype": 42,
     "font.family": [_FONT, "sans-serif"],
 }
@@ -77,10 +79,12 @@ _STYLE: Any = {
     **_REPRODUCIBLE,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    # A dollar sign in a subject's or condition's name is no formula.
     "text.parse_math": False,
 }
 HEIGHT_IN = 3.8
 LEGEND_ROW_IN = 0.22
+# What journals ask of pictures at least.
 _DOTS_PER_INCH = 300
 
 
@@ -92,6 +96,7 @@ class Size(NamedTuple):
     font_pt: float
 
 
+# Widths of a page and of a column in journals, in centimetres.
 TWO_COLUMNS = Size(17.8 / 2.54, 1.0, 10.0)
 ONE_COLUMN = Size(8.5 / 2.54, 0.68, 7.0)
 """Of a journal's page."""
@@ -131,6 +136,8 @@ def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
 
     return Drawing(
         name=words.name,
+        # What is drawn is named by its data and words; the code that draws belongs to the version
+        # of what is kept.
         svg=keep.made(lambda: drawn().svg, _svg_of, draw, words),
         files=lambda: keep.made(lambda: drawn().files(), _files_of, draw, words),
     )
@@ -174,6 +181,7 @@ def intervals(
         yerr=np.array([middle - low, high - middle]),
         linestyle="none",
         linewidth=1,
+        # Shape and colour, because colour alone is lost on some readers and in print.
         **marked(number),
         label=label,
     )
@@ -250,6 +258,7 @@ def labels_of(names: tuple[str, ...], what: str) -> list[str]:
     """Return axis labels, with a number in place of a name that the font cannot draw."""
     return [
         (name if len(name) <= 16 else f"{name[:15]}…")
+        # A missing glyph would be drawn as a box, the same for every name.
         if all(ord(letter) in _known_characters() for letter in name)
         else f"{what} {number}"
         for number, name in enumerate(names, start=1)
@@ -331,6 +340,7 @@ def _saved(figure: Figure, kind: str = "png", stamp: str = "Software") -> bytes:
 def _svg(figure: Figure, words: Words) -> str:
     """Return the figure with title and description, and with ids that are unique in the page."""
     text = re.sub(r"<metadata>.*?</metadata>", "", _reproducible_svg(figure), flags=re.DOTALL)
+    # All figures are in one page, where two with the same id would take each other's parts.
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{words.name}-", text)
     opening, _, rest = text.partition(">")
     about = f'role="img" aria-labelledby="{words.name}-title {words.name}-desc"'
@@ -345,4 +355,5 @@ def _reproducible_svg(figure: Figure) -> str:
     out = io.StringIO()
     FigureCanvasSVG(figure)
     figure.savefig(out, format="svg", metadata={"Date": None})
+    # An SVG within HTML has no XML declaration.
     return "<svg" + out.getvalue().partition("<svg")[2].replace("\r\n", "\n")

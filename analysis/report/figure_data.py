@@ -133,6 +133,7 @@ def thinned(count: int, most: int) -> IntArray:
     >>> thinned(9, 4)
     array([0, 2, 4, 6])
     """
+    # Even spacing keeps the whole course of a session, which the first ones alone would not.
     return np.arange(count) if count <= most else np.arange(most) * count // most
 
 
@@ -150,6 +151,7 @@ def scatter(found: Findings) -> Scatter | None:
     if not count:
         return None
     chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
+    # Only where there are data: the models promise nothing beyond.
     at = np.linspace(given.contrast.min(), given.contrast.max(), CURVE_POINTS)
     curves, m1, m2 = {}, found.trials.m1, found.trials.m2
     if isinstance(m2, OrdinalSensitivity):
@@ -191,6 +193,7 @@ def course(found: Findings) -> Course | None:
 def levels(found: Findings) -> Levels | None:
     """Return the scores by level, or None if no condition was scored at several levels."""
     scored = found.loaded.scored.assign(contrast=_contrasts(found)).dropna(subset=["score"])
+    # A condition at a single level has no course over levels.
     several = scored.groupby("condition")["level"].nunique().gt(1)
     names = [name for name in found.loaded.table.conditions if several.get(name, False)]
     if not names:
@@ -202,6 +205,7 @@ def levels(found: Findings) -> Levels | None:
         by_level = own.groupby("level")
         at = by_level["contrast"].mean().to_numpy()
         drawn = own.iloc[thinned(len(own), MOST_POINTS // len(names))]
+        # Without all predicted contrasts the line would have gaps that look like data.
         known = None if isinstance(m2, NotEstimable) or not np.isfinite(at).all() else m2
         made.append(
             ByLevel(
@@ -258,6 +262,7 @@ def _shown_people(table: ScoreTable) -> list[int]:
     rated = np.flatnonzero(table.given.any(axis=1))
     by_mean = rated[np.argsort(np.nanmean(table.scores[rated], axis=1), kind="stable")]
     by_spread = rated[np.argsort(np.nanstd(table.scores[rated], axis=1), kind="stable")]
+    # Extremes show what an average hides: who never changes a score, and who jumps.
     ends = [*by_mean[:2], *by_mean[-2:], *by_spread[:2], *by_spread[-2:]]
     return list(dict.fromkeys(int(row) for row in ends))
 
@@ -298,6 +303,7 @@ def gains_figure(data: Gains, words: Words) -> Drawing:
     def draw(axes: Axes) -> None:
         for number, (model, lines) in enumerate(data.models.items()):
             subjects = [lines.subjects[place] for place in data.shown]
+            # Side by side, so that the intervals of two models do not cover each other.
             offset = 0.25 * (number - (len(data.models) - 1) / 2)
             intervals(
                 axes,
@@ -346,6 +352,7 @@ def predictive_figure(data: Sequence[PredictiveStatistic], words: Words) -> Draw
 
     Each is relative to the median of the simulated ones, so that they share an axis.
     """
+    # A median of 0 leaves its statistic as it is.
     unit = np.array([each.predicted or 1.0 for each in data])
     study = np.array([each.observed for each in data]) / unit
     simulated = np.array([each.predicted for each in data]) / unit

@@ -43,6 +43,7 @@ class Origin:
 
     def under(self, lock: StudyLock) -> "Origin":
         """Return the origin of the report on a registered study."""
+        # A calibration that some session ran under is no news.
         in_force = {run.calibration for run in lock.sessions}
         is_later = self.rig.origin and self.rig.origin not in in_force
         return replace(self, rig=lock.rig, later=self.rig if is_later else None)
@@ -65,6 +66,7 @@ def origin_of(
     options = ["--rehearsals"] * rehearsals
     options += [] if sections is None else ["--sections", ",".join(sections)]
     return Origin(
+        # Quoted, because a folder's name may have spaces, and the line is there to be run again.
         command=shlex.join(["touchbeam", "report", name, *options]),
         study_sha256=text_digest(study_text),
         broken_chains=tuple(broken),
@@ -118,6 +120,7 @@ class Findings:
         """A record per trial that counts, with its predicted contrasts and the measured one."""
         records = trial_records(self.loaded, self.trials.contrasts)
         if self.measured is None:
+            # The key is there in every study, so that programs need not ask for it.
             return [{**record, "measured": None} for record in records]
         found = self.measured.trials
         numbers = zip(records, plain(found.value), plain(found.error), found.why, strict=True)

@@ -127,6 +127,7 @@ def _sessions(found: Findings) -> str:
     """Return the known days of the sessions, in UTC; of a published table the file it came from."""
     if found.published:
         return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
+    # Imported sessions begin in 1970, because a data set for others has no time of day.
     answered = found.loaded.trials["answered_utc"].dropna()
     known = answered[answered.dt.year > UNKNOWN_UTC.year]
     days = sorted(known.dt.strftime("%Y-%m-%d").unique())
@@ -189,6 +190,7 @@ def page_html(
     What stands in front comes from `sections`; `folded` are those below, all without it.
     """
     shown = [each for each in folded or sections if any(map(_is_folded, each.blocks))]
+    # The results stand on the page whichever sections are folded below.
     front = [block for each in sections for block in each.blocks if _is_front(block)]
     return rendered(masthead(found), _notices(found), shown, list(marked(found)), front)
 
@@ -207,12 +209,14 @@ def rendered(
     """
     from jinja2 import Environment
 
+    # Everything is escaped, because texts of a study may come from a stranger.
     environment = Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_printable
     )
     # The table of a figure in front stands in its section.
     shown: list[Block] = [block for block in front if not isinstance(block, Figure)]
     shown += [block for each in sections for block in each.blocks if _is_folded(block)]
+    # A section that is left out takes its tables along, and links to them would lead nowhere.
     ids = {name for block in shown for name in _ids(block) if name}
     environment.globals |= {"zip": zip, "plain_cells": _plain_cells, "ids": ids}
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
@@ -265,12 +269,14 @@ def _is_folded(block: Block) -> bool:
 
 def _printable(value: object) -> object:
     """Replace control characters and bidirectional overrides in texts; keep markup as markup."""
+    # `type(value)` keeps markup, which is a text of its own class, from being escaped twice.
     return type(value)(printable(value)) if isinstance(value, str) else value
 
 
 def _notices(found: Findings) -> list[tuple[str, str]]:
     """Return the warnings at the top of the page, as pairs of heading and text."""
     notices = []
+    # A reader must see both before any number.
     if found.rehearsals:
         notices.append(("Rehearsals.", "These scores are no evidence about participants."))
     if found.origin.broken_chains:

@@ -45,6 +45,7 @@ class Report(Findings):
     @property
     def needed(self) -> tuple[str, ...]:
         """The names of `sections`."""
+        # `report.toml` chooses what the page shows; `report.json` has every number all the same.
         wanted = {*self._shown, *ALWAYS} if self.origin.alone else SECTIONS.keys()
         return tuple(name for name in SECTIONS if name in wanted)
 
@@ -57,6 +58,7 @@ class Report(Findings):
     @property
     def _shown(self) -> tuple[str, ...]:
         names = self.shown or tuple(SECTIONS)
+        # A report cannot hide that it departs from what was registered.
         if self.loaded.lock is not None and "registration" not in names:  # the page refers to it
             names = ("registration", *names)
         return tuple(dict.fromkeys(names))
@@ -116,9 +118,11 @@ def report(
     """
     require_sections(shown or ())
     if loaded.kinds == ("published",):
+        # The paper's people felt another rig than the one that stands here.
         origin = replace(origin, rig=NOMINAL)
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
+    # Published scores are on the paper's scale, from 0.
     least = 0 if loaded.kinds == ("published",) else study.rating.minimum
     keep = keep or Kept()
     trials = TrialStatistics(data=loaded, study=study, rig=origin.rig, keep=keep)
@@ -137,6 +141,7 @@ def report(
         keep=keep,
     )
     needed = (fit for name in result.needed for fit in _FITS.get(name, ()))
+    # Before any section asks for them, because sections ask one after another.
     trials.fit_ahead(dict.fromkeys(("M2", *needed)))
     return result
 
@@ -180,6 +185,7 @@ def report_json(result: Report) -> dict[str, Any]:
     }
     for section in result.sections:
         found.update(section.data)
+    # The sort keeps the order of what has the same place, so that a reason follows its number.
     return {key: found[key] for key in sorted(found, key=_place)}
 
 

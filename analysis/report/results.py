@@ -86,6 +86,7 @@ def _differed(p: float) -> str:
 
 def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
     """Tell the largest significant differences, or the largest one if none is."""
+    # The largest first, because only some are told.
     differ = sorted((pair for pair in pairs if pair.differs), key=_size, reverse=True)
     told = "; ".join(_pair(found, pair) for pair in differ[:MOST_PAIRS])
     if not differ:
@@ -109,10 +110,12 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
     assert isinstance(test, SignedRank)
     names, means = found.loaded.table.conditions, found.table.main.table4.column_means
     mean = dict(zip(names, means, strict=True))
+    # Told with the higher condition first, so that every difference is above 0.
     higher, lower = (pair.a, pair.b) if test.mean_difference >= 0 else (pair.b, pair.a)
     sign = 1.0 if higher == pair.a else -1.0
     ends = test.mean_difference_interval
     if not isinstance(ends, NotEstimable) and sign < 0:
+        # Turning a difference round swaps the ends of its interval as well.
         ends = (-ends[1], -ends[0])
     by = f"{number(sign * test.mean_difference, 2)}{_ci(ends)}"
     return (

@@ -11,6 +11,7 @@ from protocol.study.fields import printable
 FEW_CONDITIONS = 8
 """As many columns have room in a page's width."""
 _SHRUNK = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
+# LaTeX sets two hyphens as a dash.
 _LATEX_MISSING = "--"
 _ESCAPED = {
     "\\": r"\textbackslash{}",
@@ -69,6 +70,7 @@ def table4_lines(
 def _score(score: float, missing: str) -> str:
     if math.isnan(score):
         return missing
+    # Whole scores as in the paper's Table 4; means of several trials need their decimals.
     return f"{score:.0f}" if score == round(score) else f"{score:.2f}"
 
 
@@ -116,6 +118,7 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
         r"\midrule",
         _line(averages),
         r"\bottomrule",
+        # The percent sign keeps the line's end from becoming a space in the shrunk box.
         r"\end{tabular}" + "%\n}" * many,
         *below,
         r"\end{table}",

@@ -50,8 +50,10 @@ def p_value(p: float | NotEstimable | None) -> str:
     """
     if p is None or isinstance(p, NotEstimable):
         return MISSING
+    # A printed 0 or 1 would claim certainty.
     if not 0.001 <= p < 0.9995:
         return "< .001" if p < 0.001 else "> .999"
+    # APA: no zero before the point of a number that cannot exceed 1.
     return f"{p:.3f}".removeprefix("0")
 
 
@@ -63,6 +65,7 @@ def p_equals(p: float | NotEstimable | None) -> str:
     """
     text = p_value(p)
     said = f"p {text}" if text[0] in "<>" else f"p = {text}"
+    # No line may break between a sign and its number.
     return said.replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -103,9 +106,11 @@ def count_of(count: int, what: str) -> str:
 
 def interval(ends: Interval, digits: int = 2, *, bounded: bool = False) -> str:
     """Return an interval that a line break cannot split; `bounded` ends cannot exceed 1."""
+    # One end without the other says nothing.
     if any(map(math.isnan, ends)):
         return MISSING
     written = _bounded if bounded else number
+    # A JND has no upper limit where the gain may be 0.
     low, high = (written(end, digits) if end < math.inf else UNBOUNDED for end in ends)
     return f"[{low},\N{NO-BREAK SPACE}{high}]"
 
@@ -176,6 +181,7 @@ def _order_cells(order: LawOrder | NotEstimable) -> list[str]:
     return [
         number(order.spearman, 2),
         p_value(order.p),
+        # No correlation at all would have p < .05 with so few conditions or so many ties.
         "none" if isinstance(needed, NotEstimable) else number(needed, 2),
         " > ".join(" = ".join(group) for group in order.tied),
     ]

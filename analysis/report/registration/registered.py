@@ -83,6 +83,7 @@ class NamedResult:
 
 def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
+    # A registration names its primary hypothesis first.
     first, *others = [_result(found, lock, name) for name in lock.registration.hypotheses]
     counted = [gated(first, other) for other in others]
     return [first, *counted]
@@ -90,6 +91,8 @@ def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
 
 def gated(primary: NamedResult, other: NamedResult) -> NamedResult:
     """Return the result of a secondary hypothesis, which counts only after the primary one."""
+    # Gatekeeping needs no further correction: a secondary one cannot be supported unless the
+    # primary one is.
     if primary.supported or not other.supported:
         return other
     return NamedResult(
@@ -145,6 +148,7 @@ def _gain(found: Findings) -> _Computed:
     ends = fit.lines.gain_interval
     if not fit.lines.group_known:
         return _missing(NotEstimable("a single participant tells nothing about a group"))
+    # A posterior interval decides, so that there is no p.
     return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
 
 
@@ -157,11 +161,13 @@ def _order(found: Findings, law: str) -> _Computed:
         return _missing(rho)
     if isinstance(p, NotEstimable):
         return _missing(p)
+    # Two-sided p, so that an order against the law must not count for it.
     return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
 
 
 def _pair(found: Findings, name: str) -> _Computed:
     for pair in found.table.main.pairwise:
+        # Tests know a pair in one order, a hypothesis may name it in the other.
         for higher, lower, sign in ((pair.a, pair.b, 1), (pair.b, pair.a, -1)):
             if name == above(higher, lower):
                 if isinstance(pair.test, NotEstimable):
@@ -324,6 +330,7 @@ def _later_contrasts(found: Findings) -> _Later:
     if found.origin.later is None:
         return {}
     loaded = found.loaded
+    # Without the rigs in force, each trial is predicted on the one that is passed.
     trials = loaded.trials.assign(rig=None)
     anew = trial_contrasts(found.study, trials, loaded.touches, found.origin.later).by_law[LAW]
     before = found.trials.contrasts.by_law[LAW]

@@ -53,6 +53,8 @@ def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
         return "No pair of conditions can be tested."
     if not differ:
         none = "No pair of conditions differs significantly after Holm's correction."
+        # The smallest exact p of n differences is 2 of the 2ⁿ signs; Holm's first step multiplies
+        # it by the number of tests.
         least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
         few = f" So few differences cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
         return none + (few if least >= LEVEL else "")
@@ -123,6 +125,7 @@ def _quartile_table(table: ScoreTable) -> Table:
     )
 
 
+# A `null` always has its reason beside it.
 _COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
 
 

@@ -158,6 +158,7 @@ def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
     if name == effects.reference:
         return "reference"
     within = effects.interaction
+    # Without it the errors are too small if subjects differ in their effects (docs/report.md).
     best = effects if isinstance(within, NotEstimable) else within
     return f"{number(best.effects[name])} ± {number(best.standard_errors[name])}"
 
@@ -224,6 +225,7 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
 def _additive_json(table: TableStatistics) -> Json:
     effects = table.additive
     if isinstance(effects, NotEstimable):
+        # Keys stay where values are missing, so that programs find the same form.
         nothing = dict.fromkeys(("residual_sd", "subject_sd", "shrinkage"))
         return {"conditions": {}, "subjects": {}, **nothing, "reason": effects.reason}
     return {

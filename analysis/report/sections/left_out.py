@@ -16,6 +16,7 @@ def section(found: Findings) -> Section:
     counts = _counts(loaded)
     unfinished = ", ".join(loaded.unfinished) or "none"
     if found.published:
+        # A published table does not tell, which is not the same as none.
         unfinished = "unknown for a published table"
     return Section(
         name="left-out",

@@ -142,6 +142,7 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
         "the latter does not.",
         columns=columns("subject", *names, *others),
         rows=[
+            # The group has no relative gain: it is what subjects' gains are relative to.
             ["group", *_gain_cells(nominal), *[MISSING] * 2, *_gain_cells(felt), *[MISSING] * 2],
             *(
                 [
@@ -231,6 +232,8 @@ def _json(measured: MeasuredStatistics) -> Json:
         **why("noise_share", share),
         "differences": plain(measured.differences),
         "predictors": [
-            {"predictor": entry.pop("law"), **entry} for entry in map(law_json, measured.predictors)
+            # Scored as laws are, but a measured change is no law.
+            {"predictor": entry.pop("law"), **entry}
+            for entry in map(law_json, measured.predictors)
         ],
     }

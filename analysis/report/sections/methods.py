@@ -88,8 +88,10 @@ def _calibrated(rig: Calibration) -> str:
 
 
 def _model(trials: TrialStatistics, rig: Calibration) -> str:
+    # APA style writes numbers below ten as words.
     laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     measured = int(trials.contrasts.measured.sum())
+    # Large studies are integrated with fewer points, which a reader has to know.
     large = len(trials.scored.ratings.given.rating) > LARGE
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
     error = (
@@ -140,6 +142,7 @@ def provenance(found: Findings) -> Section:
 
 def _facts(found: Findings) -> dict[str, str]:
     origin, study, recording = found.origin, found.study, found.loaded.recording
+    # What was analysed rather than the journal, which has notes and times of day as well.
     trials = json.dumps(found.trial_records, ensure_ascii=False)
     return {
         "command": origin.command,
@@ -167,6 +170,7 @@ def _design_seed(found: Findings) -> str:
 
 
 def _recorded_under(origin: Origin, loaded: StudyData) -> str:
+    # The study file may have been amended between sessions.
     others = [digest for digest in loaded.recording.studies if digest != origin.study_sha256]
     if not loaded.recording.studies:
         return "no study file: imported"

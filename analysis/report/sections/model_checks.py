@@ -90,6 +90,7 @@ def recovery(found: Findings) -> Section:
     pairs = [
         (line, _on_scale(truth, found.scale))
         for name, truth in virtual.items()
+        # A virtual person whose trials are all left out has no line.
         if (line := lines.get(name))
     ]
     simulated = list(dict.fromkeys((truth.law, truth.rung) for truth in virtual.values()))
@@ -239,6 +240,7 @@ def _range_table(ranges: Sequence[ContrastRange]) -> Table:
 
 
 def _span(values: Mapping[str, float]) -> str:
+    # A law that gives no friction above 0 has no contrast to show.
     known = [value for value in values.values() if value == value]  # noqa: PLR0124 - not NaN
     return interval((min(known), max(known)), 3) if known else number(None)
 
@@ -249,6 +251,7 @@ def _place_gains(
     """Return gains from all conditions beside those from the conditions at a place."""
     if isinstance(places, NotEstimable):
         return f"Gains from the conditions at a place alone are not available: {places.reason}."
+    # A comparison needs both; that M2 has no fit is said elsewhere on the page.
     if isinstance(every, NotEstimable):
         return ""
     both = (every.lines, places.lines)

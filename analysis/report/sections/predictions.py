@@ -121,6 +121,7 @@ def _levels_table(data: Levels) -> Table:
 def _prediction_table(found: Findings) -> Table:
     """Return each law's mean predicted contrast by condition, beside the mean score."""
     laws, means = found.trials.laws, found.table.main.table4.column_means
+    # The paper's own ranking has ranks, which would look like contrasts here.
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return Table(
         name=PREDICTIONS,
@@ -144,6 +145,7 @@ def _laws_line(trials: TrialStatistics) -> str:
         "contrasts would fit as well; a law that predicts no better than none adds nothing."
     )
     scored = trials.scored
+    # Only then is a law's fit a matter of condition means alone.
     if all(shared_contrasts(scored.ratings, x) for x in scored.contrasts.values()):
         cautions += (
             " Here all subjects have the same contrasts, so a law cannot explain who felt what: "

@@ -85,6 +85,7 @@ def _said_table(asked: Answers) -> Table:
 
 
 def _caption(question: StudyQuestion) -> str:
+    # In the language of the page if the study has it.
     text = question.text.get(REFERENCE) or next(iter(question.text.values()), "")
     scale = ""
     if question.kind in {"scale", "analogue"}:
@@ -101,6 +102,7 @@ def _score_table(found: Findings) -> Table:
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if is_scored(r)}
 
     def score(row: int, column: int, text: str) -> Cell:
+        # A dash alone would not tell a withheld score from an excluded one to a screen reader.
         why = LABELS[empty[row, column]] if (row, column) in empty else ""
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return Cell(
@@ -137,6 +139,8 @@ def _mean(text: str, target: str = "") -> Cell:
 def _readings_table(found: Findings) -> Table | None:
     """Return means and omnibus test by reading of withheld scores, or None without any."""
     readings, table = found.table.readings, found.loaded.table
+    # Cells that are empty for another reason are missing in every reading, so that there is nothing
+    # to compare.
     if len(readings) == 1 or not withheld(table, found.loaded.trials).any():
         return None
     least = f"as {found.scale.lowest:g}"
@@ -198,6 +202,7 @@ def _empty_json(found: Findings) -> Json:
 
 
 def _readings_json(readings: tuple[Reading, ...]) -> Json:
+    # The table itself is the only reading then, and `report.json` has it already.
     if len(readings) == 1:
         return {}
     return {

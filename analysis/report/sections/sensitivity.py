@@ -129,6 +129,7 @@ def _too_few_means(count: int) -> str:
     ranks, moments = critical_rank_correlation(count), critical_correlation(count)
     if isinstance(ranks, NotEstimable):
         reached = "cannot have p < .05, even for a perfect order"
+    # With few conditions only the perfect order is rare enough.
     elif ranks >= 1:
         reached = "has p < .05 only if it is 1 or −1"
     else:
@@ -227,6 +228,7 @@ def _line_cells(line: SubjectLine | Lines) -> list[str]:
 
 def _fits(trials: TrialStatistics) -> dict[str, LinearSensitivity | OrdinalSensitivity]:
     """Return the fits by model, the headline first."""
+    # The second stage of M3 is M2 of the changes that were noticed.
     m3 = trials.m3.ratings if isinstance(trials.m3, TwoStageSensitivity) else trials.m3
     fits = {HEADLINE: trials.m2, SIMPLE: trials.m1, "M3": m3}
     return {name: fit for name, fit in fits.items() if not isinstance(fit, NotEstimable)}

@@ -166,6 +166,8 @@ def _reaction_times(found: Findings) -> Figure:
         },
         ("reaction time, s", "condition"),
         found.keep,
+        # Reaction times are skewed to the right: on a linear axis a few slow ones would take all
+        # the room.
         logarithmic=True,
     )
 
@@ -174,6 +176,7 @@ def _forces(found: Findings) -> Figure:
     """Return the measured force of each touch over the one that was asked for."""
     touches = _felt(found, "force_n")
     made = touches["force_n"] / (found.study.touch.force_n * touches["press"])
+    # In the steps in which the model takes force, so that the figure shows what is analysed.
     in_steps = (made / FORCE_STEP).round() * FORCE_STEP
     return _strips(
         "forces",
@@ -191,6 +194,7 @@ def _places(found: Findings) -> Figure:
     """Return the measured place of each touch at a place, less the one that was asked for."""
     touches = _felt(found, "place_m")
     apart_m = touches["place_m"] - found.study.touch.smooth_place_m
+    # In the steps in which the model takes places.
     in_steps_mm = (apart_m / PLACE_STEP_M).round() * PLACE_STEP_M * 1e3
     return _strips(
         "places",
@@ -231,6 +235,7 @@ def _strips(
     if not given:
         return Figure(name=name)
     axis, across = axes
+    # Quartiles in the table are of all values; only points are thinned.
     most = MOST_POINTS // len(given)
     drawn = {group: own[thinned(len(own), most)] for group, own in given.items()}
     medians = [float(np.median(own)) for own in given.values()]

@@ -70,7 +70,9 @@ def _rows(
         return places[record["condition"]] if is_scored(record) else len(places)
 
     rows: list[Row] = []
+    # Trials that are not scored have no cell of Table 4 to lead back to.
     anchored = {len(places)}
+    # Stable: within a condition trials stay in the order of their answers.
     for record in sorted(records, key=place):
         name, *cells = _cells(record)
         column = place(record)

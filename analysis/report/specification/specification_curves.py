@@ -46,6 +46,7 @@ def _effects(axes: Axes, data: Curve) -> None:
     if len(places) <= _MOST_INTERVALS:
         errors = np.abs(ends.T - effects)
         axes.errorbar(places, effects, yerr=errors, fmt="none", ecolor=GREY, elinewidth=0.8)
+    # Smaller markers where there are many, so that they do not hide each other.
     size = min(marker(1.0), marker(60 / len(places)))
     kinds = {
         "supported, p < .05": (significant, "o", COLOURS[0], COLOURS[0]),
@@ -94,6 +95,7 @@ def _choices(axes: Axes, data: Curve) -> None:
     for place in headings:
         axes.get_yticklabels()[place].set_fontweight("bold")
     axes.tick_params(axis="y", length=0)
+    # Turned round, so that the choices read from top to bottom.
     axes.set_ylim(len(labels) - 0.5, -0.5)
     axes.set_xlabel("analyses, by effect")
     axes.locator_params(axis="x", integer=True)

@@ -258,7 +258,13 @@ def write_files(
         BadInput: a file below `study` is one that `own_file` refuses; nothing is written.
         OSError: a file cannot be written; the error names it.
     """
-    gone = [name for name in replaced if name not in contents]
+    # Without its folder a file is gone already; a link in the folder's place is looked at all the
+    # same, wherever it leads.
+    gone = [
+        name
+        for name in replaced
+        if name not in contents and os.path.lexists((folder / name).parent)
+    ]
     if study:
         for name in (*contents, *gone):
             own_file(folder / name, study)

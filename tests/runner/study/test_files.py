@@ -122,6 +122,20 @@ def test_files_replace_those_of_an_earlier_call_and_no_others(
     }
 
 
+def test_no_folder_is_made_for_files_that_are_only_to_be_removed(tmp_path: Path) -> None:
+    for _ in range(2):
+        write_files({"page": b""}, tmp_path / "report", replaced=("figures/a", "figures/b"))
+        assert entries(tmp_path / "report") == ["page"]
+
+
+def test_a_link_in_place_of_a_folder_of_replaced_files_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "figures").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BadInput, match="figures: touchbeam writes here and follows no link"):
+        write_files({"page": b""}, tmp_path / "report", replaced=("figures/a",), study=tmp_path)
+    assert entries(tmp_path / "report") == ["figures"]
+
+
 def test_a_path_that_cannot_be_a_folder_or_file_gets_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(NotADirectoryError, match=r"Not a directory: .*file/report"):

@@ -88,6 +88,7 @@ class OperatorKeys:
     def expect_answer(self) -> None:
         """Treat the next line as an answer."""
         self._asked = True
+        # What was typed before the question cannot answer it.
         self._answers.clear()
 
     def expect_confirmation(self, *, any_line: bool = False) -> None:
@@ -106,6 +107,7 @@ class OperatorKeys:
         """Process typed characters."""
         if self._confirming and not self._noting:
             characters = self._confirm(characters)
+        # The letters in such a sequence would be taken for orders.
         characters, function_keys = _FUNCTION_KEY.subn("", characters)
         self._wishes.extend(["unknown key"] * function_keys)
         for character in characters:
@@ -115,6 +117,7 @@ class OperatorKeys:
             elif self.line is not None:
                 self._collect(character)
             else:
+                # Caps Lock must not disable a stop.
                 self._press(character.lower())
 
     def _press(self, key: str) -> None:
@@ -132,6 +135,7 @@ class OperatorKeys:
         confirms, or with `any_line` every line.
         """
         line = characters.strip(_ENTER)
+        # No Enter ends them, so that these are keys.
         if line == characters:
             return characters
         if (key := _key_of(line)) is not None:
@@ -148,6 +152,8 @@ class OperatorKeys:
         means: a space is an emergency stop only in a line of nothing but spaces.
         """
         order = line.strip()
+        # Before `_key_of`, because the line is complete: the key `n` would wait for the text to be
+        # typed.
         if order[:1] in {"n", "N"}:
             self._note(order[4:] if order[:4].lower() == "note" else order[1:])
         elif (key := _key_of(line)) is not None:
@@ -158,6 +164,7 @@ class OperatorKeys:
 
     def order(self) -> Order | Note | None:
         """Return the next order; an emergency stop comes first and cancels all others."""
+        # What was typed before or after it does not matter any more, and must not start anything.
         if "emergency stop" in self._orders:
             self._orders.clear()
             return "emergency stop"
@@ -246,6 +253,7 @@ class PlainDisplay:
         if view.kind == "rehearsal" and not any(self._last):
             self.say(DRY_RUN)
         line = f"{view.place}; {view.progress()}; output {view.output()}"
+        # Frames come often, and a log needs only what has changed.
         for text, before in zip((line, frame.question), self._last, strict=True):
             if text and text != before:
                 self.say(text)
@@ -337,6 +345,7 @@ class OperatorConsole:
 
     def mount(self, beam: str) -> None:
         """Ask the operator to mount `beam`; the output must be off."""
+        # A simulated beam is changed before anybody is asked, because nobody's hands do it.
         self.swap(beam)
         self.confirm(f"The output is off. Mount the beam '{beam}', then press Enter.")
 
@@ -352,6 +361,7 @@ class OperatorConsole:
     def show(self, view: OperatorView) -> None:
         """Show `view`; its warning stays among the messages."""
         self._view = view
+        # Kept in the log, because the next view comes soon and has no warning.
         if view.warning:
             self._add(f"warning: {view.warning}")
         self._redraw()
@@ -379,6 +389,8 @@ class OperatorConsole:
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
+        # A whole line comes from a terminal that is shared or from a pipe. At a terminal of its
+        # own, each key comes at once.
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
                 self.notify(f"{characters.strip()!r} is not an order; :help lists the orders")
@@ -399,6 +411,7 @@ class OperatorConsole:
             self.notify("you answered the participant's call" if calls else "nobody is calling")
 
     def _redraw(self) -> None:
+        # Before the first view there is nothing to show.
         if self._view is not None:
             self.display.show(
                 Frame(

@@ -28,6 +28,7 @@ REDRAW_S = 0.1
 """Longest time between two drawings; the age of a reading and the clock go on by themselves."""
 REST_S = 0.04
 """Shortest time between two, so that drawing leaves the processor to the session."""
+# A terminal that takes no output would otherwise keep the program from ending.
 ENDS_WITHIN_S = 1.0
 STALE_S = 1.0
 """A reading that is older is shown as such."""
@@ -90,6 +91,8 @@ class LiveDisplay:
             raise self._error
         if self._frame is None or len(frame.messages) > len(self._frame.messages):
             self._said_s = time.monotonic()
+        # One assignment, so that the thread sees either the old frame or the new one and no lock is
+        # needed.
         self._frame = frame
         self._wake.set()
 
@@ -106,6 +109,7 @@ class LiveDisplay:
             ) as file:
                 console = Console(file=file, force_terminal=True)
                 self._draw_on(console)
+        # Raised by the next `show`: nobody must watch a screen that stands still.
         except Exception as error:
             self._error = error
 
@@ -124,6 +128,7 @@ class LiveDisplay:
                 self._wake.clear()
                 if (frame := self._frame) is None:
                     continue
+                # Only for a new call; an answer sets the count back to 0.
                 if frame.calls > calls:
                     console.bell()
                 calls = frame.calls
@@ -215,6 +220,7 @@ def _output(view: OperatorView, moment: Moment, width: int) -> Text:
 
 def _output_state(view: OperatorView, reading: Reading | None) -> tuple[str, str]:
     if view.unknown:
+        # Before all else: once it was unknown, no reading makes it known again.
         return UNKNOWN.upper(), "bold white on red"
     if view.busy:
         return f"OUTPUT ON, {view.busy}", "bold white on red"
@@ -231,10 +237,13 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
         monitor_v = reading.monitor_v
         if reading.output:
             amplitude_v, frequency_hz = reading.amplitude_v, reading.frequency_hz
+        # An old force would advise the participant wrongly.
         if aim and moment.now_s - (reading.finger_s or 0.0) < STALE_S:
             force_n, position_m = reading.force_n, reading.position_m
+    # The recorded forces are newer than those of a poll, and their zero is subtracted.
     if aim and moment.forces:
         force_n, position_m = moment.forces.normal_n - view.zero_n[1], moment.forces.position_m
+    # Without a finger the sensor's place means nothing.
     if force_n is None or force_n < LIFTED_N:
         position_m = None
     middle_hz = view.resonance_hz or rig.nominal_resonance_hz
@@ -369,6 +378,7 @@ def _plan(view: OperatorView, rows: int, width: int) -> list[Text]:
             mark, style = "▶", "bold"
         answer = "" if trial.answer is None else f": {trial.answer}"
         line = Text(f" {mark} {number:>2} {visible(trial.label)}", style)
+        # The name of a trial is cut, because the answer is what the operator looks for.
         line.truncate(max(width - cell_len(visible(answer)), 0), overflow="ellipsis")
         lines.append(line.append(visible(answer)))
     at = next((number for number, line in enumerate(lines) if line.style == "bold"), len(lines))
@@ -408,6 +418,7 @@ def _question(frame: Frame, moment: Moment, width: int) -> list[Text]:
         text = frame.messages[-1][1]
     style = "bold" if frame.question or frame.typed is not None else "yellow"
     lines = [Text(f" {line}", style) for line in _wrapped(visible(text), max(width - 2, 8))]
+    # At least two, so that nothing above jumps when a question comes.
     return [*lines, Text(), Text()][: max(len(lines), 2)]
 
 

@@ -26,6 +26,7 @@ from runner.screens import (
     Welcome,
 )
 
+# A source that never ends, such as a device, must not fill the memory.
 MOST_LINES = 1000
 
 
@@ -54,6 +55,7 @@ class TypedLines:
     def __init__(self, source: TextIO | None) -> None:
         source = require_typist(source)
         if isinstance(source, io.TextIOWrapper):
+            # Bytes that are no text must not end the thread that reads.
             source.reconfigure(errors="replace")
         self._source = source
         self.at_terminal = at_terminal(source)
@@ -93,6 +95,8 @@ class TypedLines:
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):  # a closed terminal ends the input
             for line in self._source:
+                # A queue of its own: an emergency stop does not wait behind lines that nobody has
+                # read.
                 if line.startswith(OPERATOR_MARK):
                     self._orders.put(line.rstrip("\r\n") + "\n")
                 elif not (self.at_terminal and self._lines.full()):
@@ -118,9 +122,11 @@ class ConsoleParticipant:
     def show(self, screen: Screen) -> None:
         """Print `screen`."""
         self._screen = screen
+        # An answer cannot have been meant for a question that was not there yet.
         self.typed.forget()
         for line in "\n".join(self._lines_of(screen)).split("\n"):
             self.say(line)
+        # After printing, because people can only read what has been printed.
         self._shown_s = self.monotonic_s()
 
     def progress(self, number: int, total: int) -> None:
@@ -138,6 +144,7 @@ class ConsoleParticipant:
         if self._screen is None or isinstance(self._screen, Notice | LeadIn | Pacing):
             return None
         after_s = getattr(self._screen, "after_s", 0.0)
+        # The line is not taken, so that it counts once the break is over.
         if after_s and self.monotonic_s() < self._shown_s + after_s:
             return None
         line = self.typed.take()
@@ -184,6 +191,7 @@ class ConsoleParticipant:
         self.say(f"{line!r}: {self._texts['console.again']}")
         for text in possible:
             self.say(text)
+        # An operator who forgot the colon would think that the stop was on its way.
         if line.lower() in ORDERS:
             self.say(f"(For the operator: an order begins with a colon, such as :{line.lower()})")
 

@@ -79,6 +79,7 @@ class SlidePlot:
         self._last_s = forces.at_s
         friction = forces.tangential_n / forces.normal_n
         self._points.append((forces.position_m, friction))
+        # Over all passes, so that the axis stays and passes can be compared.
         self._low, self._high = min(self._low, friction), max(self._high, friction)
 
     def summary(self) -> str:
@@ -98,13 +99,14 @@ class SlidePlot:
     def lines(self, width: int, rows: int, now_s: float) -> list[str]:
         """Return `rows` lines of at most `width` columns; a few hold the pace alone."""
         if self.drawing is None:
-            found = ["the plot begins with the first pass"]
+            drawn = ["the plot begins with the first pass"]
         else:
-            found = self._lines(self.drawing, max(width - _LEFT - 2, 10), rows, now_s)
-        return [line[:width] for line in [*found, *[""] * rows][:rows]]
+            drawn = self._lines(self.drawing, max(width - _LEFT - 2, 10), rows, now_s)
+        return [line[:width] for line in [*drawn, *[""] * rows][:rows]]
 
     def _lines(self, drawing: Drawing, columns: int, rows: int, now_s: float) -> list[str]:
         pace = _pace(drawing, columns, now_s, self._points[-1][0] if self._points else None)
+        # On a low terminal the pace matters more than the plot: the operator follows it.
         if rows < _BESIDE + _LOWEST:
             return pace
         ends_mm = sorted((1e3 * drawing.start_m, 1e3 * drawing.end_m))
@@ -163,6 +165,7 @@ def _pace(drawing: Drawing, columns: int, now_s: float, block_m: float | None) -
         bar[_column(drawing, columns, block_m)] = "◆"
     bar[_column(drawing, columns, mark_m)] = "┃"
     wait_s, left_s = drawing.moves_s - now_s, drawing.moves_s + drawing.duration_s - now_s
+    # During the lead-in it is not known yet how long the pass will take.
     if wait_s > 0 or math.isinf(left_s):
         said = f"the mark moves in {max(math.ceil(wait_s), 0)}"
     elif left_s <= 0:
@@ -226,6 +229,7 @@ class SlidingBlock:
                 self.operator.confirm(self._placed(path))
             case LeadIn() | Pacing():
                 self._draw(screen)
+            # A session that is stopped in the middle of a pass shows no end of the touch.
             case Notice(text="touch.end" | "stopped"):
                 self._lift()
 
@@ -251,6 +255,7 @@ class SlidingBlock:
         self._drawn = isinstance(screen, Pacing)
         if self.finger is not None:
             direction = "right" if screen.end_m > screen.start_m else "left"
+            # 0 during the lead-in: the block rests at its start.
             speed_m_s = abs(screen.end_m - screen.start_m) / duration_s
             self.finger.touch(self.load_n, screen.start_m, direction, speed_m_s)
 

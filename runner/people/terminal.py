@@ -34,6 +34,7 @@ def visible(text: str) -> str:
     >>> visible("触觉 \x1b[2J \u202e")
     '触觉 \\x1b[2J \\u202e'
     """
+    # Without the quotes of a Python string.
     return _OBEYED.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
@@ -62,6 +63,8 @@ def said_in_background(say: Callable[[str], None]) -> Iterator[Callable[[str], N
         while (line := lines.get()) is not None:
             try:
                 say(line)
+            # Kept for the session, which learns of it at its next line. A thread's own exception
+            # would reach nobody.
             except Exception as error:
                 failed.append(error)
                 return
@@ -89,6 +92,7 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
     """
     try:
         import termios
+    # Windows has no termios.
     except ImportError:
         yield lambda _: _windows_keys()
         return
@@ -117,6 +121,8 @@ def _take_keys(terminal: int) -> None:
 
     tty.setcbreak(terminal)
     settings = termios.tcgetattr(terminal)
+    # Input modes. A display that Ctrl-S had stopped would look like a session in which nothing
+    # happens.
     settings[0] &= ~termios.IXON
     termios.tcsetattr(terminal, termios.TCSANOW, settings)
 
@@ -129,6 +135,7 @@ def _typed(terminal: int) -> str:
     if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
         _take_keys(terminal)
     ready, _, _ = select.select([terminal], [], [], 0)
+    # A lone byte that is no UTF-8, from a broken connection for example, must not end a session.
     return os.read(terminal, 1024).decode("utf-8", "replace") if ready else ""
 
 

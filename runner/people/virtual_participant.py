@@ -102,10 +102,13 @@ class _Touch:
         due = self._parts[
             min(len(self._friction), last) : np.searchsorted(self._parts, part, "right")
         ]
+        # The last part is felt again each time, so that it is as the touch really ended.
         if due.size:
             del self._friction[last:]
             places_m, speed_m_s = way.places_m(due)[0], float(way.speed_m_s[0])
             self._friction += [self._put(float(place_m), speed_m_s) for place_m in places_m]
+        # A finger that rests without trembling is already where it should be, with the force that
+        # it should have.
         if way.mark.slides or self._tremor:
             moves = float(way.speed_factor[0]) * part < 1
             place_m = float(way.places_m(np.array([part]))[0, 0])
@@ -215,6 +218,7 @@ class VirtualParticipant:
         return round(self._streams[purpose].uniform(0.4, 2), 3)
 
     def _begun(self, mark: Mark) -> _Touch:
+        # Numbered by touch, so that a further question does not change what later touches are like.
         u = uniforms(f"touches/{self.name}", self._touched + 1, TOUCH_NUMBERS)[-1:]
         self._touched += 1
         way = course(self._people, u, mark)
@@ -268,6 +272,7 @@ def _range(question: StudyQuestion) -> tuple[float, float, int]:
     if low is None:
         low = 20.0 if high is None else high - 50.0
     high = low + 50.0 if high is None else high
+    # Rounded inwards, so that a number with these decimals cannot lie beyond an end.
     steps = 10**decimals
     return math.ceil(low * steps) / steps, math.floor(high * steps) / steps, decimals
 
@@ -317,6 +322,7 @@ class UntouchedBeam:
     ) -> float:
         """Return the friction coefficient that a finger would feel there now."""
         said, resonance_hz = self._reading(), self._resonance_hz()
+        # What is not driven feels as at rest.
         if said is None or not said.output or not resonance_hz:
             return self._friction(force_n, position_m, direction, 0.0, 1.0)
         frequency = round(said.frequency_hz / resonance_hz, _FREQUENCY_DIGITS)
@@ -370,10 +376,12 @@ class VirtualAtWindow:
 
     def show(self, screen: Screen) -> None:
         """Show `screen` to the person in the window; the last one is closed when it is read."""
+        # What was meant for the page before must not be compared with an answer on this one.
         self._screen, self._meant = screen, None
         self.window.show(screen)
         self.person.show(screen)
         if isinstance(screen, Notice) and screen.is_last:
+            # Nobody is there to close the last page.
             self.window.press("ready", CLOSES_AFTER_S)
 
     def progress(self, number: int, total: int) -> None:
@@ -399,6 +407,7 @@ class VirtualAtWindow:
         if meant := self.person.poll():
             self._meant = meant
             self.window.press(meant.answer, meant.reaction_time_s)
+        # The window decides what was answered, as it does for people, so that a rehearsal tries it.
         given = self.window.poll()
         if given is not None and isinstance(self._screen, Ask):
             answer, wanted = self._screen.question.answer, self._meant

@@ -34,8 +34,8 @@ def is_address(text: str) -> bool:
     if "://" not in text:
         return True
     # The whole text must match, because pySerial takes options after `?`.
-    found = _ON_A_NETWORK.fullmatch(text)
-    return found is not None and 1 <= int(found[1]) <= 65_535
+    matched = _ON_A_NETWORK.fullmatch(text)
+    return matched is not None and 1 <= int(matched[1]) <= 65_535
 
 
 def checked_address(text: str) -> str:

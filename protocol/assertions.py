@@ -11,8 +11,8 @@ from protocol.study.study import Study
 def assert_proved(study: Study, cohort: Sequence[Plan]) -> None:
     """Assert that every plan meets every requirement of the study file, by an independent check."""
     # The proof and not the planner is asked: it shares no code with what drew the plans.
-    if found := cohort_problems(study, cohort):
-        raise AssertionError("\n".join(map(str, found)))
+    if problems := cohort_problems(study, cohort):
+        raise AssertionError("\n".join(map(str, problems)))
 
 
 def assert_never_above(cohort: Sequence[Plan], voltage_v: float) -> None:

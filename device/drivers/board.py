@@ -252,8 +252,8 @@ class Board(Driver):
         Raises:
             CannotRecord: it does not.
         """
-        found = _FIRMWARE.match(self._firmware)
-        if found is None or (int(found[1]), int(found[2])) < _FIRST_THAT_RECORDS:
+        version = _FIRMWARE.match(self._firmware)
+        if version is None or (int(version[1]), int(version[2])) < _FIRST_THAT_RECORDS:
             raise CannotRecord(
                 f"this board (firmware {self._firmware}) records no forces: "
                 "force_channel.rate_hz needs firmware 1.2 or a gauge"
@@ -306,7 +306,8 @@ class Board(Driver):
             _kept("VOLT", self.driven.voltage_v, target_v)
         most_v = self._allowed_v(asked_s)
         _not_above(most_v, "the amplitude", instant_v)
-        _monitored(instant_v, monitor_v)
+        if abs(monitor_v - instant_v) > _tolerance_v(instant_v):
+            raise DeviceError(f"the monitor must show {instant_v:.1f} V, got {monitor_v:.1f} V")
         _not_above(most_v, "the monitor", monitor_v)
         if self.driven is not None:
             self._know(max(self.driven.voltage_v, min(most_v, instant_v)))
@@ -327,11 +328,6 @@ def _kept(header: str, told: float, kept: float) -> None:
         raise DeviceError(
             f"{header} was set to {number_text(told)} and reads back as {number_text(kept)}"
         )
-
-
-def _monitored(instant_v: float, monitor_v: float) -> None:
-    if abs(monitor_v - instant_v) > _tolerance_v(instant_v):
-        raise DeviceError(f"the monitor must show {instant_v:.1f} V, got {monitor_v:.1f} V")
 
 
 def _not_above(most_v: float, what: str, shown_v: float) -> None:

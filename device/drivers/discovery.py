@@ -14,7 +14,7 @@ def defined_in(package: str, name: str) -> list[Any]:
     """Return what the modules of `package` define as `name`; not every one does."""
     folder = import_module(package).__path__
     # A new dialect is a new file and nothing else: no list of drivers has to be kept.
-    modules = [import_module(f"{package}.{found.name}") for found in iter_modules(folder)]
+    modules = [import_module(f"{package}.{entry.name}") for entry in iter_modules(folder)]
     return [getattr(module, name) for module in modules if hasattr(module, name)]
 
 

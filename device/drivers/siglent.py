@@ -121,15 +121,15 @@ class Siglent(Generator):
 
 
 def _status_of(answers: list[str]) -> Status:
-    found = {
+    words_of = {
         header: _words(answer, header) for header, answer in zip(_HEADERS, answers, strict=True)
     }
-    wave = found["C1:BSWV"]
+    wave = words_of["C1:BSWV"]
     return Status(
-        output=switch(found["C1:OUTP"][0]),
+        output=switch(words_of["C1:OUTP"][0]),
         vpp=_quantity(wave, "AMP"),
         frequency_hz=_quantity(wave, "FRQ"),
-        fault=_shape_fault(found["C1:OUTP"], wave) or _left_on(found),
+        fault=_shape_fault(words_of["C1:OUTP"], wave) or _left_on(words_of),
     )
 
 
@@ -142,11 +142,11 @@ def _shape_fault(output: list[str], wave: list[str]) -> str:
     return ""
 
 
-def _left_on(found: Mapping[str, list[str]]) -> str:
+def _left_on(words_of: Mapping[str, list[str]]) -> str:
     for name, header in _MUST_BE_OFF.items():
         # An answer that says neither is no proof that something is off.
-        if "ON" in found[header] or "OFF" not in found[header]:
-            return f"{name} must be off, got {','.join(found[header])[:40]}"
+        if "ON" in words_of[header] or "OFF" not in words_of[header]:
+            return f"{name} must be off, got {','.join(words_of[header])[:40]}"
     return ""
 
 
@@ -168,10 +168,10 @@ def _word(words: list[str], name: str) -> str:
 def _quantity(words: list[str], name: str) -> float:
     """Return the number that follows `name`, in Hz or V."""
     word = _word(words, name)
-    found = _VALUE.fullmatch(word)
-    if found is None or found[2] not in _UNITS:
+    matched = _VALUE.fullmatch(word)
+    if matched is None or matched[2] not in _UNITS:
         raise ProtocolError(f"the device must answer with a number for {name}, got {word!r}")
-    return number(found[1]) * _UNITS[found[2]]
+    return number(matched[1]) * _UNITS[matched[2]]
 
 
 DRIVER = Siglent

@@ -184,10 +184,10 @@ class GaugeOwner:
         if self._thread is None:
             self.step()
         try:
-            found: _Result = job.result.result()
+            result: _Result = job.result.result()
         except Exception as error:
             raise _of_gauge(error) from error
-        return found
+        return result
 
     # What follows is the owner's work.
 

@@ -99,12 +99,12 @@ def queued_error(reply: str) -> str | None:
     Raises:
         ProtocolError: the answer does not have the form of an error.
     """
-    found = _ERROR.fullmatch(reply.strip())
-    if found is None:
+    entry = _ERROR.fullmatch(reply.strip())
+    if entry is None:
         raise ProtocolError(
             f'the device must answer with an error such as 0,"No error", got {reply[:60]!r}'
         )
-    return None if int(found[1]) == 0 else f"{int(found[1])} {found[2]}"
+    return None if int(entry[1]) == 0 else f"{int(entry[1])} {entry[2]}"
 
 
 class LineBuffer:
@@ -213,8 +213,8 @@ def text(line: bytes) -> str:
     Raises:
         ProtocolError: it is not printable ASCII.
     """
-    if line.isascii() and (found := line.decode("ascii").strip()).isprintable():
-        return found
+    if line.isascii() and (decoded := line.decode("ascii").strip()).isprintable():
+        return decoded
     raise ProtocolError(f"the device must answer in ASCII, got {line[:40]!r}")
 
 
@@ -227,10 +227,10 @@ def fields(reply: str, count: int) -> list[str]:
     Raises:
         ProtocolError: the number of answers is not `count`.
     """
-    found = reply.split(";")
-    if len(found) != count:
+    answers = reply.split(";")
+    if len(answers) != count:
         raise ProtocolError(f"the device must answer with {count} fields, got {reply[:60]!r}")
-    return found
+    return answers
 
 
 def whole(reply: str) -> int:

@@ -52,8 +52,8 @@ class Register:
 
     def is_told(self, line: str, token: int) -> bool:
         """Return whether `line` is the answer that contains `token`."""
-        found = self.told.fullmatch(line)
-        return found is not None and int(found[1]) == token
+        answer = self.told.fullmatch(line)
+        return answer is not None and int(answer[1]) == token
 
 
 EVENT_ENABLE = Register(put="*ESE {}", get="*ESE?", told=re.compile(r"\+?(\d{1,3})"), compound=True)

@@ -136,13 +136,13 @@ def advice(error: BaseException) -> str:
 
 def _numbers(error: BaseException | None) -> list[int]:
     """Return the error numbers of an error and of its causes, where pySerial hides them."""
-    found = []
+    numbers = []
     while error is not None:
         first = error.args[0] if error.args else None  # termios.error has no errno
         number = getattr(error, "errno", None) or first
-        found.append(number if isinstance(number, int) else 0)
+        numbers.append(number if isinstance(number, int) else 0)
         error = error.__cause__ or error.__context__
-    return found
+    return numbers
 
 
 def described_ports() -> list[dict[str, str]]:

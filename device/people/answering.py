@@ -106,13 +106,13 @@ class Answering:
         # The first score has none before it to be drawn towards.
         before = np.where(np.isnan(self._score), self._pending, self._score)
         wanted = self._pending + who.serial * (before - self._pending)
-        found = np.clip(who.number_step * np.round(wanted / who.number_step), low, who.ceiling)
+        scores = np.clip(who.number_step * np.round(wanted / who.number_step), low, who.ceiling)
         averse = self._u[:, _END] < who.end_aversion
-        inwards = np.where(found == high, -1.0, np.where(found == low, 1.0, 0.0))
-        found = found + averse * inwards * who.number_step
+        inwards = np.where(scores == high, -1.0, np.where(scores == low, 1.0, 0.0))
+        scores = scores + averse * inwards * who.number_step
         # A score that was not asked for is not remembered: the others must not be drawn towards it.
-        self._score = np.where(asked, found, self._score)
-        return found, self._seconds(_SCORE_TIME)
+        self._score = np.where(asked, scores, self._score)
+        return scores, self._seconds(_SCORE_TIME)
 
     def _seconds(self, column: int) -> FloatArray:
         """Return reaction times, shifted log-normal ones, to the millisecond."""

@@ -59,8 +59,8 @@ def people_in(text: str, source: str = "people.toml") -> Population:
     document = toml_document(text)
     if isinstance(document, Problem):
         raise PeopleError(source, [document])
-    if found := list(_problems(document)):
-        raise PeopleError(source, located(text, found))
+    if problems := list(_problems(document)):
+        raise PeopleError(source, located(text, problems))
     person = {name: float(value) for name, value in document.get("person", {}).items()}
     if "population" not in document:
         return Population(typical=Person(**person))

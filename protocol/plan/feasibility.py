@@ -22,10 +22,10 @@ from protocol.study.touch import Touch
 
 def design_problems(study: Study) -> list[Problem]:
     """Return every constraint that cannot be met; if the list is empty, every slot has a plan."""
-    found = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
-    found += _min_trials(study)
+    problems = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
+    problems += _min_trials(study)
     # Asked only now: their search grows as 2 to the power of the groups, which `_groups` limits.
-    return found or [*_swaps(study), *_runs(study), *_duration(study)]
+    return problems or [*_swaps(study), *_runs(study), *_duration(study)]
 
 
 def _problem(key: str, rule: str, value: object, hint: str = "") -> Problem:

@@ -341,12 +341,12 @@ def scored_contrasts(shown: Preview, model: Prediction) -> dict[str, list[float]
 
     Only the first slot's plan is used: every slot has the same trials in another order.
     """
-    found: dict[str, list[float]] = {}
+    contrasts: dict[str, list[float]] = {}
     for trial in shown.plans[0].trials:
         contrast = model.contrast(trial) if trial.kind == "trial" else None
         if contrast is not None and trial.condition is not None:
-            found.setdefault(trial.condition, []).append(contrast)
-    return found
+            contrasts.setdefault(trial.condition, []).append(contrast)
+    return contrasts
 
 
 def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:

@@ -345,17 +345,19 @@ def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list
     """
     if not plans:
         return [_problem("there must be at least one plan", "none")]
-    found = [problem for plan in plans for problem in plan_problems(study, plan)]
+    problems = [problem for plan in plans for problem in plan_problems(study, plan)]
     slots = [plan.slot for plan in plans]
     if slots != list(range(first, first + len(plans))):
-        found.append(_problem(f"slots must be numbered from {first}", slots))
+        problems.append(_problem(f"slots must be numbered from {first}", slots))
     # A cohort of another size cannot be balanced: its carry-over is reported and no fault.
     if balance_guaranteed(study, len(plans)):
         pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
         if len(set(counts.values())) > 1:
-            found.append(_problem("every condition must follow every other equally often", counts))
-    return found
+            problems.append(
+                _problem("every condition must follow every other equally often", counts)
+            )
+    return problems
 
 
 def _problem(rule: str, value: object) -> Problem:
@@ -462,22 +464,22 @@ def order_problems(study: Study, plan: Plan, order: Sequence[int]) -> list[Probl
         order: the numbers of the trials, as far as the session came.
     """
     by_index = {trial.index: trial for trial in plan.trials}
-    found: list[tuple[str, str]] = []
+    broken: list[tuple[str, str]] = []
     if twice := [index for index, times in Counter(order).items() if times > 1]:
-        found.append(("every trial must be answered once", f"twice: {twice}"))
+        broken.append(("every trial must be answered once", f"twice: {twice}"))
     if unknown := [index for index in order if index not in by_index]:
-        found.append(("every trial must be planned", f"not planned: {unknown}"))
+        broken.append(("every trial must be planned", f"not planned: {unknown}"))
     run = [by_index[index] for index in order if index in by_index]
     blocks = [trial.block for trial in run]
     if blocks != sorted(blocks):
-        found.append(("blocks must follow one another", str(blocks)))
+        broken.append(("blocks must follow one another", str(blocks)))
     first = [trial.index for trial in run if trial.block == 0]
     if first != sorted(first):
-        found.append(("opening and practice must come as planned", str(first)))
+        broken.append(("opening and practice must come as planned", str(first)))
     as_run = replace(plan, trials=tuple(run))
     # Only a whole session: what is left of one may need any number of swaps.
     if len(run) == len(plan.trials) and plan_swaps(study, as_run) > plan_swaps(study, plan):
         rule = f"there must be at most {plan_swaps(study, plan)} beam swaps"
-        found.append((rule, str(plan_swaps(study, as_run))))
-    found += order_violations(study, run)
-    return [Problem(where=f"order of slot {plan.slot}", rule=r, value=v) for r, v in found]
+        broken.append((rule, str(plan_swaps(study, as_run))))
+    broken += order_violations(study, run)
+    return [Problem(where=f"order of slot {plan.slot}", rule=r, value=v) for r, v in broken]

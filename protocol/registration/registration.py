@@ -124,21 +124,22 @@ def registration_in(text: str, source: str = FILE) -> Registration:
     if first != f'digest = "{_digest(body)}"':
         raise BadInput(f"{source}: was changed after touchbeam register wrote it; {_AGAIN}")
     try:
-        found = tomllib.loads(body)
+        document = tomllib.loads(body)
         made = Registration(
-            study=found["study"]["name"],
-            study_sha256=found["study"]["sha256"],
-            **_hypotheses(found["hypotheses"]),
-            **found["prediction"],
-            calibration=found["calibration"],
-            **found["stopping"],
-            exclusions=tuple(found["exclusions"]["rules"]),
-            analysis=found["analysis"]["settings"],
-            power=found["power"],
-            touchbeam=found["touchbeam"],
+            study=document["study"]["name"],
+            study_sha256=document["study"]["sha256"],
+            primary=document["hypotheses"]["primary"],
+            secondary=tuple(document["hypotheses"]["secondary"]),
+            **document["prediction"],
+            calibration=document["calibration"],
+            **document["stopping"],
+            exclusions=tuple(document["exclusions"]["rules"]),
+            analysis=document["analysis"]["settings"],
+            power=document["power"],
+            touchbeam=document["touchbeam"],
             written=text,
         )
-        _require_form(made, found["schema"])
+        _require_form(made, document["schema"])
     # The digest shows that nobody edited the file: what does not fit is another version's form.
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadInput(
@@ -186,10 +187,6 @@ def shared_registration(text: str, source: str = FILE) -> StoredEvent:
     return StoredEvent(
         seq=0, tag=event.TAG, utc=UNKNOWN_UTC, monotonic_s=0.0, payload=event.to_json()
     )
-
-
-def _hypotheses(found: Mapping[str, Any]) -> dict[str, Any]:
-    return {"primary": found["primary"], "secondary": tuple(found["secondary"])}
 
 
 def locked(study: Study, digest: str) -> Study:

@@ -223,9 +223,7 @@ def lacking(study: Study, code: str) -> Iterator[str]:
         if band_name(band, wording) is None:
             yield f"a name of the scores {_span(band.first, band.last)}"
     for question in study.question:
-        if not all(code in names for names in (question.text, *map(_names, question.labels))):
+        if not all(
+            code in names for names in (question.text, *(each.names for each in question.labels))
+        ):
             yield f"a text of the question {question.name!r}"
-
-
-def _names(label: Label) -> dict[str, str]:
-    return label.names

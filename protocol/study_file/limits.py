@@ -114,7 +114,7 @@ def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
 
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
-    found = [
+    broken = [
         *name_problems(study),
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]
@@ -123,12 +123,12 @@ def limit_problems(study: Study) -> list[Problem]:
         level = max(item.levels) if isinstance(item, Condition) else 1.0
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
-            found += _touch_problems(study, *place, touch, level)
+            broken += _touch_problems(study, *place, touch, level)
     if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
-        found += slide_problems(study)
-    found += [*opening_problems(study), *practice_problems(study)]
-    found += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
-    return [*found, *text_problems(study), *question_problems(study), *page_problems(study)]
+        broken += slide_problems(study)
+    broken += [*opening_problems(study), *practice_problems(study)]
+    broken += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
+    return [*broken, *text_problems(study), *question_problems(study), *page_problems(study)]
 
 
 def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
@@ -148,7 +148,7 @@ _OF_A_SLIDE = {
 def slide_problems(study: Study) -> list[Problem]:
     """Return every limit of the rig that the sliding experiment of `study` breaks."""
     sliding, path = slide_study(study), ("slide",)
-    found: dict[tuple[str, str], Problem] = {}
+    broken: dict[tuple[str, str], Problem] = {}
     # Equal problems are listed once, under the first pass that has them; one that is driven says
     # most.
     driven_first = sorted(slide_plan(sliding).trials, key=lambda trial: -trial.touches[0].voltage_v)
@@ -157,11 +157,11 @@ def slide_problems(study: Study) -> list[Problem]:
         for problem in _touch_problems(sliding, f"slide, {trial.condition}", path, made, 1.0):
             key, hint = _OF_A_SLIDE.get(str(problem.path[-1]), (problem.path[-1], ""))
             known = replace(problem, path=(*path, key), hint=hint or problem.hint)
-            found.setdefault((problem.rule, problem.value), known)
+            broken.setdefault((problem.rule, problem.value), known)
     # Sliding always records: a study that does not is told here that its rig cannot.
     recorded = _unmeasured(sliding) if study.force_channel.rate_hz is None else ()
     beam = _missing_beam(study, "slide", path, study.slide.beam)
-    return [*recorded, *beam, *found.values(), *_too_long(sliding)]
+    return [*recorded, *beam, *broken.values(), *_too_long(sliding)]
 
 
 def _too_long(sliding: Study) -> Iterator[Problem]:

@@ -308,16 +308,16 @@ def semantic_problems(
     if len(broken) > MOST_PROBLEMS or (study := recovered(document, known)) is None:
         return broken
     unknown = [unreadable(problem) for problem in broken]
-    found = [*limit_problems(study), *further(study)]
+    others = [*limit_problems(study), *further(study)]
     # A design is counted from these: with one of them replaced, its problems would be made up.
-    if not found and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
-        found = design_problems(study)
+    if not others and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
+        others = design_problems(study)
 
     def is_known(path: Path) -> bool:
         """Whether no unknown value lies at `path`, above it or below it."""
         return all(path[: len(other)] != other[: len(path)] for other in unknown)
 
-    return broken + [problem for problem in found if is_known(problem.path)]
+    return broken + [problem for problem in others if is_known(problem.path)]
 
 
 def recovered(document: dict[str, Any], known: Mapping[str, Names]) -> Study | None:
@@ -448,10 +448,10 @@ def parsed_study(
     try:
         study = Study.model_validate(document, context=known)
     except ValidationError as error:
-        found = semantic_problems(document, error, further, known)
-        raise StudyError(source, located(text, found)) from error
-    if found := problems(study, further(study)):
-        raise StudyError(source, located(text, found))
+        wrong = semantic_problems(document, error, further, known)
+        raise StudyError(source, located(text, wrong)) from error
+    if wrong := problems(study, further(study)):
+        raise StudyError(source, located(text, wrong))
     return study
 
 

@@ -246,17 +246,17 @@ def page_problems(study: Study) -> Iterator[Problem]:
     for number, page in enumerate(study.page):
         path: Path = ("page", number)
         yield from unnamed_problems(study, (*path, "text"), page.text)
-        found: list[tuple[str, str, str]] = []
+        broken: list[tuple[str, str, str]] = []
         if page.block is not None and page.before != "block":
-            found.append(("block", 'must be left out unless before = "block"', str(page.block)))
+            broken.append(("block", 'must be left out unless before = "block"', str(page.block)))
         if page.block is not None and page.block > _most_blocks(study):
             rule = f"must be at most {_most_blocks(study)}, the number of blocks"
-            found.append(("block", rule, str(page.block)))
+            broken.append(("block", rule, str(page.block)))
         if page.before == "practice" and study.design.practice_trials == 0:
-            found.append(("before", 'must not be "practice" without practice_trials', "one"))
+            broken.append(("before", 'must not be "practice" without practice_trials', "one"))
         if page.picture is not None and page.picture not in study.pictures:
-            found.append(("picture", PICTURE_RULE, repr(page.picture)))
-        for key, rule, value in found:
+            broken.append(("picture", PICTURE_RULE, repr(page.picture)))
+        for key, rule, value in broken:
             where = f"page {number + 1}, {key}"
             yield Problem(where=where, rule=rule, value=value, path=(*path, key))
 

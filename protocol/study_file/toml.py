@@ -53,8 +53,8 @@ _SLIPS = (
 def no_toml(text: str, error: TOMLDecodeError) -> Problem:
     """Return the problem of the line at which `error` says that `text` is not TOML."""
     lines = text.split("\n")
-    found = re.search(r"at line (\d+)", str(error))
-    number = int(found[1]) if found else text.rstrip().count("\n") + 1
+    place = re.search(r"at line (\d+)", str(error))
+    number = int(place[1]) if place else text.rstrip().count("\n") + 1
     unclosed = "Unclosed" in str(error) or "end of document" in str(error)
     # The parser stops at the end of the file; the slip is where the bracket was opened.
     if unclosed and not _has_comma_slip(lines[number - 1]):
@@ -111,8 +111,8 @@ def _remedy_of_key(line: str) -> str:
 
 def _remedy_of_value(key: str, value: str) -> str:
     for slip in _SLIPS:
-        if found := re.fullmatch(slip.value, value):
-            return _filled(slip.remedy, key, found)
+        if matched := re.fullmatch(slip.value, value):
+            return _filled(slip.remedy, key, matched)
     return "docs/study-file.md shows how each value is written"
 
 
@@ -185,8 +185,8 @@ def _extreme(value: Any, path: Path) -> Problem | None:
         )
     inner: Any = value.items() if isinstance(value, dict) else ()
     inner = enumerate(value) if isinstance(value, list) else inner
-    found = (_extreme(item, (*path, key)) for key, item in inner)
-    return next(filter(None, found), None)
+    extremes = (_extreme(item, (*path, key)) for key, item in inner)
+    return next(filter(None, extremes), None)
 
 
 def key_lines(text: str) -> Mapping[Path, int]:
@@ -234,10 +234,10 @@ class _Scanner:
         return self.at < len(self.text)
 
     def _taken(self, pattern: re.Pattern[str]) -> str:
-        found = pattern.match(self.text, self.at)
-        assert found is not None, f"no TOML at offset {self.at}"
-        self.at = found.end()
-        return found.group()
+        matched = pattern.match(self.text, self.at)
+        assert matched is not None, f"no TOML at offset {self.at}"
+        self.at = matched.end()
+        return matched.group()
 
     def _seen(self, path: Path) -> None:
         self.lines.setdefault(path, self._line(self.at))
@@ -374,7 +374,7 @@ def unit_hint(path: Path, value: object = None, *, too_large: bool = True) -> st
     key = next((part for part in reversed(path) if isinstance(part, str)), "")
     if key in _HINTS:
         return _HINTS[key]
-    found = (unit for ending, unit in _BY_ENDING.items() if key.endswith(ending))
+    units = (unit for ending, unit in _BY_ENDING.items() if key.endswith(ending))
     # `v_per_s` ends in `_s` and is no time.
-    unit = None if key.endswith("_per_s") else next(found, None)
+    unit = None if key.endswith("_per_s") else next(units, None)
     return unit.hint(value, too_large=too_large) if unit else ""

@@ -108,7 +108,6 @@ class ForceSampler:
         return self._first_s + number / self.rate_hz
 
     def _count(self) -> None:
-        """Count the samples that are due."""
         if not self._due_v:
             return
         begin, felt = self._taken - len(self._due_v), self._felt

@@ -62,14 +62,14 @@ def number(argument: str, units: Mapping[str, float] = NO_UNIT) -> float:
     if other := _NOT_DECIMAL.fullmatch(text):
         digits = [(digits, base) for digits, base in zip(other.groups(), (16, 8, 2), strict=True)]
         return float(next(int(text, base) for text, base in digits if text))
-    found = _NUMBER.fullmatch(text)
-    if found is None:
+    decimal = _NUMBER.fullmatch(text)
+    if decimal is None:
         raise ScpiError(-104, "Data type error")
-    suffix = found[2] or ""
+    suffix = decimal[2] or ""
     if suffix not in units:
         known = len(units) > 1
         raise ScpiError(-131, "Invalid suffix") if known else ScpiError(-138, "Suffix not allowed")
-    return float(found[1]) * units[suffix]
+    return float(decimal[1]) * units[suffix]
 
 
 def quantity(argument: str, units: Mapping[str, float], lowest: float, highest: float) -> float:
@@ -163,15 +163,15 @@ def messages(line: str) -> tuple[Message, ...]:
     >>> [message.header for message in messages("VOLT:LIM 100;RAMP 50;*OPC?;:FREQ?")]
     ['VOLT:LIM', 'VOLT:RAMP', '*OPC?', 'FREQ?']
     """
-    found, path = [], ""
+    commands, path = [], ""
     for part in split_outside_quotes(line, ";"):
         header, _, argument = part.partition(" ")
         header = header.upper()
         if not header.startswith("*"):
             header = header[1:] if header.startswith(":") else path + header
             path = header[: header.rfind(":") + 1]
-        found.append(Message(header=header, argument=argument.strip()))
-    return tuple(found)
+        commands.append(Message(header=header, argument=argument.strip()))
+    return tuple(commands)
 
 
 def split_outside_quotes(text: str, separator: str) -> list[str]:

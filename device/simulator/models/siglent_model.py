@@ -106,15 +106,15 @@ class SiglentDialect(GeneratorDialect):
             return common[line]
         if line == "*RST":
             self._preset()
-        found = _LINE.fullmatch(line)
-        if found is None:
+        command = _LINE.fullmatch(line)
+        if command is None:
             return None
-        number, header = int(found[1] or 1), _LONG.get(found[2], found[2])
+        number, header = int(command[1] or 1), _LONG.get(command[2], command[2])
         if header not in self._answers:
             return None
-        if found[3]:
+        if command[3]:
             return self._query_answer(number, header)
-        self._setters[header](number, [word.strip() for word in (found[4] or "").split(",")])
+        self._setters[header](number, [word.strip() for word in (command[4] or "").split(",")])
         return None
 
     def _query_answer(self, number: int, header: str) -> str | None:
@@ -207,10 +207,10 @@ def _pairs(words: list[str]) -> dict[str, str]:
 
 
 def _number(word: str) -> float | None:
-    found = _NUMBER.fullmatch(word)
-    if found is None or found[2] not in _UNITS:
+    matched = _NUMBER.fullmatch(word)
+    if matched is None or matched[2] not in _UNITS:
         return None
-    return float(found[1]) * _UNITS[found[2]]
+    return float(matched[1]) * _UNITS[matched[2]]
 
 
 MODELS = models(SiglentDialect, _GENERATORS)

@@ -36,6 +36,7 @@ class ScreenPlace:
 
     def is_same(self, other: "ScreenPlace") -> bool:
         """Return whether both are one screen: by connector, else by place and size."""
+        # A connector keeps its name when the screens are arranged anew; place and size change.
         if self.name and other.name:
             return self.name == other.name
         return replace(self, number=0, name=None) == replace(other, number=0, name=None)
@@ -43,6 +44,7 @@ class ScreenPlace:
 
 def listed_screens(touchbeam: Sequence[str]) -> tuple[ScreenPlace, ...]:
     """Return the screens of the display; none if there is no display that answers."""
+    # A computer without screens can still run sessions at the console, so that nothing fails here.
     with suppress(OSError, subprocess.SubprocessError, ValueError):
         command = [*touchbeam, "participant-screens"]
         done = subprocess.run(
@@ -66,6 +68,8 @@ def numbered_screens(touchbeam: Sequence[str]) -> Iterator[None]:
             yield
         finally:
             assert process.stdin is not None
+            # The process shows its numbers until its input ends, so that it also ends if the
+            # session is killed.
             process.stdin.close()
             try:
                 process.wait(_WITHIN_S)
@@ -101,6 +105,7 @@ def connectors(listed: str) -> dict[Place, str]:
 
 
 def _connectors() -> dict[Place, str]:
+    # Without xrandr the screens are known by place and size alone.
     with suppress(OSError, subprocess.SubprocessError):
         command = ["xrandr", "--listmonitors"]
         done = subprocess.run(
@@ -125,6 +130,7 @@ def print_screens() -> None:
 def show_numbers() -> None:
     """Show on each screen its number until the standard input ends."""
     ended = threading.Event()
+    # A thread, because reading blocks and the windows must go on answering the system.
     threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
     windows = [_numbered(number, screen) for number, screen in enumerate(_screens())]
     while not ended.wait(_FRAME_S):

@@ -145,6 +145,7 @@ class PsychopyCanvas:
         """Show the back buffer; return the time of the flip, s on the monotonic clock."""
         self._window.flip(clearBuffer=True)
         flipped_s = time.monotonic()
+        # Not at each frame, because it is a round trip to the X server.
         if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
             self._looked_s = flipped_s
             self.closed = self.closed or not self.is_there()
@@ -176,6 +177,8 @@ class PsychopyCanvas:
         self._window.close()
 
     def _dot(self, dot: Dot) -> Any:
+        # One stimulus for all places: a dot moves with each frame, and to build one takes too long
+        # for that.
         rest = Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)
         if rest not in self._drawn:
             radius = dot.radius * self._scale
@@ -207,6 +210,7 @@ class PsychopyCanvas:
                 self._window,
                 text=line,
                 font=self._font,
+                # Whole pixels, as letters are drawn; `ROUNDING` allows for it.
                 height=int(text.size * self._scale),
                 color=text.colour,
                 pos=(round(text.box.x * self._scale), round((top - number * step) * self._scale)),
@@ -225,10 +229,12 @@ class PsychopyCanvas:
         return self._latched(Typed(text=text)) if text.isprintable() else True
 
     def _on_close(self) -> bool:
+        # The loop of the server ends, and tells the session before it closes the window.
         self.closed = True
         return True
 
     def _latched(self, given: Input) -> bool:
+        # The time of its arrival here, because pyglet's events have none.
         self._inputs.append((time.monotonic(), given))
         return True
 

@@ -75,6 +75,8 @@ class WindowParticipant:
 
     def show(self, screen: Screen) -> None:
         """Send `screen`."""
+        # Numbers, so that an answer to the page before, which is still on its way, is not taken for
+        # this one's.
         self._number += 1
         self._answer = self._shown_s = None
         self._screen, self._due = screen, []
@@ -101,6 +103,7 @@ class WindowParticipant:
         assert self._screen is not None
         question = self._screen.question if isinstance(self._screen, Ask) else None
         chosen = () if question is None else inputs_for(question, answer)
+        # An earlier press would count as meant for the page before.
         chosen_s = max(reaction_time_s, EARLY_S)
         earliest_s = PendingResponse(self._screen, self.readable_s).earliest_s
         self._due = [(chosen_s, chosen), (max(chosen_s, earliest_s), (Key(name="enter"),))]
@@ -122,6 +125,8 @@ class WindowParticipant:
     def linger(self, longest_s: float) -> None:
         """Wait until the last page is closed, or a signal; return at once on another page."""
         until_s = time.monotonic() + longest_s * self.is_at_end
+        # After a signal that has stopped the session the page stays all the same. One that comes
+        # during the wait ends it.
         before = is_stopping()
         with suppress(WindowGone):  # the session is recorded
             while time.monotonic() < until_s and self.poll() is None:
@@ -209,6 +214,7 @@ class WindowProcess:
         try:
             self.process.stdin.write(line_of(message))
             self.process.stdin.flush()
+        # The pipe is closed, because the process is gone; `_gone` finds out why.
         except OSError:
             raise self._gone() from None
 
@@ -231,6 +237,7 @@ class WindowProcess:
                 messages.append(message)
                 continue
             self._messages.put(None)  # keep the end marker for the next call
+            # An answer that came before the end still counts.
             if messages:
                 return messages
             raise self._gone()
@@ -264,6 +271,7 @@ class WindowProcess:
         if self._why is None:
             with suppress(subprocess.TimeoutExpired):
                 self.process.wait(_DIES_WITHIN_S)
+            # Asked before the kill, which would look like the reason.
             self._why = self._end()
             self.process.kill()
         return WindowGone(f"the participant's window ended unexpectedly{self._why}; {GO_ON}")
@@ -276,6 +284,7 @@ class WindowProcess:
             return f" (signal {why})"
         self.complaints.seek(0)
         printed = self.complaints.read().decode(errors="replace").strip().splitlines()
+        # What Xlib prints before it ends the process.
         if any("X server" in line or "X connection" in line for line in printed):
             return " (its display was lost)"
         return f": {printed[-1].strip()}" if printed else ""
@@ -299,7 +308,9 @@ def participant_window(
     Raises:
         WorkFailed: the display, the screen or a font is missing, or the window does not open.
     """
+    # Before anything is started, because the message then names the remedy.
     _require_display()
+    # A file and no pipe, because nobody reads it meanwhile and a full pipe would stop the window.
     with tempfile.TemporaryFile() as complaints:
         peer = _started(command, complaints)
         try:
@@ -310,6 +321,7 @@ def participant_window(
                 yield participant
             except BaseException as error:
                 longest_s = HURRIES_S if isinstance(error, Stopped) else LINGERS_S
+                # Said before the wait, because the operator would take it for a hang.
                 if participant.is_at_end and participant.is_there():
                     lines = "; ".join([str(error), *getattr(error, "__notes__", ())])
                     say(f"{lines}; the participant's last page stays for up to {longest_s:g} s")
@@ -317,6 +329,7 @@ def participant_window(
                 raise
             participant.linger(LINGERS_S)
         finally:
+            # On every way out: a window without a session would cover the participant's screen.
             peer.end()
 
 

@@ -210,6 +210,8 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
 
     fewest = len(lines(0))
     narrower = range(1, int(2 * width / size))
+    # Narrower boxes never need fewer lines, so that the narrowest with the same number can be
+    # searched by halves.
     return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
 
 
@@ -241,6 +243,7 @@ def _thousandths(text: str) -> int:
 
 @cache
 def _advance(character: str) -> int:
+    # An accent stands above the letter before it.
     if unicodedata.combining(character):
         return 0
     index = ord(character) - _FIRST

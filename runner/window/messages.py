@@ -46,6 +46,7 @@ def line_of(message: Mapping[str, Any]) -> str:
     >>> line_of({"alive": 12.5})
     '{"alive": 12.5}\n'
     """
+    # ASCII, so that a line ends nowhere but at its line feed, whatever a text contains.
     return json.dumps(message, ensure_ascii=True, allow_nan=False) + "\n"
 
 
@@ -69,6 +70,7 @@ def settings_message(settings: Settings) -> dict[str, Any]:
 
 def settings_of(message: Mapping[str, Any]) -> Settings:
     """Return the settings in `message`."""
+    # JSON knows lists only; the frozen records have tuples.
     wording = Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])})
     foreseen = tuple(screen_of(show) for show in message["foreseen"])
     return Settings(**{**message, "wording": wording, "foreseen": foreseen})

@@ -151,6 +151,7 @@ def own_finger(finger: OwnFinger, texts: Mapping[str, str]) -> Page:
     """Return a dot at the finger's place, and a bar with the range in which its force should be."""
     low, high = (_bar_x(1 + sign * finger.within) for sign in (-1, 1))
     wanted = Box(x=(low + high) / 2, y=_BAR.y, width=high - low, height=_BAR.height)
+    # A sensor may report a place beside the beam, which is off the page.
     place_m = min(max(finger.position_m, 0.0), BEAM_M)
     return (
         Outline(points=_BAR.corners, fill=WHITE, edge=INK),
@@ -274,6 +275,7 @@ def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -
     beam = (title, *sketch(screen), *labels(texts))
     if isinstance(screen, LeadIn):
         return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts), *own)
+    # The mark stays at its end until the session shows the next page.
     marks = fingers(screen, min(view.passed_s / screen.duration_s, 1.0))
     return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE), *own)
 

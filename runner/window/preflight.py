@@ -41,6 +41,7 @@ _NOTICES = (
     "pause", "thanks", "stopped",
 )  # fmt: skip
 _INSTRUCTIONS = ("remember", "practice")
+# With it the countdown of a break is as wide as it can get.
 LONGEST_BREAK_S = 3600.0
 
 
@@ -64,11 +65,13 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
         Instruction(text=page_key(number), picture=page.picture)
         for number, page in enumerate(study.page)
     ]
+    # Not a set, because the window prepares them in this order.
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
 
 
 _FINGER = OwnFinger(position_m=0.05, force=1.0, within=0.5)
 _VIEWS = (
+    # Everything that can stand on a page at once, with the longest numbers.
     PageState(operator_called=True, progress=(999, 999), finger=_FINGER),
     PageState(button="saved"),
 )
@@ -128,6 +131,7 @@ def fit_problems(study: Study) -> Iterator[Problem]:
     sound = [question for at, question in enumerate(study.question) if at not in unsound]
     screens = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
     for code in required_codes(study):
+        # What is missing is reported elsewhere; a page without it cannot be measured.
         if any(lacking(study, code)):
             continue
         wording = study_wording(study, code)
@@ -189,6 +193,7 @@ def study_window(
     Raises:
         BadInput: a text does not fit its place.
     """
+    # The consent's reference is known only now, so that it could not be checked with the study.
     require_fit(study, settings.wording, consent)
     screens, readable_s = foreseen(study, consent), study.timing.readable_s
     settings = replace(settings, readable_s=readable_s, foreseen=screens)

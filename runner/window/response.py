@@ -35,6 +35,7 @@ class PendingResponse:
 
     def take(self, given: Input, t_s: float) -> None:
         """Apply `given`: change the choice or confirm it."""
+        # A confirmed answer is on its way to the journal and cannot change any more.
         if self.answer is not None:
             return
         if t_s < EARLY_S:
@@ -47,6 +48,7 @@ class PendingResponse:
                 self._choose(by_key(self.screen.question, self._now, given, self.start), "key", t_s)
             case Pressed(x=x, y=y):
                 self._pressed(x, y, t_s)
+            # Only a drag that began on the scale moves its mark.
             case Dragged(x=x) if self._held:
                 self._mark(x, t_s)
             case Released():
@@ -81,6 +83,7 @@ class PendingResponse:
 
         What may be skipped is answered without a choice.
         """
+        # Counted and not dropped, so that the data show who was impatient.
         if t_s < self.earliest_s:
             self.early += 1
             return
@@ -108,6 +111,8 @@ class PendingResponse:
         """Move the mark to the place nearest to a press on the scale."""
         assert isinstance(self.screen, Ask)
         place = score_at(x, self.screen.question)
+        # Not rounded to a place of the scale, because the path shows hesitation between two of
+        # them.
         self.path.append({"t_s": round(t_s, 4), "at": round(place, 2), "by": "pointer"})
         self._choose(on_scale(self.screen.question, x), "pointer", t_s)
 

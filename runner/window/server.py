@@ -94,6 +94,7 @@ class ShownScreen:
             return
         since_s = t_s - self.frames.shown_s[0]
         at = target_at(self.screen, given.x, given.y) if isinstance(given, Pressed) else None
+        # The last page has no operator to call.
         may_call = any(target.role == "call" for target in targets(self.screen))
         if (at is not None and at.role == "call") or (may_call and given == Key(name="escape")):
             self.called_s.append(round(since_s, 4))
@@ -168,6 +169,7 @@ def _scale_look(screen: Ask, display: dict[str, Any], wording: Wording) -> dict[
 
 
 ALIVE_EVERY_S = 0.2
+# For virtual screens and drivers that report no rate.
 _USUAL_REFRESH_HZ = 60.0
 ORPHANED_S = 60.0
 """How long the last page remains once the session's process is gone."""
@@ -242,8 +244,11 @@ class WindowServer:
         """Show a page that asks to wait, then serve."""
         self._display = self.canvas.look()
         self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
+        # A page from the beginning: the session may need a while before it sends the first one.
         self._show(0, Notice(text="wait"))
         self._frame()
+        # Only after a frame was really drawn, so that the session does not begin with a window that
+        # cannot draw.
         self.send({"opened": self._display})
         self._learn_pace()
         coming = (
@@ -266,7 +271,10 @@ class WindowServer:
             self.canvas.draw(self._page())
             flipped_s.append(self.canvas.flip())
         flips_s = [later - earlier for earlier, later in pairwise(flipped_s)]
+        # The shortest one decides: a busy computer makes single flips late, which must not pass for
+        # a screen that holds them back.
         if min(flips_s) >= _HELD_BACK * self._interval_s:
+            # As measured, because the interval so far may only be the usual one.
             self._share, self._interval_s = _EARLY_SHARE, median(flips_s)
         self._display["paced_by"] = "clock" if self._share == 1.0 else "screen"
         self._display["interval_ms"] = round(self._interval_s * 1000, 3)
@@ -291,6 +299,7 @@ class WindowServer:
     def _obey(self, message: Mapping[str, Any]) -> None:
         match message:
             case {"show": number}:
+                # The record of a page that was answered went with its answer.
                 if self._standing.pending.answer is None:
                     self._past.append(self._standing.record())
                 self._show(number, screen_of(message))
@@ -329,11 +338,15 @@ class WindowServer:
         first = not self._standing.frames.shown_s
         self._standing.frames.add(flipped_s)
         earliest_s = flipped_s - self._interval_s
+        # Added to the time that was due, so that small delays do not add up; but a long one is not
+        # made good by a burst of frames.
         self._due_s = max(self._due_s, earliest_s) + self._interval_s * self._share
         if first and self._standing.number:
             self.send({"shown": self._standing.number, "at_s": flipped_s})
         if flipped_s - self._alive_s >= ALIVE_EVERY_S:
             self._alive_s = flipped_s
+            # Sent from here, so that it says that frames are drawn and not only that a process
+            # exists.
             self.send({"alive": flipped_s})
 
     def _page(self) -> Page:
@@ -369,6 +382,8 @@ def serve_window() -> None:
 
     settings = settings_of(message_of(sys.stdin.readline()))
     try:
+        # Here, because the import opens the display and fails without one. The session must be told
+        # in a message.
         from runner.window.canvas import PsychopyCanvas
 
         canvas = PsychopyCanvas(settings)
@@ -381,6 +396,7 @@ def serve_window() -> None:
     try:
         WindowServer(canvas, settings, mailbox_of(sys.stdin), send).run()
     except Exception as error:
+        # Drawing fails, too, if somebody has closed the window. Then that is the reason.
         return send({"broken": _first_line(error)} if canvas.is_there() else {"closed": True})
     return canvas.close()
 
@@ -401,5 +417,6 @@ def mailbox_of(source: TextIO) -> Mailbox:
             print(error, file=sys.stderr)  # the session reports the last line
         mailbox.put({"lost": True})
 
+    # A daemon: a read that blocks cannot be interrupted.
     threading.Thread(target=read, name="screens", daemon=True).start()
     return mailbox

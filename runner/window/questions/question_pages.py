@@ -213,6 +213,7 @@ def labelled(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | 
     first, *between, last = places
     room, shown = _room(question) / _unit(question), [first]
     for place in between:
+        # The last number stands in any case, so that room is left for it.
         if min(place - shown[-1], last - place) >= room:
             shown.append(place)
     return [*shown, last]
@@ -231,6 +232,7 @@ def look(
 
 
 def _shown(place: float) -> str:
+    # Steps of 0.1 add up to 0.30000000000000004, which nobody should read.
     return f"{place:.10g}"
 
 
@@ -253,6 +255,7 @@ def _name(label: Label, question: StudyQuestion, wording: Wording) -> Text:
 
 def _band(band: Band, question: StudyQuestion, wording: Wording) -> tuple[Element, ...]:
     half = _unit(question) / 2
+    # Brackets of neighbouring bands must not touch.
     gap = min(4.0, half / 4)
     left = score_x(band.first, question) - half + gap
     right = score_x(band.last, question) + half - gap
@@ -479,6 +482,7 @@ def inputs_for(question: StudyQuestion, answer: str) -> tuple[Input, ...]:
         case "analogue":
             at = Pressed(x=score_x(float(answer), question), y=SCALE_BOX.y)
             return (at, Released())
+    # Without an exponent, which no key of the window types.
     return tuple(Key(name=sign) for sign in f"{Decimal(answer):f}")
 
 
@@ -506,6 +510,7 @@ def _label_by_key(question: StudyQuestion, chosen: str | None, name: str) -> str
     if name.isdigit():
         number = int(name)
         return values[number - 1] if 1 <= number <= len(values) else chosen
+    # Answers stand one below another, so that "up" leads to the one before.
     step = -_STEPS[name] if name in {"up", "down"} else _STEPS.get(name, 0)
     at = None if chosen is None else values.index(chosen)
     moved = _stepped(at, step, len(values) - 1)
@@ -520,6 +525,7 @@ def _turned(question: StudyQuestion, chosen: str | None, label: str) -> str | No
 
 def _place_by_key(question: StudyQuestion, now: Choice, name: str, start: float) -> Choice:
     if question.kind == "scale" and _is_sign(name):
+        # A digit that cannot follow begins anew: after 7, a 3 on a scale to 10 is 3.
         possible = (text for text in (now.typed + name, name) if _possible(question, text))
         text = next(possible, "")
         return _typed(question, text) if text else Choice(chosen=now.chosen)
@@ -543,6 +549,7 @@ def _possible(question: StudyQuestion, text: str) -> bool:
     except ValueError:
         return False
     whole = step.is_integer() and low.is_integer()
+    # The beginning of a number lies between 0 and the number: 1 may become 10 on a scale from 5.
     return min(low, 0.0) <= number <= max(high, 0.0) and not (whole and "." in text)
 
 

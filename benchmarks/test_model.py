@@ -111,7 +111,7 @@ def test_set_up_of_the_top_rung_with_its_resonance(benchmark: BenchmarkFixture) 
         return rung_field(TOP_RUNG, Beam(), Drive())
 
     what = "set the top rung up, and find its resonance"
-    assert _against_sine(benchmark, work, what, repeats=10) <= 2000
+    assert _against_sine(benchmark, work, what, repeats=10) <= 500
 
 
 def test_quad_at_every_place_is_what_a_user_would_write(benchmark: BenchmarkFixture) -> None:

@@ -3,8 +3,10 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.modes import (
@@ -51,17 +53,33 @@ class Motion:
     state: Callable[[FloatArray], MotionState]
 
 
-def _segment_state(
-    wave: Waves, weight: ComplexArray, length_m: float, place_m: FloatArray
-) -> ComplexArray:
-    """Return the fields of `MotionState` in one segment, shape (n, 6), places from its start."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Segment:
+    """A segment's waves e^{λ(x - x0)}, each of size 1 at the end x0 from which it decays.
+
+    `origin_m` is x0 from the segment's start and `exponent` λ, of shape (4,); `columns`, of shape
+    (4, 6), are what a wave adds to the fields of `MotionState`.
+    """
+
+    start_m: float
+    origin_m: FloatArray
+    exponent: ComplexArray
+    columns: ComplexArray
+
+    def state(self, x_m: FloatArray) -> ComplexArray:
+        """Return the fields of `MotionState`, shape (n, 6)."""
+        wave = ((x_m - self.start_m)[:, None] - self.origin_m) * self.exponent
+        return np.asarray(np.exp(wave, out=wave) @ self.columns)
+
+
+def _segment(wave: Waves, weight: ComplexArray, length_m: float, start_m: float) -> _Segment:
+    """Return one segment with the weights of its waves at the one frequency."""
     exponent, rotation = wave.exponent[0], wave.rotation[0]
-    decaying = np.exp(np.multiply.outer(place_m, -exponent))
-    growing = np.exp(np.multiply.outer(place_m - length_m, exponent))
     both, turn = np.concatenate([-exponent, exponent]), np.concatenate([-rotation, rotation])
     deflection = np.stack([weight * both**power for power in range(3)], axis=-1)
     columns = np.concatenate([deflection, deflection * turn[:, None]], axis=-1)
-    return np.asarray(np.concatenate([decaying, growing], axis=-1) @ columns)
+    origin_m = np.array([0.0, 0.0, length_m, length_m])
+    return _Segment(start_m=start_m, origin_m=origin_m, exponent=both, columns=columns)
 
 
 def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> Motion:
@@ -83,14 +101,16 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
     lengths_m = [part.length_m for part in parts]
     joints_m = (lengths_m[0], lengths_m[0] + lengths_m[1])
 
+    starts_m = (0.0, *joints_m)
+    segments = list(map(_segment, segment_waves, np.split(weights, 3), lengths_m, starts_m))
+
     def state(x_m: FloatArray) -> MotionState:
-        pieces = np.split(x_m, np.searchsorted(x_m, joints_m))
-        segments = zip(segment_waves, np.split(weights, 3), lengths_m, strict=True)
-        rows = [
-            _segment_state(*segment, place_m - start_m)
-            for segment, place_m, start_m in zip(segments, pieces, (0.0, *joints_m), strict=True)
-        ]
-        return MotionState(*np.concatenate(rows).T)
+        ends = [0, *np.searchsorted(x_m, joints_m).tolist(), x_m.size]
+        fields = np.empty((x_m.size, 6), dtype=np.complex128)
+        for segment, (first, last) in zip(segments, pairwise(ends), strict=True):
+            if first < last:
+                fields[first:last] = segment.state(x_m[first:last])
+        return MotionState(*fields.T)
 
     return Motion(
         length_m=sum(lengths_m),
@@ -165,11 +185,12 @@ def _direction_slope(state: MotionState) -> tuple[FloatArray, FloatArray]:
     return slope, -(bend + 2 * cross).real
 
 
-def _refined(motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray) -> FloatArray:
+def _refined(
+    motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray, rising: NDArray[np.bool_]
+) -> FloatArray:
     """Return roots between places of opposite sign, by Newton's method kept inside by bisection."""
     if not low_m.size:
         return low_m
-    rising = curve(motion.state(low_m))[0] < 0
     place = (low_m + high_m) / 2
     for _ in range(_STEPS):
         value, slope = curve(motion.state(place))
@@ -196,7 +217,7 @@ def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatAr
     """Return roots of a curve that changes sign between neighbouring places."""
     value = curve(motion.state(places_m))[0]
     cells = np.flatnonzero((value[:-1] > 0) != (value[1:] > 0))
-    return _refined(motion, curve, places_m[cells], places_m[cells + 1])
+    return _refined(motion, curve, places_m[cells], places_m[cells + 1], value[cells] < 0)
 
 
 def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:

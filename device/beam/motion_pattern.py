@@ -125,10 +125,6 @@ class _Cells:
         limit = np.maximum(_ROUGH * self.deflection.max(axis=1), floor_m_per_v)
         return np.asarray(highest > limit)
 
-    def taken(self, which: BoolArray) -> "_Cells":
-        """Return some of the cells."""
-        return _Cells(**{name: values[which] for name, values in vars(self).items()})
-
 
 def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
     """Return cells from `low_m` to `high_m`, in rising order, with the motion at their nodes."""
@@ -148,23 +144,26 @@ def _cells(motion: Motion) -> _Cells:
     length_m = motion.length_m
     count = int(motion.wave_number_per_m * length_m * _CELLS_PER_RADIAN) + 16
     edges = np.union1d(np.linspace(0.0, length_m, count + 1), motion.joints_m)
-    open_cells, done = _measured(motion, edges[:-1], edges[1:]), []
+    open_cells = _measured(motion, edges[:-1], edges[1:])
+    done, smooth = [open_cells], []
     floor = max(motion.rounding_m_per_v, _FLOOR * float(open_cells.deflection.max()))
     for _ in range(_HALVINGS):
         rough = open_cells.rough(floor)
-        done.append(open_cells.taken(~rough))
+        smooth.append(~rough)
         if not rough.any():
             break
         low, high = open_cells.low_m[rough], open_cells.high_m[rough]
         middle = (low + high) / 2
         ends = np.stack([low, middle, middle, high], axis=-1).reshape(-1, 2)
         open_cells = _measured(motion, ends[:, 0], ends[:, 1])
-    else:
         done.append(open_cells)
+    else:
+        smooth.append(np.ones(open_cells.low_m.size, dtype=np.bool_))
+    kept = np.flatnonzero(np.concatenate(smooth))
     columns = {
         name: np.concatenate([getattr(cells, name) for cells in done]) for name in vars(open_cells)
     }
-    order = np.argsort(columns["low_m"])
+    order = kept[np.argsort(columns["low_m"][kept])]
     return _Cells(**{name: values[order] for name, values in columns.items()})
 
 

@@ -180,11 +180,15 @@ def _host_frequency_hz(host: Section, wave_number_per_m: FloatArray) -> FloatArr
     return np.asarray(np.sqrt(2 * constant / (linear + root)) / (2 * math.pi))
 
 
-def _refined(parts: Sequence[Section], low: float, high: float) -> float:
-    """Return the root between two frequencies of opposite sign, by the Illinois method."""
-    f_low, f_high = (float(value) for value in _determinant(parts, np.array([low, high])))
+def _refined(
+    parts: Sequence[Section], between: tuple[float, float], values: tuple[float, float]
+) -> float:
+    """Return the root between two frequencies with values of opposite sign, by Illinois' method."""
+    (low, high), (f_low, f_high) = between, values
     for _ in range(60):
         middle = high - f_high * (high - low) / (f_high - f_low)
+        if abs(high - low) <= 2e-8 * middle:  # a secant's error goes by the bracket's square
+            return middle
         f_middle = float(_determinant(parts, np.array([middle]))[0])
         if f_middle == 0 or abs(middle - high) <= 2e-16 * middle:
             return middle
@@ -213,13 +217,14 @@ def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shea
     wave_numbers = np.asarray(steps * (math.pi / (_STEPS_PER_MODE * beam.length_m)))
     trial_hz = _host_frequency_hz(parts[0], wave_numbers)
     trial_hz = trial_hz[trial_hz < parts[0].cut_off_hz]
-    positive = _determinant(parts, trial_hz) > 0
+    values = _determinant(parts, trial_hz)
+    positive = values > 0
     changes = np.flatnonzero(positive[1:] != positive[:-1])
     if changes.size < mode:
         cut_off = f"{parts[0].cut_off_hz / 1e3:.0f} kHz ({changes.size} modes)"
         raise OutOfRangeError("mode", f"must lie below the beam's cut-off at {cut_off}", mode)
-    first = changes[mode - 1]
-    return _refined(parts, float(trial_hz[first]), float(trial_hz[first + 1]))
+    pair = slice(changes[mode - 1], changes[mode - 1] + 2)
+    return _refined(parts, tuple(trial_hz[pair].tolist()), tuple(values[pair].tolist()))
 
 
 def segmented_natural_frequencies_hz(

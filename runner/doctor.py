@@ -63,6 +63,7 @@ def _origins() -> Iterator[Finding]:
     """Check that no other package hides one of ours, whose names are common words."""
     ours = Path(__file__).resolve().parent.parent
     for name in PACKAGES:
+        # Not imported, because another package of this name would be executed.
         spec = find_spec(name)
         place = Path(spec.origin).resolve().parent if spec and spec.origin else None
         ok = place == ours / name

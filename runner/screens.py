@@ -245,10 +245,12 @@ class OperatorView:
     def output(self) -> str:
         """Return the state of the output in words."""
         if self.unknown:
+            # Before all else: what the device said before does not count any more.
             return UNKNOWN.removeprefix("output ")
         if self.busy:
             return f"ON, {self.busy}"
         if self.device is None and self.state == "idle":
+            # Before it is armed nobody has asked the device, so that "off" would be a guess.
             return "not known yet"
         if self.device is None or not self.device.output:
             return "off"

@@ -57,12 +57,15 @@ def keep_fit(
     """
     kept, is_rehearsal = _kept_or_nothing(folder / FILE), bool(fitted.get("rehearsal"))
     before = kept.get(FITTED)
+    # The values of a simulated rig would quietly replace those of a real one.
     if is_rehearsal and isinstance(before, dict) and not before.get("rehearsal"):
         raise BadInput(
             f"{folder / FILE}: the fit of session {before.get('session')} is not replaced by a "
             "rehearsal's; move the file away if it should be"
         )
     part: dict[str, object] = {FITTED: dict(fitted)}
+    # Only a sweep writes `measured_utc`, and its resonance stays. Another one, written by hand for
+    # example, is not replaced by a rehearsal's.
     if "measured_utc" not in kept and not (is_rehearsal and "frequency_hz" in kept):
         resonance = {"frequency_hz": measured.frequency_hz, "tip_m_per_v": measured.tip_m_per_v}
         part = {**resonance, "idn": idn, **part}
@@ -114,6 +117,7 @@ def fitted_calibration(folder: Path) -> Calibration:
         return NOMINAL
     try:
         values = {name: float(fitted[name]["value"]) for name in PREDICTING if name in fitted}
+        # Reports name it, so that a value that was edited shows.
         digest = sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         session = f"session {fitted['session']}{', a rehearsal' * bool(fitted.get('rehearsal'))}"
         origin = f"{session}, calibration SHA-256 {digest[:12]}"

@@ -49,6 +49,7 @@ def proved_study(text: str, source: str) -> Study:
         WrongPlan: a plan was drawn wrongly.
     """
     study = validated_study(text, source)
+    # One whole cycle, because the balance of carry-over can only be proved over all of its slots.
     plans = [plan(study, slot) for slot in cycle(study, 0)]
     require_proved(source, cohort_problems(study, plans))
     return study
@@ -92,6 +93,7 @@ def checked(
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
     registered = checked_registration(folder)
+    # The registration seeds the orders: without it the plans shown would not be those that are run.
     study = study if registered is None else locked(study, registered.digest)
     size = participants or study.design.participants or 1
     shown = preview(study, size)

@@ -73,6 +73,7 @@ def read_data_set(source: Path) -> DataSet:
     for name, session in found:
         _require_possible(name, session, {text_digest(text): rating})
     sessions = {_name(session): session for session in _in_order(it for _, it in found)}
+    # Two files of one session would be one chain, in which events come twice.
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
     return DataSet(study_text=text, sessions=sessions, registration=_registration(place))
@@ -82,6 +83,7 @@ def _registration(place: Path) -> StoredEvent | None:
     file = place / REGISTRATION_FILE
     if not file.exists():
         return None
+    # As it is: text without its byte order mark would have another digest.
     text = bytes_of(file, most=LONGEST_TEXT).decode(errors="replace")
     return shared_registration(text, str(file))
 
@@ -114,6 +116,7 @@ def _require_possible(source: str, session: SharedSession, known: Mapping[str, R
         if isinstance(event, SessionOpened | SessionResumed):
             trials.update({trial.index: trial for trial in event.trials})
             own = event.study_text
+            # Each text is parsed once, because every session holds it.
             if own and (digest := text_digest(own)) not in ratings:
                 where = f"{source}: line {line}, study_text"
                 ratings[digest] = parsed_study(own, where, dialects=DIALECTS).rating
@@ -167,6 +170,7 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
         if data.registration is not None:
             registered = data.registration.record
             assert isinstance(registered, StudyRegistered)
+            # As bytes, because other line ends would change its digest.
             (folder.path / REGISTRATION_FILE).write_bytes(registered.text.encode())
             journal.append(STUDY_CHAIN, data.registration)
         for name, session in data.sessions.items():

@@ -65,6 +65,7 @@ def text_of(content: bytes, path: Path) -> str:
         BadInput: the content is not UTF-8.
     """
     try:
+        # Some editors on Windows begin a file with a byte order mark.
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
@@ -81,11 +82,13 @@ def short_text(path: Path) -> str:
             never end.
         OSError: it cannot be read.
     """
+    # One form of line ends, so that a study has the same digest on every system.
     return text_of(_short_bytes(path, LONGEST_TEXT), path).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _short_bytes(path: Path, most: int) -> bytes:
     require_end(path)
+    # Asked before it is read: a file from somebody else may be larger than the memory.
     size = path.stat().st_size
     if size > most:
         raise BadInput(f"{path}: must have at most {most} bytes, got {size}")
@@ -111,6 +114,7 @@ def own_file(path: Path, study: Path) -> Path:
         BadInput: the file, or a folder between it and `study`, is a link, or it is no file.
     """
     depth = len(path.relative_to(study).parts)
+    # The study's folder itself may be a link, which its user made.
     for place in (path, *path.parents[: depth - 1]):
         if place.is_symlink():
             raise BadInput(f"{place}: touchbeam writes here and follows no link; move it away")
@@ -125,6 +129,7 @@ def is_stream(path: Path) -> bool:
 
     `/dev/stdout` counts as a stream even if it leads to a file: that file must not be replaced.
     """
+    # As many links as Linux follows; links that lead to each other would never end.
     for _ in range(40):
         if _DESCRIPTORS.fullmatch(os.path.realpath(path.parent)):
             return True
@@ -151,9 +156,11 @@ def write_whole(path: Path, data: bytes, mode: int = 0o666) -> None:
     if path.is_dir():
         raise BadInput(f"{path}: must be a file, got a folder")
     try:
+        # A pipe cannot be replaced by another file.
         if is_stream(path):
             path.write_bytes(data)
         else:
+            # The file behind a link is replaced, and the link stays.
             _replace(Path(os.path.realpath(path)), data, mode)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
@@ -165,10 +172,12 @@ def _replace(place: Path, data: bytes, mode: int) -> None:
     if exists:
         # Fails for a file without write permission and for a link that leads to itself.
         os.close(os.open(place, os.O_WRONLY))
+    # In the same folder, because a file can be renamed within one file system only.
     beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
         _create(beside, data, place.stat().st_mode & 0o7777 if exists else mode)
         if exists:
+            # Again, because the umask has narrowed the permissions of the new file.
             beside.chmod(place.stat().st_mode & 0o7777)
         beside.replace(place)
     finally:
@@ -199,6 +208,7 @@ def make_folder(place: Path) -> Path | None:
     except FileExistsError:
         return None
     except BaseException:
+        # From the innermost one outwards, because a folder must be empty to be removed.
         for path in missing:
             with suppress(OSError):  # it was not created, or another program already uses it
                 path.rmdir()
@@ -235,6 +245,7 @@ def made_folder(folder: Path) -> Iterator[Path]:
     try:
         yield place
     except BaseException:
+        # Nothing is taken away that was there before.
         take_away([topmost] if topmost else ())
         raise
 
@@ -265,6 +276,8 @@ def write_files(
         for name in replaced
         if name not in contents and os.path.lexists((folder / name).parent)
     ]
+    # All paths are looked at before the first is written, so that a refusal leaves nothing half
+    # done.
     if study:
         for name in (*contents, *gone):
             own_file(folder / name, study)
@@ -274,6 +287,7 @@ def write_files(
             stack.enter_context(made_folder(place))
         for name, data in contents.items():
             write_whole(folder / name, data, _PRIVATE_FILE)
+        # Only after the new files are there: a failure before leaves the old report whole.
         for name in gone:
             (folder / name).unlink(missing_ok=True)
 

@@ -49,9 +49,12 @@ def _digest(folder: Path, name: str) -> str | None:
         return None
     try:
         whole = folder.resolve(strict=True) / name
+        # No link in its path: the picture could otherwise be any file of the user, shown and
+        # digested.
         if whole.resolve(strict=True) != whole or not whole.is_file():
             return None
         with whole.open("rb") as file:
+            # One byte more than allowed shows that a file is too large, without reading all of it.
             data = file.read(LARGEST_BYTES + 1)
     except (OSError, ValueError):
         return None
@@ -62,7 +65,9 @@ def _is_shown(data: bytes) -> bool:
     from PIL import Image
 
     try:
+        # Only these two decoders: the file may come from a stranger, and others can start programs.
         with Image.open(BytesIO(data), formats=_FORMATS) as picture:
+            # Before it is decoded, because a small file can hold an enormous picture.
             if max(picture.size) > LARGEST_SIDE:
                 return False
             picture.load()
@@ -260,16 +265,20 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
     except BaseException:
         from runner.journal.opening import unused
 
+        # With events in it, a folder holds data, which nothing here may remove.
         if unused(folder.journal):
+            # A folder that was there and empty stays.
             take_away([topmost] if topmost else place.iterdir())
         raise
 
 
 def named_after(name: str, text: str) -> str:
     """Return the template `text` with `name` as the study's name, unless it is blank."""
+    # A folder's name may be no valid text, and may hold what a terminal would obey.
     shown = printable(name.encode(errors="replace").decode()).strip()[:LONGEST_NAME]
     # A JSON string is also a valid TOML string.
     key = f"name = {json.dumps(shown, ensure_ascii=False)}"
+    # A function, because a backslash in a name would be read as a group.
     return re.sub(r'(?m)^name = "\w+"$', lambda _: key, text, count=1) if shown else text
 
 

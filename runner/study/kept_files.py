@@ -53,6 +53,7 @@ class KeptFiles:
             if digest == _digest(name, content):
                 os.utime(path)  # so that it is not among those used longest ago
                 return content
+            # A damaged file would be read in vain each time.
             path.unlink()
         except OSError:
             pass
@@ -64,12 +65,14 @@ class KeptFiles:
         beside = self._folder / f".{secrets.token_hex(8)}"
         try:
             everything.mkdir(0o700, parents=True, exist_ok=True)
+            # In a folder where others can write, a result could be theirs.
             if not _is_private(everything):
                 return
             self._folder.mkdir(0o700, exist_ok=True)
             try:
                 with open(beside, "xb", opener=_opened_private) as file:
                     file.write(_digest(name, content) + content)
+                # Renamed when it is whole, because another process may read it at any moment.
                 beside.replace(self._folder / name)
             finally:
                 beside.unlink(missing_ok=True)
@@ -156,6 +159,8 @@ def _is_private(folder: Path) -> bool:
 
 
 def _opened_itself(path: str, flags: int) -> int:
+    # No link is followed, and a pipe in its place is opened without waiting for somebody who
+    # writes.
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
 
 

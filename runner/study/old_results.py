@@ -49,6 +49,7 @@ def old_results(study: Path, participant: str) -> OldResults:
             if (holds := _search_of(path)) is None:
                 continue
             size, searched = path.stat().st_size, searched + 1
+            # Counted and told, so that nobody takes a search that was cut short for a clean result.
             if searched > MOST_FILES or size > budget:
                 unsearched += 1
                 continue
@@ -66,6 +67,7 @@ def _search_of(path: Path) -> Callable[[Path, str], bool] | None:
     Raises:
         OSError: it cannot be read.
     """
+    # By its first bytes, because a copy of the journal may have any name.
     with path.open("rb") as file:
         start = file.read(len(_DATABASE))
     if start == _DATABASE:
@@ -99,6 +101,7 @@ def _result(path: Path, study: Path) -> Path:
 
     An export may contain a report.
     """
+    # From the outermost folder, because an export may contain a report.
     inside = reversed(path.relative_to(study).parents[:-1])
     folders = (study / folder for folder in inside)
     with_tops = (each for each in folders if any((each / top).is_file() for top in _TOPS))
@@ -106,6 +109,7 @@ def _result(path: Path, study: Path) -> Path:
 
 
 def _names(path: Path, participant: str) -> bool:
+    # A name can be found in a file that is not all text.
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     if path.suffix in _TABLES:
         return _table_names(text, participant, tabs=path.suffix == ".tsv")
@@ -120,8 +124,10 @@ def _table_names(text: str, participant: str, *, tabs: bool) -> bool:
         rows = (line.rstrip("\n").split("\t") for line in lines)
     try:
         header = next(rows, [])
+        # Only these columns, because a pseudonym that is a number would be found among scores.
         who = {n for n, name in enumerate(header) if name in _WHO} or {*range(len(header))}
         return any(
+            # Exports put an apostrophe before what a spreadsheet would take for a formula.
             n in who and cell.removeprefix("'") == participant
             for row in rows
             for n, cell in enumerate(row)
@@ -141,6 +147,7 @@ def _mention(participant: str) -> str:
     in_latex = participant.replace("_", r"\_")
     forms = {participant, json.dumps(participant)[1:-1], html.escape(participant), in_latex}
     name = f"(?:{'|'.join(map(re.escape, sorted(forms)))})"
+    # A bare number stands everywhere in a report.
     if participant.isdecimal():
         return rf'(?m)(?<!=)"{name}["/]|"row">{name}<|^{name} &|(?<![\w./-]){name}/\d'
     return rf"(?<![\w-]){name}(?![\w-])"

@@ -24,6 +24,7 @@ def own_key() -> bytes:
     path = state_folder() / "power.key"
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:
+        # `x`: of two processes that begin at once, one makes the key and the other reads it.
         with open(path, "xb", opener=partial(os.open, mode=0o600)) as new:
             new.write(secrets.token_bytes(_KEY_BYTES))
     except FileExistsError:
@@ -61,6 +62,7 @@ class PowerFolder:
         kept = self.chunks / f"{name}.npy"
         require_end(kept)
         try:
+            # Nothing, but not None: it is there, and the warning counts it.
             return kept.read_bytes() if kept.stat().st_size <= _LARGEST_CHUNK else b""
         except FileNotFoundError:
             return None

@@ -14,6 +14,7 @@ from runner.journal.cohort import SessionSummary, session_summaries, slot_for
 from runner.journal.names import REHEARSAL, parsed_name, session_name
 
 _OVER = ("completed", "excluded", "withdrawn")
+# The default of the study file, for a study whose file cannot be read now.
 _RESUME_WITHIN_H = 24.0
 
 
@@ -173,5 +174,6 @@ def _following(participants: Sequence[str]) -> str:
     counted = [found for name in participants if (found := re.fullmatch(r"(.*?)(\d+)", name))]
     if not counted:
         return "P01"
+    # The largest number and not the latest session, because people may come in any order.
     last = max(counted, key=lambda found: int(found[2]))
     return f"{last[1]}{int(last[2]) + 1:0{len(last[2])}d}"

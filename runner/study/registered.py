@@ -172,6 +172,7 @@ def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) 
     """
     path, text = folder.path / REGISTRY_FILE, folder.text()
     known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
+    # Another version may word it otherwise, and another study file gives another text.
     if not (known and path.exists()):
         return ""
     if bytes_of(path, most=LONGEST_TEXT) == registry_text(parsed_study(text), made).encode():
@@ -244,6 +245,7 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
         found = json.loads(text_of(content, path))
         said = {"answer": _line(found["answer"])} if "answer" in found else {}
         tests = {_line(test["name"]): _power(test) for test in found.get("tests", [])}
+        # Results of earlier versions do not name the study file and are taken as its.
         simulated = str(found.get("study_sha256", study_sha256))
     except (
         ValueError,
@@ -295,9 +297,13 @@ def register(
     file, for_registry = (
         own_file(folder.path / name, folder.path) for name in (FILE, REGISTRY_FILE)
     )
+    # Alone, so that no first session begins between the question whether there is one and the
+    # registration.
     with journal_if_used(folder.journal) as journal, journal.alone():
         recorded, kept = in_force(journal), registration_of(folder.path)
         begun, replaced = real_sessions(journal), ""
+        # The file was lost after sessions began: the journal has all of it, whatever options are
+        # given now.
         if recorded is not None and kept is None and begun:
             made = registration_in(recorded.text)
         elif recorded is None or recorded.registration != made.digest:
@@ -306,6 +312,7 @@ def register(
             replaced = _replaced(recorded, made) if recorded else ""
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
+    # After the event: a file without one is refused, and a lost file is restored from the journal.
     write_whole(file, made.text().encode())
     write_whole(for_registry, registry_text(study, made).encode())
     return made, replaced

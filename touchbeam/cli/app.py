@@ -52,10 +52,13 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     # With one thread, sums are in the same order on every computer: the same input, same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Taken out here, so that it works at any place and also if the command line itself is wrong.
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1
     try:
         with signals_raise(), warnings_in_lines():
+            # Not standalone, because typer would then print errors in its own form and end the
+            # process.
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
     except Exception as error:
         code = complain_of(error, debug=debug)

@@ -53,6 +53,7 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
     from runner.launch.probe import probed
 
     with rig_lock(url):
+        # Under the lock: two programs that ask at one port would get each other's answers.
         status = probed(url, touchbeam_command())
     if as_json:
         print_json(status)
@@ -86,6 +87,8 @@ def device_sweep(
     from runner.launch.probe import kept, swept
 
     with rig_lock(url):
+        # Under the lock, because this drives the beam, on which a participant's finger may lie in a
+        # session.
         found, idn = swept(url, near, dialect, touchbeam_command())
     file = kept(keep, found, idn) if keep else None
     if as_json:

@@ -103,6 +103,7 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
         if unlocked:
             say(f"FAIL  {unlocked}")
         names = [session_name(verdict.participant, verdict.session) for verdict in found]
+        # Nobody runs a session in a backup.
         running = set() if study.is_file() else held_sessions(names, study)
         for verdict in found:
             say(verdict.line(running))
@@ -246,6 +247,7 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
 
     folder = StudyFolder(path=study)
     text = folder.text()
+    # Before it is accepted: an accepted file cannot be taken back, only replaced.
     proved_study(text, str(folder.study_file))
     with study_journal(folder, to_write=True) as journal:
         broken = accept(journal, clock := WallClock(), text, reason)
@@ -284,14 +286,17 @@ def withdraw(
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         chains = sessions_of(journal, participant, rehearsal=rehearsal)
         for name in dict.fromkeys(parsed_name(chain).plain for chain in chains):
+            # A session that is running would go on writing what is being erased.
             stack.enter_context(session_lock(name, study))
         names = {chain: spoken_name(journal, chain) for chain in chains}
         left = unerased(journal, chains)
         if left and not yes:
             told = "; ".join(f"{names[chain]}, {what}" for chain, what in left.items())
+            # A program cannot answer a question: it is told the option.
             ask = refused if as_json else require_confirmation
             ask(f"this erases for good: {told}", "add --yes to erase without a question")
         erase(journal, WallClock(), participant, rehearsal=rehearsal)
+        # Kept results hold scores of the participant, too.
         if remaining := forget(journal):
             complain(f"{remaining}: kept results cannot be deleted; delete this folder")
         kept = [] if rehearsal else chains_of(journal, participant, rehearsal=True)

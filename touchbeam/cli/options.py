@@ -84,6 +84,8 @@ class Choosing(TyperCommand):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         for parameter in self._choices():
+            # Typer asks for this text only if an option is missing, so that the choices are not
+            # looked up before.
             vars(parameter)["get_missing_message"] = partial(_choose_from, parameter.name)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -247,6 +249,8 @@ def _reason(given: str) -> str | None:
 def _text(given: str | None) -> str | None:
     """Refuse text that is not valid UTF-8: the journal cannot store it."""
     try:
+        # An argument that is not UTF-8 comes from Python as halves of characters, which cannot be
+        # encoded.
         return given if given is None else given.encode().decode()
     except UnicodeEncodeError:
         raise BadInput(f"text must be valid UTF-8, got {given!r}") from None

@@ -18,6 +18,8 @@ import typer
 from protocol.errors import BadInput, WorkFailed
 from runner.people.terminal import at_terminal, visible, visible_json
 
+# Columns for a table in a pipe: no cell is cut or wrapped, so that programs and searches find it
+# whole.
 WIDE = 10_000
 _SHORT_WORD = 8
 
@@ -101,9 +103,11 @@ def require_confirmation(fact: str, option: str) -> None:
     Raises:
         BadInput: it is not, or there is no terminal to ask at; the message gives `option`.
     """
+    # A question that goes into a file would wait for ever, and a pipe is nobody's answer.
     if not at_terminal(sys.stdin, sys.stderr):
         raise BadInput(f"{fact}; {option}")
     complain(f"touchbeam: {fact}.")
+    # On standard error, so that standard output has only what the command gives.
     typer.echo("Go on? [y/N] ", nl=False, err=True)
     if sys.stdin.readline().strip().lower() not in {"y", "yes"}:
         raise BadInput(f"nothing was done; {option}")
@@ -113,6 +117,7 @@ def print_json(document: object) -> None:
     """Print `document` as the only JSON document of a command."""
     import json
 
+    # No NaN, because JSON has none: programs that read it would fail.
     print_json_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
 
 
@@ -142,6 +147,7 @@ def warnings_in_lines() -> Iterator[None]:
 
 def _computing(category: type[Warning]) -> str:
     """Return what was computed when numpy warned of a number, and what that means for results."""
+    # The warning itself tells only the line in numpy; ours is further up.
     frame = sys._getframe() if issubclass(category, RuntimeWarning) else None
     while frame and not frame.f_globals["__name__"].startswith(("analysis.", "device.")):
         frame = frame.f_back
@@ -166,6 +172,7 @@ def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: boo
     from rich.table import Table
 
     def shown(text: str) -> str:
+        # Names from a study file may hold what rich takes for markup.
         return escape(visible(text))
 
     header, *rows, last = lines
@@ -248,7 +255,9 @@ def complain_of(error: BaseException, *, debug: bool) -> int:
 def complaint(error: BaseException) -> tuple[str, int]:
     """Return the error line for the user and the exit code."""
     line, code = _line(error)
+    # A device's error may say "output off, read back" already.
     notes = [note for note in getattr(error, "__notes__", ()) if note not in line]
+    # One line, whatever line feeds an error of a library contains.
     return " ".join("; ".join([line, *notes]).split()), code
 
 
@@ -285,8 +294,11 @@ def _line(error: BaseException) -> tuple[str, int]:
         case WorkFailed():
             return str(error), WORK_FAILED
         case OSError(filename=str() as path, strerror=str() as why):
+            # A wrong path is the user's to correct; a full disk is not wrong input.
             code = BAD_INPUT if error.errno in _PATHS_GIVEN_WRONG else WORK_FAILED
             return f"{path}: {why}", code
+        # An error without a file name comes from the standard output, which may lead to a file on a
+        # full disk.
         case OSError(errno=errno.ENOSPC | errno.EFBIG | errno.EDQUOT, strerror=str() as why):
             return f"cannot write to standard output ({why})", WORK_FAILED
     return (

@@ -25,6 +25,7 @@ _MOST_DIGITS = 9
 def _numbers(given: str | None, option: str) -> list[int]:
     """Return whole numbers given by commas."""
     texts = [] if given is None else given.split(",")
+    # Before `int`, which refuses numbers of more than 4300 digits in words of its own.
     if any(len(text.strip()) > _MOST_DIGITS for text in texts):
         raise BadInput(
             f"{option} must be numbers of at most {_MOST_DIGITS} digits, got a longer one"
@@ -38,6 +39,7 @@ def _numbers(given: str | None, option: str) -> list[int]:
 
 def _cores() -> int:
     """Return the number of cores that this process may use."""
+    # A container or a batch system may give fewer cores than the computer has.
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -102,6 +104,7 @@ def power(
     folder = StudyFolder(path=study)
     file = folder.study()
     if people is not None:
+        # Read here for its errors alone: workers read the text that the job holds.
         people_in_file(people)
     wanted = designs(
         file,
@@ -110,6 +113,7 @@ def power(
         _numbers(levels, "--levels"),
     )
     for design in wanted:
+        # Each design is tried before the first is simulated, because that takes minutes.
         designed(file, design)
     if len(file.conditions) < 2:
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")

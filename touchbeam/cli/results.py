@@ -132,6 +132,7 @@ def ladder(
     """
     from analysis.model.ladder import ladder_json, ladder_lines, ladder_panel, measured_ladder
 
+    # Refused before the rungs are timed, which takes a while.
     kind = plot.suffix.removeprefix(".").lower() if plot else "svg"
     if kind not in ("svg", "png", "pdf"):
         raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
@@ -211,6 +212,8 @@ def write_report(
     place = out or folder.report
     if place.exists() and not place.is_dir():
         raise BadInput(f"{place}: must be a folder for the report, got a file")
+    # A folder that the user named may be or contain a link; one in a study may come from a
+    # stranger.
     own = None if out else folder.path
     write_files(made.files, place, replaced=made.figure_files, study=own)
     if as_json:
@@ -251,10 +254,13 @@ def _kept_report(
     def make() -> Written:
         made = _made(folder, rehearsals=rehearsals, named=named, figures=figures, alone=alone)
         too_large = sum(map(len, made.files.values())) > _MOST_KEPT
+        # A session went on meanwhile: the report belongs to another state of the journal than
+        # `before`.
         if too_large or journal_digest(folder.journal) != before:
             raise _NotToKeep(made)
         return made
 
+    # All that the report depends on besides the data: with anything else it must be made anew.
     asked = (folder.path.resolve().name, rehearsals, named, shown, figures)
     rig = fitted_calibration(folder.path)
     try:
@@ -286,6 +292,7 @@ def _made(
     from runner.journal.verification import readable_chains
 
     shown = folder.report_sections() if named is None else named
+    # Before anything is read, which may take long.
     require_sections(shown or ())
     broken: list[str] = []
     with study_journal(folder) as journal:

@@ -128,6 +128,7 @@ def export(
         )
         texts = EXPORTS[as_format](data)
         if as_format in WITH_SOURCE:
+            # Read a second time, because all events of a large study do not fit the memory at once.
             again = readable_chains(journal, [], participant)
             texts |= source_files(data, again, source.text())
     warn_of_broken(broken, study)

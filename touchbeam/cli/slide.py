@@ -76,7 +76,9 @@ def slide(
         write_result(folder, session, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)
         return
     simulated = (device or folder.study().rig.device) == SIMULATED
+    # What nobody drew at a rig must never count as an experiment.
     rehearsal = rehearsal or simulated
+    # The last one, because the same command goes on where it stopped.
     number = session or _last_session(folder, rehearsal=rehearsal)
     options = SessionOptions(
         folder=folder,
@@ -92,6 +94,7 @@ def slide(
         slides=True,
         touchbeam=touchbeam_command(),
     )
+    # Standard output then holds the JSON document alone.
     tell = complain if as_json else say
     state = run_session(options, say=tell)
     made = f"{len(state.answered)} pass{'es' * (len(state.answered) != 1)}"

@@ -58,8 +58,11 @@ def demo(
 
     population = SENSITIVE if people is None else people_in_file(people)
     folder = StudyFolder(path=out or numbered(Path("demo")))
+    # If the demo fails before its first session, its folder is removed again.
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
+    # Rehearsals, because a simulated device makes them so, and without them there is nothing to
+    # report.
     write_report(folder, None, rehearsals=True, as_json=False)
     sessions = "the session" if participants == 1 else f"each of {participants} sessions"
     say(f"Device off, read back after {sessions}.")
@@ -222,6 +225,7 @@ def run(
     )
     state = run_session(options, say=say, confirm=require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
+    # A generator reads back no force, so that each of its touches would count.
     unfelt = sum(state.unfelt.values()) if options.folder.study().rig.dialect == "board" else 0
     fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
     say(

@@ -31,6 +31,7 @@ def assert_never_above(cohort: Sequence[Plan], voltage_v: float) -> None:
 def assert_each_condition(study: Study, cohort: Sequence[Plan], times: int) -> None:
     """Assert that every participant has `times` trials of each condition, catch trials aside."""
     for plan in cohort:
+        # Practice and catch trials have a condition, too, and are no repeats of it.
         felt = Counter(trial.condition for trial in plan.trials if trial.kind == "trial")
         for name in study.conditions:
             if felt[name] != times:

@@ -411,6 +411,7 @@ class ScoresImported(Event):
 Opening = SessionOpened | ScoresImported
 """The first event of a session."""
 
+# A record becomes an event by being defined here: no list of them can be out of date.
 EVENTS: tuple[type[Event], ...] = tuple(Event.__subclasses__())
 """In the order in which they are defined above."""
 TAGS: Mapping[str, type[Event]] = {event.TAG: event for event in EVENTS}

@@ -289,6 +289,7 @@ class Recording(JsonRecord):
         Raises:
             DamagedSamplesError: they are not those that were recorded.
         """
+        # The count is a stranger's in an imported journal: it says how much memory is taken below.
         if not 0 <= self.count <= MOST_COUNTS:  # compressed, they fit into a thousandth of it
             raise DamagedSamplesError(f"samples cannot be {self.count} in number")
         expected = self.count * BYTES_PER_COUNT * len(CHANNELS)

@@ -58,6 +58,7 @@ def _trial_rows(shown: Preview, model: Prediction) -> Iterator[tuple[str, ...]]:
         yield (
             str(trial.index),
             str(trial.block) if trial.block else "",
+            # Scored trials are the rule, so that only other kinds are named.
             "opposite" if trial.opposite else trial.kind.replace("trial", ""),
             trial.condition or "",
             _courses(trial, "voltage_v"),
@@ -198,6 +199,7 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
     yield "How often the condition of a column directly follows that of a row:"
     header = ("", *names)
     rows = [
+        # The diagonal is empty in most designs: a condition does not follow itself.
         (name, *("" if a == b and not count else str(count) for b, count in enumerate(row)))
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
     ]

@@ -55,6 +55,7 @@ def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
     yield "frequency, Hz,", hertz, rig.max_frequency_hz
     yield "slew, V/us,", 2e-6 * pi * hertz * volts, rig.max_slew_v_per_us
     yield "ramp, V/s,", abs(touch.end_voltage_v - touch.voltage_v) / seconds, rig.ramp_v_per_s
+    # The lead-in counts, because the first drive is on during it.
     yield "drive, s,", before_s + seconds if volts else 0.0, rig.max_drive_s
     if rig.amplifier_gain is not None:
         yield "generator, V peak-to-peak,", 2 * volts / rig.amplifier_gain, rig.generator_max_vpp
@@ -86,9 +87,11 @@ def _beams(study: Study, plan: Plan) -> Violations:
 def plan_s(study: Study, plan: Plan) -> float:
     """Return the duration of the plan, s, computed here independently of `protocol.plan`."""
     timing, rig = study.timing, study.rig
+    # The rig has the study's own beam at first, so that another one at the beginning is a swap.
     mounted = _mounted(study, plan)
     total_s = timing.beam_swap_s * sum(a != b for a, b in pairwise(mounted))
     blocks = len({trial.block for trial in plan.trials} - {0})
+    # Questions after trials are counted with the trials below.
     times = {"before": 1, "after": 1, "block": blocks}
     total_s += timing.reading_s if study.design.practice_trials else 0.0
     for page in study.page:
@@ -165,6 +168,7 @@ def _course(touch: Touch, level: float, *, backwards: bool) -> tuple[list[float]
 
 
 def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list[object]]) -> bool:
+    # Levels are multiplied in, which may round the last bit.
     return one[1] == other[1] and all(
         isclose(a, b, rel_tol=1e-12) for a, b in zip(one[0], other[0], strict=True)
     )

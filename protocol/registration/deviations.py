@@ -92,6 +92,7 @@ def _of_files(registered: Registration, conduct: Conduct) -> Iterator[Deviation]
             "study file",
             f"amended at {change.utc:%Y-%m-%d %H:%M} UTC, which broke the lock: {change.reason}",
         )
+    # The file may have changed without an amendment, or an amended one back again.
     if conduct.study_sha256 != registered.study_sha256:
         yield Deviation("study file", "the present study file is not the registered one")
 
@@ -130,6 +131,7 @@ def _named(deviation: tuple[str, str], sessions: Sequence[str]) -> Iterator[Devi
 
 
 def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
+    # More is a deviation, too: the data collection was then ended by another rule.
     if conduct.participants != registered.participants:
         less = "fewer" if conduct.participants < registered.participants else "more"
         yield Deviation(

@@ -28,12 +28,14 @@ def registry_text(study: Study, registered: Registration) -> str:
     """Return the text, in plain English."""
     parts = [
         ("Title", [study.publication.title or registered.study]),
+        # What the study file does not say is left to its author and never invented.
         ("Authors", [", ".join(study.publication.authors) or "(to be filled in)"]),
         ("Hypotheses", _hypotheses(study, registered)),
         ("Study type", ["Experiment, within participants."]),
         ("Blinding", [_blinding(study)]),
         ("Study design", _design(study)),
         ("Randomization", _randomisation(study, registered)),
+        # True by itself: `register` refuses a study that has had a session.
         ("Existing data", ["Registration took place before the first session with a participant."]),
         ("Sample size and stopping rule", _stopping(registered)),
         ("Sample size rationale", _power(registered)),

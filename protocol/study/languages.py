@@ -81,6 +81,7 @@ def built_in_codes() -> tuple[str, ...]:
 @cache
 def built_in(code: str) -> Language:
     """Return one of the languages that every study has."""
+    # The encoding is named, because on some systems the usual one is not UTF-8.
     text = (FOLDER / f"{code}.toml").read_text(encoding="utf-8")
     return Language.model_validate(tomllib.loads(text))
 

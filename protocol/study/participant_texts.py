@@ -44,6 +44,7 @@ def required_codes(study: Study) -> tuple[str, ...]:
     # A default that nobody wrote demands nothing.
     if "language" in study.session.model_fields_set:
         wanted.add(study.session.language)
+    # In the order of the study's codes, so that problems are listed alike each time.
     return tuple(code for code in study_codes(study) if code in wanted)
 
 

@@ -378,6 +378,7 @@ class Rating(Record):
         return self.maximum - self.minimum
 
 
+# Validated as any study's scale, so that the paper's bands are known to cover it.
 PAPERS_SCALE = Rating.model_validate(
     {
         "bands": [

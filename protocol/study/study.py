@@ -50,6 +50,7 @@ class Item(Record):
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
+        # A trial without a question can expect no answer.
         allowed = ANSWERS[self.question] if self.question else (None,)
         if self.expected not in allowed:
             raise ValueError(
@@ -99,6 +100,7 @@ class Study(Record):
     """A whole study, as `study.toml` gives it."""
 
     study: Annotated[Header, Field(description="Which study this is.")]
+    # Records are frozen, so that a default can be one record that all studies share.
     rig: Annotated[Rig, Field(description="The device, and limits that no trial may exceed.")] = (
         Rig()
     )
@@ -154,6 +156,8 @@ class Study(Record):
     publication: Annotated[
         Publication, Field(description="Facts for exported data that only the author knows.")
     ] = Publication()
+    # Any name will do for a key, because a touch may name one as its instruction. What is neither
+    # that nor built in is refused by `text_checks`.
     texts: Annotated[
         dict[KnownCode, dict[Name, Annotated[str, Field(min_length=1)]]],
         Field(description="Texts that replace the built-in ones, per language."),
@@ -214,5 +218,7 @@ class Study(Record):
         return tuple(
             question
             for question in self.questions("trial")
+            # A question that names no conditions is asked after all of them, but not after an
+            # opening.
             if condition in (question.conditions or self.conditions)
         )

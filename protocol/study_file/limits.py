@@ -380,6 +380,7 @@ def _highest_hz(study: Study, touch: Touch) -> float:
     limits = [rig.max_frequency_hz / touch.peak_frequency]
     if slew > 0:
         limits.append(rig.max_slew_v_per_us / slew)
+        # Without a capacitance no current is known, so that its limit cannot be reached.
         if rig.max_current_ma is not None and rig.capacitance_nf:
             limits.append(rig.max_current_ma / (slew * rig.capacitance_nf))
     return min(limits)

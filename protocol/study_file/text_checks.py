@@ -131,6 +131,7 @@ def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
         yield Problem(where=where, rule=TYPED_TO_CHOOSE, value=repr(text), path=path)
     elif unprintable(text):
         yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
+    # A field that is missing would not be told to the participant; one too many stops the page.
     elif _fields(text) not in (allowed := _allowed_fields(key)):
         wanted = " or ".join(", ".join(fields) or "none" for fields in allowed)
         yield Problem(
@@ -181,6 +182,7 @@ def _allowed_fields(key: str) -> list[list[str]]:
 def _fields(text: str) -> list[str]:
     """What stands in braces; a brace that is not closed counts as one of its own."""
     try:
+        # Read by what fills the texts later, so that both agree on what is a field.
         parsed = list(Formatter().parse(text))
     except ValueError:
         return ["{"]
@@ -277,6 +279,7 @@ def _name_problems(study: Study) -> Iterator[Problem]:
     taken = set(TAKEN)
     for number, question in enumerate(study.question):
         name = question.name
+        # A question fills two columns, and either may be taken.
         if name in taken or name + REACTION_TIME in taken:
             rule = "a question must have a name of its own, for it becomes a column"
             yield _problem(question, ("question", number, "name"), rule, repr(name), "rename it")
@@ -284,6 +287,7 @@ def _name_problems(study: Study) -> Iterator[Problem]:
 
 
 def _key_problems(study: Study, question: StudyQuestion) -> _Found:
+    # Only what the file gives: a default is wrong for nobody.
     for key in sorted(question.model_fields_set & _KINDS.keys()):
         if question.kind not in _KINDS[key]:
             kinds = ", ".join(sorted(_KINDS[key]))

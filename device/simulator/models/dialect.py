@@ -27,6 +27,8 @@ class Status:
 
     def complain(self, error: ScpiError) -> None:
         """Put `error` into the queue; a full one ends in -350, as SCPI asks."""
+        # A code of any other hundred is the maker's own, which IEEE 488.2 calls device-dependent
+        # (bit 3).
         self.events |= _EVENT_BITS.get(abs(error.code) // 100, 8)
         if len(self.errors) < QUEUE_LENGTH:
             self.errors.append((error.code, error.text))
@@ -46,6 +48,8 @@ class Status:
 
     def byte(self) -> int:
         """Return the status byte."""
+        # SCPI-99: bit 2 says that there are errors, bit 5 that there are events, bit 6 either of
+        # them.
         errors = 4 if self.errors else 0
         events = 32 if self.events & self.enabled_events else 0
         request = 64 if (errors | events) & self.enabled_requests else 0

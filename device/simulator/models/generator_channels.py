@@ -276,6 +276,7 @@ class Channels:
             self.all[channel - 1].output = on
 
     def _load(self, call: Call) -> float:
+        # SCPI has a number for infinity, and no word.
         return min(self.of(call).load_ohm, SCPI_INFINITY)
 
     def _set_load(self, call: Call) -> None:
@@ -350,6 +351,7 @@ class Channels:
                 lambda part: self._set_amplitude(part, part.argument),
                 self._set_offset,
             )
+            # Not strict, because the last values may be left out.
             for setter, value in zip(setters, values, strict=False):
                 if value.upper() not in {"DEF", "DEFAULT"}:
                     setter(Call(argument=value, channel=call.channel))

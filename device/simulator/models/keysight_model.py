@@ -83,6 +83,7 @@ class KeysightDialect(GeneratorDialect):
         # With an immediate trigger bursts follow one another all the time.
         if not settings["BURSt"] or self._trigger_source() == "IMM":
             return True
+        # Device time ends a burst, so that a stepped clock does, too.
         return self._burst_end_s is not None and self._instrument.time_s < self._burst_end_s
 
     def _preset(self) -> None:

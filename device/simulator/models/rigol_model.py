@@ -68,6 +68,7 @@ class RigolChannels(Channels):
         return f"{value:.{self._model.digits}E}"
 
     def _drive(self) -> dict[str, Handler]:
+        # Rigol knows the load by two names.
         impedance = "OUTPut#:IMPedance"
         return {
             **super()._drive(),

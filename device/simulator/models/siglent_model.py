@@ -69,6 +69,7 @@ class SiglentDialect(GeneratorDialect):
             "COUP": lambda _, words: self._couple(words),
             **{mode: partial(self._set_mode, mode) for mode in _MODES},
         }
+        # No handlers of SCPI: `answer` reads the lines of this dialect itself.
         super().__init__(instrument, Channels(instrument, model), (), {})
 
     def answer(self, line: str) -> str | None:
@@ -145,6 +146,7 @@ class SiglentDialect(GeneratorDialect):
     def _set_output(self, number: int, words: list[str]) -> None:
         channel = self.channels[number - 1]
         if words[0] in {"ON", "OFF"}:
+            # The switch comes first, if it is there at all: only pairs are left after it.
             self._channels.switch(number, on=words.pop(0) == "ON")
         pairs = _pairs(words)
         if pairs.get("PLRT") in {"NOR", "INVT"}:
@@ -153,6 +155,7 @@ class SiglentDialect(GeneratorDialect):
         if load == "HZ":
             channel.load_ohm = math.inf
         elif (ohm := _number(load)) is not None:
+            # Clipped without a word, as everything else here: only reading back shows it.
             channel.load_ohm = min(max(ohm, 50.0), 100_000.0)
 
     def _wave(self, number: int) -> str:

@@ -195,7 +195,8 @@ def _table(record: _Schema) -> str:
         for key, entry in record["properties"].items()
     ]
     if isinstance(other := record.get("additionalProperties"), dict):
-        rows.append(f"| a language's code | {_kind(other)} | {_meaning(other)} |")
+        rest = "; else the language's own" if record["title"] == "Band" else "; must be given"
+        rows.append(f"| a language's code | {_kind(other)} | {_meaning(other)}{rest} |")
     return "\n".join(["| key | value | meaning |", "|---|---|---|", *rows, ""])
 
 

@@ -83,7 +83,7 @@ class Study:
     def _frames(self) -> "Frames":
         from analysis.export.dataset import asked_questions
         from analysis.export.trial_table import Frames
-        from analysis.felt.measured_trials import with_measures
+        from analysis.felt.measured_statistics import with_measures
 
         sessions = self.recorded.sessions
         rehearsed = sessions["session_kind"].eq("rehearsal")
@@ -170,7 +170,7 @@ class Study:
         contrast that was measured, and its error, follow where friction was recorded. All are the
         numbers of the report.
         """
-        from analysis.felt.measured_trials import measured_trials
+        from analysis.felt.measured_statistics import measured_trials
         from analysis.loading.study_lock import default_rig
         from analysis.trials.contrasts import trial_contrasts
 

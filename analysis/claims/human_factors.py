@@ -20,9 +20,8 @@ from analysis.claims.published_scores import (
     short,
 )
 from analysis.estimates import FloatArray, Interval
-from analysis.sensitivity.lines import SMALL_SPREAD
+from analysis.sensitivity.lines import SMALL_SPREAD, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.ratings import Ratings
 from device.friction import changes
 from device.friction.changes import CONDITIONS
 from device.friction.contrasts import predicted_contrast

@@ -15,7 +15,7 @@ import pandas as pd
 from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import contrast_table, participant_table, trial_table
-from analysis.felt.measured_trials import with_measures
+from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_lock import default_rig, study_lock

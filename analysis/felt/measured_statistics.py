@@ -1,28 +1,256 @@
 """Sensitivities on measured contrasts: M1, M2 and M3, contrasts by condition, and predictors."""
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from analysis.estimates import FloatArray, NotEstimable
-from analysis.felt.measured_trials import MeasuredTrials, measured_trials
-from analysis.felt.predictors import predictor_scores
+from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
+from analysis.friction.measured_contrast import (
+    Compared,
+    MeasuredContrast,
+    Rest,
+    borrowed_contrasts,
+    measured_contrast,
+    rest_of,
+)
+from analysis.friction.recorded import (
+    FRICTION,
+    PREDICTORS,
+    Jitter,
+    TouchForces,
+    TouchMeasures,
+    jitter_of,
+    touch_measures,
+    zero_drift_n_per_s,
+)
 from analysis.kept import Kept
-from analysis.loading.sessions import is_scored
+from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import checked_ordinal, checked_two_stage
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.trials.contrasts import TrialContrasts, detection_trials, scored_trials
+from analysis.trials.contrasts import TrialContrasts, detection_trials, scored_trials, trial_changes
 from analysis.trials.trial_checks import FTest, gain_differences
-from analysis.trials.trial_statistics import LawScore
+from analysis.trials.trial_statistics import LawScore, law_scores
+from device.friction.changes import Change
 from device.friction.contrasts import LAW
 from protocol.study.study import Study
+from protocol.study.touch import Touch
+
+# What each trial compared, as it was measured: contrasts with errors, and touches in numbers.
+
+NOT_RECORDED = "it was not recorded"
+
+Forces = Mapping[int, TouchForces | NotEstimable]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SessionFriction:
+    """The recorded touches of a session, its jitter and its resting friction."""
+
+    touches: Mapping[int, TouchForces]
+    jitter: Jitter | NotEstimable
+    rest: Rest | NotEstimable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredTrials:
+    """Measured contrasts of trials, shape (trials,) each, NaN where there is none.
+
+    `value` and `error` are of the trial alone, `best` and `best_error` borrow from others (see
+    `borrowed_contrasts`; of scored trials alone). `predictors` has what else might be felt. `why`
+    has the reason why a trial has no contrast, None where it has one.
+    """
+
+    value: FloatArray
+    error: FloatArray
+    best: FloatArray
+    best_error: FloatArray
+    predictors: Mapping[str, FloatArray]
+    why: tuple[str | None, ...]
+
+    @property
+    def known(self) -> BoolArray:
+        """Which trials have a measured contrast."""
+        return np.isfinite(self.value)
+
+
+def session_friction(
+    trials: pd.DataFrame, touches: pd.DataFrame, forces: Forces
+) -> dict[int, SessionFriction]:
+    """Return what was recorded in each session, the drift of its zeros taken off.
+
+    A session without a touch at one place takes the jitter of all others.
+    """
+    session_of = trials["session_id"]
+    planned, attempts = touches["planned"], touches["attempt_id"]
+    by_session: dict[int, dict[int, TouchForces]] = {}
+    for touch, found in forces.items():
+        if isinstance(found, TouchForces):
+            by_session.setdefault(int(session_of[attempts[touch]]), {})[touch] = found
+    for session, own in by_session.items():
+        drift = zero_drift_n_per_s(list(own.values()))
+        by_session[session] = {touch: found.with_drift(drift) for touch, found in own.items()}
+
+    def held(own: Mapping[int, TouchForces]) -> Iterator[TouchForces]:
+        return (found for touch, found in own.items() if _is_held(planned[touch]))
+
+    everyone = jitter_of(found for own in by_session.values() for found in held(own))
+    known = {}
+    for session, own in by_session.items():
+        jitter = jitter_of(held(own))
+        jitter = everyone if isinstance(jitter, NotEstimable) else jitter
+        unforced = [found for touch, found in own.items() if planned[touch].peak_voltage_v == 0]
+        rest = jitter if isinstance(jitter, NotEstimable) else rest_of(unforced, jitter)
+        known[session] = SessionFriction(touches=own, jitter=jitter, rest=rest)
+    return known
+
+
+def _is_held(planned: Touch) -> bool:
+    return planned.place == "smooth" and planned.programme == "hold"
+
+
+def with_measures(study: Study, found: Sessions) -> Sessions:
+    """Return the sessions with what was measured in columns of their own.
+
+    Touches have those of `TouchMeasures`, the last attempt at each trial has `measured_contrast`
+    and `measured_contrast_error`; they are missing where nothing was recorded.
+    """
+    touches = found.touches.assign(**dict.fromkeys(_MEASURES, np.nan))
+    attempts = found.attempts.assign(measured_contrast=np.nan, measured_contrast_error=np.nan)
+    if found.forces:
+        trials = found.trials.join(found.sessions["subject"].rename("participant"), "session_id")
+        own = found.touches[found.touches["attempt_id"].isin(trials.index)]
+        own = own.assign(place_m=found.places_m)
+        forces = {touch: found.forces[touch] for touch in own.index if touch in found.forces}
+        contrasts = measured_trials(study, trials, own, forces)
+        attempts.loc[trials.index, "measured_contrast"] = contrasts.value
+        attempts.loc[trials.index, "measured_contrast_error"] = contrasts.error
+        measures = measures_of_touches(session_friction(trials, own, forces))
+        for name in _MEASURES:
+            touches[name] = touches.index.map(
+                {touch: getattr(each, name) for touch, each in measures.items()}
+            ).astype(float)
+    return replace(found, touches=touches, attempts=attempts)
+
+
+_MEASURES = [entry.name for entry in fields(TouchMeasures)]
+
+
+def measures_of_touches(sessions: Mapping[int, SessionFriction]) -> dict[int, TouchMeasures]:
+    """Return the measures of all recorded touches whose jitter is known, by touch."""
+    return {
+        touch: touch_measures(found, session.jitter)
+        for session in sessions.values()
+        if isinstance(session.jitter, Jitter)
+        for touch, found in session.touches.items()
+    }
+
+
+def measured_trials(
+    study: Study, trials: pd.DataFrame, touches: pd.DataFrame, forces: Forces
+) -> MeasuredTrials:
+    """Return the measured contrasts of `trials`; the tables and `forces` are as in `StudyData`.
+
+    Where nothing was driven, nothing changed: the best contrast of such a catch trial is 0. `study`
+    is the present one, for trials whose own the journal does not hold.
+    """
+    sessions = session_friction(trials, touches, forces)
+    changes = trial_changes(study, trials, touches, as_felt=False)
+    made: dict[int, list[int]] = {attempt: [] for attempt in trials.index}
+    for touch, attempt in zip(touches.index, touches["attempt_id"], strict=True):
+        made[attempt].append(touch)
+    found = [
+        _of_trial(change, touches.loc[own, "planned"], forces, sessions.get(session))
+        for change, own, session in zip(changes, made.values(), trials["session_id"], strict=True)
+    ]
+    columns = np.array([_numbers(each) for each in found]).reshape(len(found), -1).T
+    value, error = columns[:2]
+    best, best_error = value.copy(), error.copy()
+    known = np.isfinite(value)
+    scored = known & trials["trial_kind"].eq("trial").to_numpy()
+    if scored.any():
+        chosen = trials[scored]
+        borrowed = borrowed_contrasts(
+            pd.factorize(chosen["participant"])[0],
+            pd.factorize(chosen["condition"])[0],
+            chosen["level"].to_numpy(),
+            value[scored],
+            error[scored],
+        )
+        best[scored], best_error[scored] = borrowed.values, borrowed.errors
+    undriven = known & trials["trial_kind"].eq("catch").to_numpy()
+    best[undriven], best_error[undriven] = 0.0, 0.0
+    return MeasuredTrials(
+        value=value,
+        error=error,
+        best=best,
+        best_error=best_error,
+        predictors=dict(zip(PREDICTORS, columns[2:], strict=True)),
+        why=tuple(each.reason if isinstance(each, NotEstimable) else None for each in found),
+    )
+
+
+def _numbers(found: MeasuredContrast | NotEstimable) -> list[float]:
+    """Return contrast, error and predictors, or as many missing numbers."""
+    if isinstance(found, NotEstimable):
+        return [np.nan] * (2 + len(PREDICTORS))
+    return [found.value, found.error, *found.predictors.values()]
+
+
+def _of_trial(
+    change: Change | None,
+    planned: "pd.Series[Any]",
+    forces: Forces,
+    session: SessionFriction | None,
+) -> MeasuredContrast | NotEstimable:
+    """Return the contrast of one trial from its first and last touch."""
+    if change is None or planned.empty:
+        return NotEstimable("what it compared is not known")
+    first, last = planned.index[0], planned.index[-1]
+    for touch in (first, last):
+        found = forces.get(touch, NotEstimable(NOT_RECORDED))
+        if isinstance(found, NotEstimable):
+            return found
+    assert session is not None
+    if isinstance(session.jitter, NotEstimable):
+        return session.jitter
+    compared = Compared(
+        effect=change.effect,
+        contrary=change.contrary,
+        before=None if first == last else session.touches[first],
+        after=session.touches[last],
+        along_path=len(change.places_m) > 1,
+        contact_m=change.after.contact_m,
+        within=planned[last].programme != "hold",
+    )
+    return measured_contrast(compared, session.jitter, session.rest)
+
+
+# What people may feel of friction: the predictors of the literature, scored as laws are.
+
+
+def predictor_scores(
+    data: StudyData, measured: MeasuredTrials, scale: Interval, keep: Kept
+) -> tuple[LawScore, ...]:
+    """Return how each predictor orders the conditions and fits the ratings, on the same trials.
+
+    All are of single trials: a contrast that borrows from other trials would have less noise.
+    """
+    contrasts = TrialContrasts(
+        by_law={**measured.predictors, LAW: measured.predictors[FRICTION]},
+        measured=measured.known,
+    )
+    scored = scored_trials(data, contrasts)
+    by_name = {name: scored.contrasts[name] for name in measured.predictors}
+    return law_scores(data, scored.ratings, by_name, scale, keep)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """Recordings of touches as forces in newtons: averages of short blocks, on the session's clock."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -172,3 +173,179 @@ def zero_drift_n_per_s(touches: list[TouchForces]) -> float:
         if 0 < at - earlier < 600
     ]
     return float(np.median(rates)) if len(rates) >= 3 else 0.0
+
+
+# Jitter of friction while nothing changes, and the variance that it gives to averages.
+
+LAGS = 12
+"""Blocks, 0.3 s, over which jitter may be correlated."""
+FEWEST_BLOCKS = 40
+FREQUENCIES, LEAST_SPECTRUM, ROUNDS = 999, 0.1, 50
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Jitter:
+    """Autocovariances of the jitter of ln μ between blocks, shape (lags + 1,); without noise."""
+
+    autocovariances: FloatArray
+
+    def covariance(self, weights: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return the covariance of weighted sums of a touch's blocks.
+
+        Parameters:
+            weights: shape (sums, blocks).
+            noise: shape (blocks,), variance of each block by the sensor's noise.
+        """
+        # (2), mathematics/measured-contrast
+        spread = weights * (self.autocovariances[0] + noise)
+        for lag, value in enumerate(self.autocovariances[1 : weights.shape[1]], start=1):
+            spread[:, lag:] += value * weights[:, :-lag]
+            spread[:, :-lag] += value * weights[:, lag:]
+        return np.asarray(spread @ weights.T)
+
+
+def jitter_of(held: Iterable[TouchForces]) -> Jitter | NotEstimable:
+    """Return the jitter of touches at one place under a constant drive.
+
+    The mean of each touch is taken off, and what that hides is put back: the autocovariances about
+    a touch's mean are too small by the variance of that mean (Priestley 1981, section 5.3).
+    """
+    sums, counts, blocks, noise = np.zeros(LAGS + 1), np.zeros(LAGS + 1), [], []
+    for touch in held:
+        away = touch.friction - touch.friction.mean()
+        lags = min(LAGS + 1, len(away))
+        sums[:lags] += [away[lag:] @ away[: len(away) - lag] for lag in range(lags)]
+        counts[:lags] += len(away) - np.arange(lags)
+        blocks.append(len(away))
+        noise.append(touch.noise.mean())
+    if sum(blocks) < FEWEST_BLOCKS:
+        return NotEstimable("no touch at one place under a constant drive shows the jitter")
+    found = sums / np.maximum(counts, 1)
+    length = float(np.mean(blocks))
+    share = np.where(np.arange(LAGS + 1) > 0, 2.0, 1.0) * (1 - np.arange(LAGS + 1) / length)
+    hidden = 0.0  # (3), mathematics/measured-contrast
+    for _ in range(ROUNDS):
+        hidden = max(float(share @ (found + hidden)) / length, 0.0)
+    covariances = found + hidden
+    covariances[0] = max(covariances[0] - float(np.mean(noise)), 0.0)
+    return Jitter(autocovariances=_positive(covariances))
+
+
+def _positive(covariances: FloatArray) -> FloatArray:
+    """Return the covariances with a spectrum above 0, which sampling errors may make negative.
+
+    A tenth of what uncorrelated blocks would have is the least at any frequency. Cutting the
+    spectrum adds covariances at longer lags and leaving those out lowers the spectrum again, so
+    that both are done in turn.
+    """
+    padding, least = np.zeros(FREQUENCIES), LEAST_SPECTRUM * covariances[0]
+    for _ in range(ROUNDS):
+        both = np.concatenate([covariances, padding, covariances[:0:-1]])
+        spectrum = np.maximum(np.fft.rfft(both).real, least)
+        covariances = np.fft.irfft(spectrum)[: len(covariances)]
+    return np.asarray(covariances)
+
+
+# What a touch measured: friction over the path, and one number for each of its properties.
+
+FRICTION, TANGENTIAL, RATE, VECTOR = (
+    "log friction coefficient",
+    "tangential force",
+    "rate of the tangential force",
+    "amplitude of the force vector",
+)
+PREDICTORS = (FRICTION, TANGENTIAL, RATE, VECTOR)
+"""What the literature proposes that people feel; contrasts are of the first."""
+LOGARITHMS = (FRICTION, TANGENTIAL, VECTOR)
+
+
+def logarithm(touch: TouchForces, name: str) -> FloatArray:
+    """Return the logarithm of friction or of a force, by block."""
+    if name == FRICTION:
+        return touch.friction
+    return np.asarray(np.log(touch.tangential_n if name == TANGENTIAL else touch.vector_n))
+
+
+def mean_variance(touch: TouchForces, jitter: Jitter) -> float:
+    """Return the variance of the touch's mean ln μ: jitter, noise and the error of the zero."""
+    weights = np.full((1, len(touch.t_s)), 1 / len(touch.t_s))
+    return float(jitter.covariance(weights, touch.noise)[0, 0] + touch.tare.mean() ** 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchMeasures:
+    """One touch in numbers.
+
+    - `friction`: coefficient, the geometric mean over time; `friction_error`: standard error.
+    - `normal_n`, `vector_n`: mean normal force, and mean amplitude of the vector of both forces.
+    - `speed_m_s`: median of the finger's speed.
+    - `rate_n_per_s`: rms rate of change of the tangential force from block to block.
+    - `stick_slip`: see `TouchForces`.
+    """
+
+    friction: float
+    friction_error: float
+    normal_n: float
+    vector_n: float
+    speed_m_s: float
+    rate_n_per_s: float
+    stick_slip: float
+
+
+def touch_measures(touch: TouchForces, jitter: Jitter) -> TouchMeasures:
+    """Return the measures of a touch."""
+    friction = float(np.exp(touch.friction.mean()))
+    steps_s = np.diff(touch.t_s)
+    rate = np.mean((np.diff(touch.tangential_n) / steps_s) ** 2)
+    by_noise = 2 * touch.noise_n2 * np.mean(steps_s**-2)
+    return TouchMeasures(
+        friction=friction,
+        friction_error=friction * float(np.sqrt(mean_variance(touch, jitter))),
+        normal_n=float(touch.normal_n.mean()),
+        vector_n=float(touch.vector_n.mean()),
+        speed_m_s=speed_m_s(touch),
+        rate_n_per_s=float(np.sqrt(max(rate - by_noise, 0.0))),
+        stick_slip=touch.stick_slip,
+    )
+
+
+def speed_m_s(touch: TouchForces) -> float:
+    """Return the median speed of the finger."""
+    return float(np.median(np.abs(np.diff(touch.position_m) / np.diff(touch.t_s))))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Profile:
+    """Averages of a touch in bins of its path: by name, and the covariance of ln μ(x).
+
+    `bins` numbers them from the clamp; the rate is that along the path, at the finger's speed.
+    """
+
+    bins: FloatArray
+    values: Mapping[str, FloatArray]
+    covariance: FloatArray
+
+    def at(self, bins: FloatArray) -> "Profile":
+        """Return the averages in some of the bins."""
+        chosen = np.isin(self.bins, bins)
+        return Profile(
+            bins=self.bins[chosen],
+            values={name: value[chosen] for name, value in self.values.items()},
+            covariance=self.covariance[np.ix_(chosen, chosen)],
+        )
+
+
+def profile(touch: TouchForces, width_m: float, jitter: Jitter) -> Profile:
+    """Return ln μ(x), forces and rate in bins of `width_m`."""
+    bins, which = np.unique(np.floor(touch.position_m / width_m), return_inverse=True)
+    weights = (which == np.arange(len(bins))[:, None]).astype(np.float64)
+    weights /= weights.sum(axis=1, keepdims=True)
+    values = {name: weights @ logarithm(touch, name) for name in LOGARITHMS}
+    force_n = weights @ touch.tangential_n
+    slopes = np.gradient(force_n, bins * width_m) if len(bins) > 1 else np.zeros(len(bins))
+    tare = weights @ touch.tare
+    return Profile(
+        bins=bins,
+        values={**values, RATE: slopes * speed_m_s(touch)},
+        covariance=jitter.covariance(weights, touch.noise) + np.outer(tare, tare),
+    )

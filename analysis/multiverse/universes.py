@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import FloatArray
-from analysis.felt.measured_trials import measured_trials
+from analysis.felt.measured_statistics import measured_trials
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import NothingToReport, StudyData, study_data

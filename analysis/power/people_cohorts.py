@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
 from analysis.simulation.simulation import Simulation, counted_trials, names_of

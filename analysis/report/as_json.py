@@ -8,8 +8,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.statistics.monte_carlo import MonteCarlo
-from analysis.statistics.omnibus import SkillingsMack
+from analysis.statistics.omnibus import MonteCarlo, SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder

@@ -28,10 +28,9 @@ from analysis.report.drawing import (
 )
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
-from analysis.sensitivity.ratings import Ratings
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.contrasts import LAW
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from analysis.cells import csv_cell, csv_text
-from analysis.statistics.table4 import Table4
+from analysis.statistics.summary import Table4
 from protocol.study.fields import printable
 
 FEW_CONDITIONS = 8

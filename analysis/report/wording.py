@@ -3,8 +3,7 @@
 import math
 
 from analysis.estimates import Interval, NotEstimable
-from analysis.statistics.monte_carlo import MonteCarlo
-from analysis.statistics.omnibus import Friedman
+from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder
 from analysis.trials.trial_checks import Proportion

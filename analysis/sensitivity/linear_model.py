@@ -11,13 +11,13 @@ from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
     Lines,
+    Ratings,
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
     summary,
     turn_of,
 )
-from analysis.sensitivity.ratings import Ratings
 
 POINTS = 400
 # Variance of a single subject's gain relative to itself, which would be 0.

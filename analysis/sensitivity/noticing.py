@@ -12,8 +12,7 @@ from analysis.sensitivity.curvature import EdgeSlopes, Loadings, Slopes, counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
-from analysis.sensitivity.lines import log_prior_of_spread, roots_of_covariances
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings, log_prior_of_spread, roots_of_covariances
 
 OPPOSITE, SAME, EXPECTED = -1, 0, 1
 # log τ_criterion, log τ_d′, artanh ρ and log τ_discrepancy, in SDs of the noise.

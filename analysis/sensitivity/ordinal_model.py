@@ -16,6 +16,7 @@ from analysis.sensitivity.lines import (
     Axes,
     LineMixture,
     Lines,
+    Ratings,
     axes_of,
     covariance_matrices,
     log_prior_of_spread,
@@ -24,7 +25,6 @@ from analysis.sensitivity.lines import (
     turn_of,
 )
 from analysis.sensitivity.marginals import standard_deviations
-from analysis.sensitivity.ratings import Ratings
 
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])

@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
@@ -18,7 +19,6 @@ from analysis.sensitivity.ordinal_model import (
     lines_or_refusal,
     prepared_ratings,
 )
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
     TwoStageSensitivity,

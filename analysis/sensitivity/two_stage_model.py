@@ -11,6 +11,7 @@ from scipy.special import expit
 from analysis.estimates import BoolArray, IntArray, NotEstimable
 from analysis.sensitivity.curvature import BEYOND, mills_ratio
 from analysis.sensitivity.latent_posterior import LatentPosterior
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import (
     EXPECTED,
     OPPOSITE,
@@ -26,7 +27,6 @@ from analysis.sensitivity.ordinal_model import (
     lines_or_refusal,
     prepared_ratings,
 )
-from analysis.sensitivity.ratings import Ratings
 
 # The noise of people who hardly notice anything is known to be large, and not how large.
 LEAST_D_PRIME = 0.1

@@ -1,4 +1,4 @@
 """The sliding experiment (paper, section 5.1): friction along the beam, and the rig fitted to it.
 
-Public face: `passes.Pass`, `experiment.sliding_findings`, `comparison.figure_panels`.
+Public face: `rig_model.Pass`, `experiment.sliding_findings`, `comparison.figure_panels`.
 """

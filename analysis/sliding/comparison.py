@@ -1,19 +1,164 @@
 """Every friction law and rung beside the measured friction: Fig 16 redrawn, with error measures."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
+from scipy.stats import f as f_distribution
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
-from analysis.sliding.extremes import Extreme, turning_places
-from analysis.sliding.passes import Curve, Setting
-from analysis.sliding.rig_model import MODE, RigProperties
+from analysis.sliding.rig_model import (
+    MODE,
+    Course,
+    Curve,
+    Group,
+    Noise,
+    Places,
+    RigProperties,
+    Setting,
+    friction_along,
+    whitened,
+)
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import MODAL_RUNGS, SEGMENTED_RUNGS, TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
+
+# Troughs and peaks of friction along the beam, with intervals of their places.
+#
+# Friction turns in corners: the part of the block over one zone of motion grows and shrinks in
+# straight lines, with a short plateau between. A parabola would find the middle of the plateau,
+# not the trough at its end. So the fitted friction gives the shape near each extreme, and the
+# passes say how far it must be moved, with a level and a swing of their own:
+#
+#     μ(x) = a + b m(x - δ),  b > 0
+#
+# The interval of the place contains every δ whose sum of squares, with a and b at their best, is
+# within the 95% point of the best one's.
+
+Kind = Literal["trough", "peak"]
+GRID_M = 0.01e-3
+_AROUND_M = 6e-3
+"""Friction within this distance of an extreme determines its place: a third of a period."""
+_REACH_M = 4e-3
+"""How far the passes may move an extreme; further, it is nearer to the next one of its kind."""
+_MARGIN_M = 2e-3
+"""An extreme closer to an end of the path is not looked for: one of its sides is missing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extreme:
+    """A trough or a peak under one setting.
+
+    Attributes:
+        kind: trough or peak.
+        setting: drive, direction, load and speed.
+        expected_m: its place in the fitted friction.
+        place_m: its place in the passes, or why they do not tell it.
+        interval_m: the 95% interval of that, None without a place.
+    """
+
+    kind: Kind
+    setting: Setting
+    expected_m: float
+    place_m: float | NotEstimable
+    interval_m: Interval | None
+
+
+def turning_places(x_m: FloatArray, mu: FloatArray, kind: Kind) -> FloatArray:
+    """Return the places where a curve on a fine grid turns, not counting the curve's ends."""
+    height = mu if kind == "peak" else -mu
+    inner = (height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])
+    return np.asarray(x_m[1:-1][inner])
+
+
+Shape = tuple[FloatArray, FloatArray]
+"""Places, rising, and friction there."""
+
+
+def _shape(setting: Setting, ends_m: Interval, rig: RigProperties, spread_m: float) -> Shape:
+    """Return a fine grid and the rig's friction there, as bins see it."""
+    x_m = np.asarray(np.arange(ends_m[0], ends_m[1] + GRID_M / 2, GRID_M), dtype=np.float64)
+    return x_m, friction_along(Places.along([setting], [x_m], [spread_m]), [rig])[0]
+
+
+def extremes(group: Group, rig: RigProperties, noise: Noise) -> tuple[Extreme, ...]:
+    """Return the extremes of repeated passes with the drive on, from left to right."""
+    setting, courses = group
+    low_m = min(float(one.x_m.min()) for one in courses)
+    high_m = max(float(one.x_m.max()) for one in courses)
+    length_m = rig.beam().length_m
+    ends = max(low_m - _REACH_M - _AROUND_M, GRID_M), min(high_m + _REACH_M + _AROUND_M, length_m)
+    x_m, mu = _shape(setting, ends, rig, 0.0)
+    shape = _shape(setting, ends, rig, float(np.mean([one.spread_m for one in courses])))
+    kinds: tuple[Kind, ...] = ("trough", "peak")
+    found = [
+        _located(group, shape, noise, kind, float(place))
+        for kind in kinds
+        for place in turning_places(x_m, mu, kind)
+        if low_m + _MARGIN_M <= place <= high_m - _MARGIN_M
+    ]
+    return tuple(sorted(found, key=lambda one: one.expected_m))
+
+
+def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: float) -> Extreme:
+    setting, courses = group
+    near = [_near(one, expected_m) for one in courses]
+    near = [one for one in near if one.x_m.size >= _LEAST_BINS]
+    steps = np.asarray(np.arange(-_REACH_M, _REACH_M + GRID_M / 2, GRID_M), dtype=np.float64)
+    place_m: float | NotEstimable = NotEstimable("too few samples near it")
+    interval: Interval | None = None
+    if near:
+        squares, points = _squares(near, shape, noise, steps)
+        spare = points - 3
+        best = int(np.argmin(squares))
+        rise = f_distribution.ppf(0.95, 1, spare) * max(1.0, squares[best] / spare)
+        inside = np.flatnonzero(squares <= squares[best] + rise)
+        if inside[0] == 0 or inside[-1] == steps.size - 1:
+            place_m = NotEstimable(
+                f"the passes place it within more than {1e3 * _REACH_M:g} mm: too little swing"
+            )
+        else:
+            place_m = expected_m + float(steps[best])
+            # Half a step more on either side: the ends lie between two steps.
+            low, high = (float(steps[end]) for end in (inside[0], inside[-1]))
+            interval = expected_m + low - GRID_M / 2, expected_m + high + GRID_M / 2
+    return Extreme(
+        kind=kind, setting=setting, expected_m=expected_m, place_m=place_m, interval_m=interval
+    )
+
+
+_LEAST_BINS = 6
+
+
+def _near(one: Course, place_m: float) -> Course:
+    """Return the bins of a pass near a place."""
+    kept = np.abs(one.x_m - place_m) <= _AROUND_M
+    by_bin = {name: getattr(one, name)[kept] for name in ("bin", "x_m", "t_s", "mu", "count")}
+    return replace(one, **by_bin)
+
+
+def _squares(
+    near: Sequence[Course], shape: Shape, noise: Noise, steps: FloatArray
+) -> tuple[FloatArray, int]:
+    """Return the least sum of squares of each shift, and the number of bins."""
+    white_mu, white_shapes, white_ones = [], [], []
+    for one in near:
+        factor = noise.factor(one, np.interp(one.x_m, *shape))
+        shapes = np.interp(one.x_m[:, None] - steps, *shape)
+        white_mu.append(whitened(factor, one.mu))
+        white_ones.append(whitened(factor, np.ones(one.x_m.size)))
+        white_shapes.append(whitened(factor, shapes))
+    mu, ones, shapes = (np.concatenate(part) for part in (white_mu, white_ones, white_shapes))
+    level = ones / np.linalg.norm(ones)
+    mu = mu - level * (level @ mu)
+    shapes = shapes - np.outer(level, level @ shapes)
+    size = np.maximum(np.einsum("ij,ij->j", shapes, shapes), 1e-300)
+    swing = np.maximum(mu @ shapes, 0.0)
+    return np.asarray(mu @ mu - swing**2 / size), mu.size
+
 
 RUNGS = (*MODAL_RUNGS, *SEGMENTED_RUNGS)
 PAPER_HZ = 23_200.0

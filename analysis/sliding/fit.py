@@ -14,17 +14,19 @@ from scipy.optimize import least_squares
 from scipy.stats import f as f_distribution
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sliding.noise import Noise, fitted_noise, whitened
-from analysis.sliding.passes import Course
 from analysis.sliding.rig_model import (
     PROPERTIES,
+    Course,
+    Noise,
     Places,
     RigProperties,
     coordinates,
+    fitted_noise,
     friction_along,
     property_at,
     rig_at,
     slopes,
+    whitened,
 )
 
 LIMITS: Mapping[str, float] = {

@@ -12,11 +12,15 @@ from analysis.estimates import NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.drawing import Drawing, Words, panels_drawing
 from analysis.report.page import Masthead, rendered
-from analysis.sliding.drawn import DrawnSession
-from analysis.sliding.experiment import ALWAYS_UNKNOWN, SlidingFindings, sliding_findings
-from analysis.sliding.extremes import Extreme
+from analysis.sliding.comparison import Extreme
+from analysis.sliding.experiment import (
+    ALWAYS_UNKNOWN,
+    DrawnSession,
+    SlidingFindings,
+    sliding_findings,
+)
 from analysis.sliding.fit import Estimate
-from analysis.sliding.passes import Curve
+from analysis.sliding.rig_model import Curve
 from protocol.errors import BadInput
 
 _UNKNOWN = "not determined"

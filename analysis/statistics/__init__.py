@@ -1,5 +1,5 @@
 """Statistics of the score table as pure functions, exact for small studies.
 
-Public face: `table4.table4`, `omnibus.friedman`, `signed_rank.signed_rank`,
+Public face: `summary.table4`, `omnibus.friedman`, `signed_rank.signed_rank`,
 `summary.TableStatistics`.
 """

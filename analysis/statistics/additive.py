@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.intervals import NO_WIDTH
-from analysis.statistics.monte_carlo import SEED
+from analysis.statistics.omnibus import SEED
 from analysis.statistics.two_way import TwoWay, two_way
 
 SHUFFLES = 9_999

@@ -1,10 +1,13 @@
 """Statistics of the score table, under each reading of its withheld scores."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.estimates import NotEstimable
+import numpy as np
+
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import (
@@ -15,8 +18,34 @@ from analysis.statistics.additive import (
 )
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
-from analysis.statistics.table4 import Table4, table4
 from analysis.statistics.two_way import IntraclassCorrelation, intraclass_correlation
+
+# Table 4 of the paper: scores by subject and condition, with the means of both.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table4:
+    """The table and its means over the scores given; NaN where there are none."""
+
+    table: ScoreTable
+    row_means: FloatArray
+    column_means: FloatArray
+    grand_mean: float
+
+
+def table4(table: ScoreTable) -> Table4:
+    """Return Table 4 of `table`."""
+    return Table4(
+        table=table,
+        row_means=np.array([_mean_given(row) for row in table.scores]),
+        column_means=np.array([_mean_given(column) for column in table.scores.T]),
+        grand_mean=_mean_given(table.scores),
+    )
+
+
+def _mean_given(scores: FloatArray) -> float:
+    given = scores[~np.isnan(scores)]
+    return float(given.mean()) if given.size else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

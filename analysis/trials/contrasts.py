@@ -14,8 +14,8 @@ from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
 from analysis.kept import Kept
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 from device.beam.beam import Beam
 from device.friction.calibration import NOMINAL, Calibration

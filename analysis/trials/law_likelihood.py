@@ -11,8 +11,7 @@ from scipy.special import stdtr, stdtrit
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums, without_noise
-from analysis.sensitivity.lines import axes_of, covariance_matrices
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings, axes_of, covariance_matrices
 from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
 
 # A law over conditions: all assignments of its contrasts, and predictions of a condition.

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
 from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 
 _POOLED = NotEstimable(
     "trials of several subjects are pooled, and trials of one subject are not independent"

@@ -14,6 +14,7 @@ from analysis.loading.published import SCALE
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.predictive_checks import (
     CheckedOrdinal,
@@ -22,11 +23,9 @@ from analysis.sensitivity.predictive_checks import (
     checked_ordinal,
     checked_two_stage,
 )
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
-from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.ordinal_likelihood import Link
-from analysis.statistics.table4 import table4
+from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.summary import table4
 from analysis.trials.contrasts import (
     ContrastRange,
     ScoredTrials,

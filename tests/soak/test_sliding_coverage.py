@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from analysis.sliding.comparison import Extreme, turning_places
 from analysis.sliding.experiment import SlidingFindings, sliding_findings
-from analysis.sliding.extremes import Extreme, turning_places
 from analysis.sliding.fit import Estimate
 from tests.analysis.sliding.rigs import PATH_M, Rig, Setting, default_plan, passes, rig
 

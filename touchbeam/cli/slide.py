@@ -135,7 +135,7 @@ def write_result(
 
     Without a `number` it is the last one; without a session of it, a rehearsal if there is one.
     """
-    from analysis.sliding.drawn import drawn_session
+    from analysis.sliding.experiment import drawn_session
     from analysis.sliding.result import sliding_result
     from protocol.journal.events import SLIDE
     from runner.journal.names import chains_of, existing_chain

@@ -15,8 +15,8 @@ from analysis.report.results import DIFFER, FOLLOW, ORDERED, WHICH, omnibus_p, p
 from analysis.report.wording import interval, number, p_equals
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.statistics.monte_carlo import LEAST_SHUFFLES, MOST_SHUFFLES
-from analysis.statistics.monte_carlo import SEED as SHUFFLED_BY
+from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
+from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL, SignedRank
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.contrasts import LAW, RUNG

@@ -9,8 +9,7 @@ from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.sections.trials import cell_anchor, is_scored, trials_anchor
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
-from analysis.statistics.summary import Reading
-from analysis.statistics.table4 import Table4
+from analysis.statistics.summary import Reading, Table4
 from analysis.trials.answers import Answers, answers_by_question
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion

@@ -5,14 +5,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.felt.measured_statistics import MeasuredStatistics, measured_statistics
-from analysis.felt.measured_trials import (
+from analysis.felt.measured_statistics import (
     NOT_RECORDED,
+    MeasuredStatistics,
+    measured_statistics,
     measured_trials,
     measures_of_touches,
     session_friction,
 )
-from analysis.friction.touch_measures import PREDICTORS
+from analysis.friction.recorded import PREDICTORS
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.contrasts import LAW

@@ -6,9 +6,8 @@ import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.linear_model import linear_sensitivity
-from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import ordinal_sensitivity
-from analysis.sensitivity.ratings import Ratings
 from analysis.trials.contrasts import ratings_of
 from analysis.trials.trial_checks import gain_differences
 from tests.analysis.friction.recorded_sessions import MeasuredStudy

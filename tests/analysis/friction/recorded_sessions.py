@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.felt.measured_trials import MeasuredTrials, measured_trials
+from analysis.felt.measured_statistics import MeasuredTrials, measured_trials
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.contrasts import LAW

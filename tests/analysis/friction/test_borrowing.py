@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
-from analysis.friction.borrowing import borrowed_contrasts
+from analysis.friction.measured_contrast import borrowed_contrasts
 
 PEOPLE, MEANS = 20, np.repeat([0.05, 0.1, 0.2, 0.4, 0.1], 4)
 CONDITION = np.repeat(np.arange(5), 4)

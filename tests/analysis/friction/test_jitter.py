@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.friction.jitter import Jitter, jitter_of
-from analysis.friction.recorded import TouchForces
+from analysis.friction.recorded import Jitter, TouchForces, jitter_of
 
 
 def touch(tangential_n: FloatArray, noise_n2: float = 0.0) -> TouchForces:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.friction.jitter import LAGS, Jitter
 from analysis.friction.measured_contrast import (
     Compared,
     MeasuredContrast,
@@ -15,12 +14,14 @@ from analysis.friction.measured_contrast import (
     measured_contrast,
     rest_of,
 )
-from analysis.friction.recorded import TouchForces
-from analysis.friction.touch_measures import (
+from analysis.friction.recorded import (
     FRICTION,
+    LAGS,
     RATE,
     TANGENTIAL,
     VECTOR,
+    Jitter,
+    TouchForces,
     touch_measures,
 )
 from protocol.study.study_question import Effect

@@ -14,7 +14,7 @@ from analysis.loading.published import (
 )
 from analysis.report.table4_text import table4_csv, table4_lines
 from analysis.statistics.omnibus import Friedman, friedman
-from analysis.statistics.table4 import table4
+from analysis.statistics.summary import table4
 
 PUBLISHED = (Path(__file__).parents[2] / "data" / "published_scores.csv").read_text()
 

@@ -15,7 +15,7 @@ from analysis.report.figure_data import (
     scatter_figure,
 )
 from analysis.report.findings import Scale
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from tests.analysis.reports import SCORES, imported, made
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.report.table4_text import escaped, table4_csv, table4_lines, table4_tex
-from analysis.statistics.table4 import table4
+from analysis.statistics.summary import table4
 from tests.analysis.reports import SCORES, imported
 
 HOLED = table4(imported([[5, 7.5, np.nan], [np.nan] * 3]).table)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])

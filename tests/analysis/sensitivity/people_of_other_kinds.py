@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.estimates import FloatArray
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 from tests.analysis.sensitivity.noticing_people import CONTRASTS
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtual_study

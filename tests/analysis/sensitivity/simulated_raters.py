@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
     TwoStageSensitivity,

@@ -14,8 +14,7 @@ from analysis.sensitivity.linear_model import (
     line_sums,
     linear_sensitivity,
 )
-from analysis.sensitivity.lines import Lines
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Lines, Ratings
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,

@@ -8,9 +8,8 @@ import pytest
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import UNEQUAL, Lines
+from analysis.sensitivity.lines import UNEQUAL, Lines, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.ratings import Ratings
 from tests.analysis.sensitivity.calibration import drawn, measured
 
 Fit = Callable[[Ratings], LinearSensitivity | OrdinalSensitivity | NotEstimable]

@@ -11,7 +11,7 @@ from analysis.estimates import FloatArray, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted, edge_slopes
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import Lines
+from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     latent_posterior,
@@ -19,7 +19,6 @@ from analysis.sensitivity.ordinal_model import (
     prepared_ratings,
 )
 from analysis.sensitivity.predictive_checks import checked_ordinal
-from analysis.sensitivity.ratings import Ratings
 from tests.analysis.sensitivity.calibration import drawn
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, VirtualStudy
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from analysis.estimates import NotEstimable
+from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.predictive_checks import (
     PredictiveCheck,
     checked_ordinal,
     checked_two_stage,
 )
-from analysis.sensitivity.ratings import Ratings
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from tests.analysis.sensitivity.noticing_people import NoticingPeople, noticing_study
 from tests.analysis.sensitivity.people_of_other_kinds import (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 
 
 def ratings(**changed: object) -> Ratings:

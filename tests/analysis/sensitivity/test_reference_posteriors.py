@@ -12,7 +12,7 @@ import pytest
 from analysis.estimates import FloatArray, Interval
 from analysis.sensitivity.integration import WeightedPoints
 from analysis.sensitivity.latent_posterior import LatentPosterior
-from analysis.sensitivity.lines import spread_at
+from analysis.sensitivity.lines import Ratings, spread_at
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
@@ -20,7 +20,6 @@ from analysis.sensitivity.ordinal_model import (
     latent_posterior,
     prepared_ratings,
 )
-from analysis.sensitivity.ratings import Ratings
 
 REFERENCE = Path(__file__).parent / "reference"
 STUDIES = ("table_4", "middle_9x5x1", "ceiling_9x5x4", "off_the_line_20x5x8")

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from analysis.estimates import FloatArray
-from analysis.sliding.passes import Pass
-from analysis.sliding.rig_model import RigProperties
+from analysis.sliding.rig_model import Pass, RigProperties
 from device.beam.beam import Beam
 from device.beam.modes import natural_frequency_hz
 from device.friction.coefficient import friction_coefficient

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.sliding.drawn import DrawnSession, drawn_session
+from analysis.sliding.experiment import DrawnSession, drawn_session
 from protocol.errors import BadInput
 from protocol.journal.events import (
     SLIDE,

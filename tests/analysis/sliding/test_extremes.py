@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sliding.extremes import Kind, extremes, turning_places
-from analysis.sliding.noise import Noise
-from analysis.sliding.passes import course, grouped
+from analysis.sliding.comparison import Kind, extremes, turning_places
+from analysis.sliding.rig_model import Noise, course, grouped
 from tests.analysis.sliding.rigs import PATH_M, Rig, Setting, paper_rig, passes, quiet, rig
 
 FINE_M = np.arange(*PATH_M, 1e-5).astype(np.float64)

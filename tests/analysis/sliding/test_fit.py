@@ -8,8 +8,7 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.sliding.fit import Estimate, RigFit, fitted_rig
-from analysis.sliding.passes import course
-from analysis.sliding.rig_model import PROPERTIES, RigProperties
+from analysis.sliding.rig_model import PROPERTIES, RigProperties, course
 from tests.analysis.sliding.rigs import (
     PAPER_HZ,
     Rig,

@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.sliding.noise import DRIFT_N_PER_S, ZERO_N, Noise, fitted_noise, whitened
-from analysis.sliding.passes import Course, Pass, course
+from analysis.sliding.rig_model import (
+    DRIFT_N_PER_S,
+    ZERO_N,
+    Course,
+    Noise,
+    Pass,
+    course,
+    fitted_noise,
+    whitened,
+)
 
 LOAD_N = 0.56
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.sliding.passes import BIN_M, Pass, course, grouped, mean_curve
+from analysis.sliding.rig_model import BIN_M, Pass, course, grouped, mean_curve
 
 
 def made(speed_m_s: float = 0.01, mu: float = 0.4, **changed: object) -> Pass:

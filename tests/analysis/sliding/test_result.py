@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from analysis.sliding.drawn import DrawnSession, PlannedPass
+from analysis.sliding.experiment import DrawnSession, PlannedPass
 from analysis.sliding.result import SlidingResult, sliding_result
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.sliding.comparison import predicted
-from analysis.sliding.passes import Setting
 from analysis.sliding.rig_model import (
     PROPERTIES,
     Places,
     RigProperties,
+    Setting,
     coordinates,
     friction_along,
     rig_at,

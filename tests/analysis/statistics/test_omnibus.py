@@ -13,8 +13,14 @@ from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.monte_carlo import MonteCarlo, monte_carlo_p
-from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
+from analysis.statistics.omnibus import (
+    Friedman,
+    MonteCarlo,
+    SkillingsMack,
+    friedman,
+    monte_carlo_p,
+    skillings_mack,
+)
 
 SHAPES = st.tuples(st.integers(2, 4), st.integers(2, 4))
 SCORES = st.integers(0, 4).map(float)

@@ -11,8 +11,14 @@ from scipy import integrate, stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.ordinal import OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.ordinal_likelihood import Link, Parameters, ScoreCounts, log_likelihood
+from analysis.statistics.ordinal import (
+    Link,
+    OrdinalEffects,
+    Parameters,
+    ScoreCounts,
+    log_likelihood,
+    ordinal_effects_of_trials,
+)
 
 TableOf = Callable[[FloatArray], ScoreTable]
 LINKS: tuple[Link, ...] = ("probit", "logit")

@@ -5,8 +5,7 @@ import pytest
 from scipy import optimize, stats
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.statistics.ordinal import Interaction, OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.ordinal_likelihood import Link
+from analysis.statistics.ordinal import Interaction, Link, OrdinalEffects, ordinal_effects_of_trials
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 EDGES = np.array([-0.8, 0.0, 0.6, 1.3, 2.0])

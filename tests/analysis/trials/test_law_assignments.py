@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.trials.law_likelihood import (
     LawLikelihood,
     PredictionError,

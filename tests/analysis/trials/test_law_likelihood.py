@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.trials.law_likelihood import LawLikelihood, law_likelihoods
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, VirtualStudy
 

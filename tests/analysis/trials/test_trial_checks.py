@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.trials.trial_checks import (
     Discrimination,
     Drift,

@@ -14,7 +14,7 @@ import pytest
 from analysis.kept import Kept
 from analysis.loading import sessions
 from analysis.sensitivity.linear_model import linear_sensitivity
-from analysis.sensitivity.ratings import Ratings
+from analysis.sensitivity.lines import Ratings
 from analysis.statistics.additive import additive_effects, gain_heterogeneity
 from analysis.statistics.summary import reading
 from analysis.trials.contrasts import contrasts_by_law

@@ -8,7 +8,7 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
 from analysis.sensitivity import predictive_checks
-from analysis.statistics import monte_carlo
+from analysis.statistics import omnibus
 from device.friction.calibration import Calibration
 from device.friction.changes import CONDITIONS
 from device.friction.contrasts import LAW, predicted_contrast
@@ -29,7 +29,7 @@ def test_the_stated_rung_is_the_one_used_for_predictions() -> None:
 
 
 def test_the_seeds_of_permutations_and_predictive_checks_are_stated() -> None:
-    assert predictive_checks.SEED == monte_carlo.SEED
+    assert predictive_checks.SEED == omnibus.SEED
     stated = report_json(plain_report())["provenance"]["seeds"]
     assert stated.endswith(f"; permutations and predictive checks {predictive_checks.SEED}")
 

@@ -91,7 +91,8 @@ def measured(name: str, design: str, seed: int) -> Measures | NotEstimable:
     m2, m1 = ordinal_sensitivity(study.ratings), linear_sensitivity(study.ratings)
     if isinstance(m2, NotEstimable):
         return m2
-    assert isinstance(m1, LinearSensitivity)
+    if isinstance(m1, NotEstimable):
+        return m1
     zero, unit = to_model_scale(study, population.thresholds)
     return _measures(study, m2, m1, (zero, unit, unit * population.gain, population.gain_sd))
 

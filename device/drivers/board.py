@@ -1,4 +1,4 @@
-"""The driver of the board: what a drive is in its words. docs/wire-protocol.md has them all."""
+"""The driver of the board; docs/wire-protocol.md lists its commands."""
 
 import math
 import re
@@ -178,7 +178,7 @@ class Board(Driver):
         return read_back
 
     def check(self) -> None:
-        """See that the board does what it was told."""
+        """Check that the board does what it was told."""
         measured = self._measures_temperature
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
         asked_s = self.monotonic()
@@ -279,7 +279,7 @@ class Board(Driver):
         self.send("TRAC:STAT OFF")
 
     def _keeps_its_promises(self) -> None:
-        """Limits and watchdog are as they were set, and nothing has happened since."""
+        """Check that limit and watchdog are as set, and that nothing has tripped since."""
         cause, boot, limit_v, watchdog_s = self.link.query(_PROMISES, lambda said: fields(said, 4))
         if whole(boot) != self._boot:
             raise DeviceError(f"the device restarted (boot {self._boot}, now {boot}): brown-out?")

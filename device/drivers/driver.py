@@ -1,4 +1,4 @@
-"""What a driver is: one interface for every dialect, and what all of them do alike.
+"""The interface of all drivers, and what they have in common.
 
 Set, wait until it is done, drain the error queue, read back: the read-back is the contract.
 A new dialect is one new file in `device/drivers`.
@@ -55,17 +55,17 @@ class Driver(ABC):
 
     dialect: ClassVar[str]
     idn: ClassVar["re.Pattern[str]"]
-    """What the answer to `*IDN?` of these devices looks like."""
+    """The pattern of these devices' answer to `*IDN?`."""
     expected: ClassVar[str]
-    """The same for a person."""
+    """These devices in words, for messages."""
     has_watchdog: ClassVar[bool] = False
     measures_vibration: ClassVar[bool] = False
     health: ClassVar[Mapping[str, str]]
-    """What to ask somebody who wants to know how the device is: name → query."""
+    """Queries that show the state of the device, by name."""
     off_command: ClassVar[str] = "OUTP OFF"
     output_query: ClassVar[str] = "OUTP?"
     register: ClassVar[Register] = EVENT_ENABLE
-    """What the link gets into step by."""
+    """The register by which the link gets into step."""
 
     def __init__(
         self, link: Link, limits: Limits, monotonic: Callable[[], float] = time.monotonic
@@ -75,11 +75,11 @@ class Driver(ABC):
         self.limits = limits
         self.monotonic = monotonic
         self.reading: Reading | None = None
-        """What the device said last; nothing is asked for its sake."""
+        """The last answers of the device; reading them sends nothing."""
         self.driven: Setpoint | None = None
         """What is on, None while the output is to be off."""
         self.foreign: ForeignOutput | None = None
-        """What is to be said of who answered, if it is not ours to talk to."""
+        """The error to raise if another device answered."""
 
     def arm(self) -> Identity:
         """Turn the output off, see who answers, set limits and watchdog, and read them back.
@@ -131,7 +131,7 @@ class Driver(ABC):
 
     @abstractmethod
     def check(self) -> None:
-        """See that the device does what it was told; any question keeps its watchdog quiet.
+        """Check that the device does what it was told; any query keeps its watchdog quiet.
 
         Raises:
             DeviceError: it does not; the message says what it does instead.
@@ -199,7 +199,7 @@ class Driver(ABC):
         return self.link.certain([self.output_query], lambda answers: switch(answers[0]))
 
     def switch_on(self, command: str) -> None:
-        """Switch the output on; who looks at the last answers meanwhile sees that it is on.
+        """Switch the output on; `reading` shows it as on from the command on.
 
         Raises:
             DeviceError: the device refuses or does not answer.
@@ -234,7 +234,7 @@ class Driver(ABC):
         self.confirm_off()
 
     def confirm_off(self) -> None:
-        """See that the output is off.
+        """Check that the output is off.
 
         Raises:
             OutputUnknown: the device does not say so.
@@ -274,7 +274,7 @@ class Driver(ABC):
         return "says that its output is on" if self.output() else ""
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self.link.close()
 
     def number(self, query: str) -> float:
@@ -297,7 +297,7 @@ class Driver(ABC):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
     def require_frequency(self, said_hz: float) -> None:
-        """See that what is driven has the frequency that was last set.
+        """Check that the drive has the frequency that was last set.
 
         Raises:
             DeviceError: it has another one.
@@ -318,7 +318,7 @@ class Driver(ABC):
             raise DeviceError(f"{header} was set to {value} and reads back as {kept}")
 
     def send(self, command: str) -> None:
-        """Send `command`, wait until the device has done it, and see whether it minded."""
+        """Send `command`, wait until it is done, and raise if the device reports an error."""
         self.link.tell(command)
         # The answer says that the command was carried out, so that an error it causes is in the
         # queue.
@@ -330,7 +330,7 @@ class Driver(ABC):
             )
 
     def drained_errors(self) -> list[str]:
-        """Take what stands in the device's error queue.
+        """Empty the device's error queue and return its errors.
 
         An answer that is garbled is not asked for again: its error is lost, so that is an error.
         """

@@ -162,7 +162,7 @@ class Generator(Driver):
         if wanted_v != self._ramp.to_v:
             return True
         self._ramp = None
-        # What is left on the beam at the smallest amplitude is not 0 V.
+        # The smallest amplitude is not 0 V: only the switch gives that.
         if self.driven.voltage_v == 0:
             self.off()
         return False

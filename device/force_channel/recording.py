@@ -331,7 +331,7 @@ class Recorder:
         )
 
     def require_until(self, source_s: float) -> None:
-        """See that the samples reach to `source_s` on the source's clock.
+        """Check that the samples reach to `source_s` on the source's clock.
 
         Raises:
             DeviceError: they end a block or more before it.
@@ -343,7 +343,7 @@ class Recorder:
             raise DeviceError(f"the last {missing} samples of the force channel were lost")
 
     def _require_begin(self, block: Block) -> None:
-        """See that the first sample was taken once the source was told to begin, and not later."""
+        """Check that the first sample was taken when the source was told to begin."""
         first_s = block.first_s + self.offset.offset_s
         # 0 between the command and its answer: nothing tells when within that time it began.
         off_s = first_s - min(max(first_s, self.told_s), self.began_s)

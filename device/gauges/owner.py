@@ -21,18 +21,18 @@ class GaugeDriver(ABC):
 
     dialect: ClassVar[str]
     idn: ClassVar["re.Pattern[str]"]
-    """What the answer to `*IDN?` of these gauges looks like."""
+    """The pattern of these gauges' answer to `*IDN?`."""
     expected: ClassVar[str]
-    """The same for a person."""
+    """These gauges in words, for messages."""
     register: ClassVar[Register]
-    """What the link gets into step by."""
+    """The register by which the link gets into step."""
 
     def __init__(self, link: Link) -> None:
         link.register = self.register
         self.link = link
 
     def meet(self) -> str:
-        """See that the expected gauge is there, in the expected unit; return its identity.
+        """Check that the expected gauge answers, in the expected unit; return its identity.
 
         Raises:
             DeviceError: it is not; nothing was set.
@@ -46,7 +46,7 @@ class GaugeDriver(ABC):
 
     @abstractmethod
     def _require_unit(self) -> None:
-        """See that forces are in newtons.
+        """Check that forces are in newtons.
 
         Raises:
             DeviceError: they are in something else.
@@ -69,7 +69,7 @@ class GaugeDriver(ABC):
         """Get the gauge's own time, s."""
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self.link.close()
 
 
@@ -82,7 +82,7 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """A call to make, and what becomes of it."""
+    """A call to make, and its result."""
 
     work: Callable[[], Any]
     result: "Future[Any]" = field(default_factory=Future)
@@ -123,7 +123,7 @@ class GaugeOwner:
         return None if recording is None else recording.latest
 
     def meet(self) -> str:
-        """See who is there, and forget a fault; return the gauge's identity.
+        """Identify the gauge and forget a fault; return its identity.
 
         Raises:
             DeviceError: it is another device, or measures in another unit.
@@ -140,7 +140,7 @@ class GaugeOwner:
         return self._owned(self._recorded)
 
     def abandon(self) -> None:
-        """Record no more; nobody wants what was recorded."""
+        """Discard the recording; the gauge is not told."""
         self._recording = None
 
     def keep_up(self) -> None:
@@ -154,7 +154,7 @@ class GaugeOwner:
             raise self._fault
 
     def close(self) -> None:
-        """End the thread and give the port back."""
+        """End the thread and close the port."""
         self._jobs.put(None)
         if self._thread is not None:
             self._thread.join()

@@ -26,7 +26,7 @@ def encoded(line: str) -> bytes:
     Raises:
         ValueError: it contains a control character, which could end it early, or is not ASCII.
     """
-    # A line feed within a command would send two, the second of them without its checks.
+    # A line feed within a command would make two commands of it.
     if not line.isascii() or not line.isprintable():
         raise ValueError(f"a command must be printable ASCII, got {line!r}")
     return line.encode("ascii") + b"\n"

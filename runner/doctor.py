@@ -166,12 +166,14 @@ def _fonts() -> Finding:
         return Finding(what="fonts", ok=True, value="fontconfig", hint="names fonts", missing=True)
     names = subprocess.run([fc_list], capture_output=True, text=True, check=False).stdout
     languages = {code: built_in(code) for code in built_in_codes()}
-    found = {code: first_font(each.fonts, names.__contains__) for code, each in languages.items()}
-    lacking = [code for code, font in found.items() if font is None]
+    installed = {
+        code: first_font(each.fonts, names.__contains__) for code, each in languages.items()
+    }
+    lacking = [code for code, font in installed.items() if font is None]
     return Finding(
         what="fonts",
         ok=True,
-        value=", ".join(f"{code}: {font or 'none'}" for code, font in found.items()),
+        value=", ".join(f"{code}: {font or 'none'}" for code, font in installed.items()),
         missing=bool(lacking),
         hint="; ".join(
             missing_font(code, languages[code].fonts, languages[code].font_package)

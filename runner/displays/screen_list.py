@@ -97,10 +97,10 @@ def connectors(listed: str) -> dict[Place, str]:
     >>> connectors(" 0: +*HDMI-1 1920/480x1080/270+1280+0  HDMI-1")
     {(1280, 0, 1920, 1080): 'HDMI-1'}
     """
-    found = filter(None, map(_MONITOR.search, listed.splitlines()))
+    monitors = filter(None, map(_MONITOR.search, listed.splitlines()))
     return {
         (int(each["x"]), int(each["y"]), int(each["width"]), int(each["height"])): each["name"]
-        for each in found
+        for each in monitors
     }
 
 

@@ -220,6 +220,8 @@ class ConsoleParticipant:
 
     def _value(self, question: StudyQuestion, word: str) -> str:
         for number, label in enumerate(question.labels, start=1):
+            # A number means one answer only, because `check` refuses values and texts that are
+            # numbers.
             words = {str(number), str(label.value), label_text(label, self.wording).strip()}
             if word.casefold() in {each.casefold() for each in words}:
                 return str(label.value)

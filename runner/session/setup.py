@@ -46,24 +46,24 @@ def tare(context: SessionContext) -> str:
     context.device.record(rate_hz, context.clock.monotonic_s)
     # Not a plain sleep: the watchdog is fed, and the operator can stop the session meanwhile.
     wait(context, TARE_S)
-    found = means(context.device.recorded())
-    if found is None:
+    measured_n = means(context.device.recorded())
+    if measured_n is None:
         # Without samples nothing is known of the zero, so that the touch has no tare.
         context.zero = None
         return "the force channel gave no samples on the untouched beam"
     before, now_s = context.zero, context.clock.monotonic_s()
-    context.zero = Zero(forces_n=found, at_s=now_s)
+    context.zero = Zero(forces_n=measured_n, at_s=now_s)
     # The first zero on a beam cannot be compared with one before it: beams differ in weight.
     if before is None:
         return ""
-    moved_n, usual_n = _moved_n(found, before.forces_n), _drift_n(now_s - before.at_s)
+    moved_n, usual_n = _moved_n(measured_n, before.forces_n), _drift_n(now_s - before.at_s)
     told = f"the zero of the force channel moved by {1e3 * moved_n:+.0f} mN"
     # A finger does not rest twice with the same force; a sensor that has moved stays where it is.
-    again = before.doubted_n is not None and abs(_moved_n(found, before.doubted_n)) <= usual_n
+    again = before.doubted_n is not None and abs(_moved_n(measured_n, before.doubted_n)) <= usual_n
     if abs(moved_n) > TOUCHED_N + usual_n and not again:
         # The zero before stays to be compared with the next one, but is not subtracted from this
         # touch.
-        context.zero = replace(before, doubted_n=found)
+        context.zero = replace(before, doubted_n=measured_n)
         return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
     return told if abs(moved_n) > usual_n else ""
 
@@ -208,11 +208,11 @@ def prepare(context: SessionContext) -> None:
             warning="measuring the resonance: hands off the beam",
             busy="10 V at most, searching",
         )
-    found = context.device.resonance(
+    resonance = context.device.resonance(
         study.rig.nominal_resonance_hz, lambda seconds: wait(context, seconds)
     )
-    hz = found.frequency_hz
-    context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=found.tip_m_per_v))
+    hz = resonance.frequency_hz
+    context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
     # The study was checked at the nominal resonance. Drives are relative to the measured one, so
     # that limits of frequency, slew rate and current are looked at again.
     for problem in problems_at(study, hz, sliding=context.session.slides):

@@ -39,19 +39,19 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
         # Else an emergency stop would wait for the end of the test.
         obey(context)
 
-    found = replace(tripped, tripped=context.device.watchdog_trips(meanwhile))
+    tested = replace(tripped, tripped=context.device.watchdog_trips(meanwhile))
     # Recorded even if it failed, so that the journal tells why the session ended.
-    context.log.append(found)
+    context.log.append(tested)
     update_view(context)
-    if not found.tripped:
+    if not tested.tripped:
         raise DeviceError(
             "the device's watchdog did not trip when the device heard nothing: if this program "
             "died, the output would stay on; have the device repaired"
         )
 
 
-def _recorded_today(context: SessionContext, found: WatchdogTested) -> bool:
+def _recorded_today(context: SessionContext, wanted: WatchdogTested) -> bool:
     # The day of the laboratory, not that of UTC, which may change in the middle of a session.
     today = context.clock.utc().astimezone().date()
     tests = context.log.of_all_sessions(WatchdogTested)
-    return any(utc.astimezone().date() == today and test == found for utc, test in tests)
+    return any(utc.astimezone().date() == today and test == wanted for utc, test in tests)

@@ -27,13 +27,13 @@ PREDICTING = ("damping_ratio", "gain", "body_height_m", "resonance_hz")
 and the certified tables of the model are for patches where the paper's beam has them."""
 
 
-def keep_calibration(folder: Path, found: "Resonance", idn: str, measured_utc: str) -> Path:
+def keep_calibration(folder: Path, swept: "Resonance", idn: str, measured_utc: str) -> Path:
     """Store the result of a sweep in the study's folder; return the file.
 
     Raises:
         BadInput: there is no study in `folder`, or `own_file` refuses the file.
     """
-    measured = {"frequency_hz": found.frequency_hz, "tip_m_per_v": found.tip_m_per_v}
+    measured = {"frequency_hz": swept.frequency_hz, "tip_m_per_v": swept.tip_m_per_v}
     return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc})
 
 
@@ -95,14 +95,14 @@ def kept_calibration(folder: Path) -> "Resonance | None":
     if kept is None:
         return None
     try:
-        found = Resonance(
+        resonance = Resonance(
             frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
         )
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise _damaged(path, error) from error
-    if not (math.isfinite(found.frequency_hz) and found.frequency_hz > 0):
-        raise BadInput(f"{path}: frequency_hz must be above 0, got {found.frequency_hz}")
-    return found
+    if not (math.isfinite(resonance.frequency_hz) and resonance.frequency_hz > 0):
+        raise BadInput(f"{path}: frequency_hz must be above 0, got {resonance.frequency_hz}")
+    return resonance
 
 
 def fitted_calibration(folder: Path) -> Calibration:

@@ -55,12 +55,12 @@ def proved_study(text: str, source: str) -> Study:
     return study
 
 
-def require_proved(what: str, found: Sequence[Problem]) -> None:
+def require_proved(what: str, problems: Sequence[Problem]) -> None:
     """Refuse to go on with `what` if the proof of its plans has found anything."""
-    if found:
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    if problems:
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise WrongPlan(
-            f"{what}: touchbeam drew a wrong plan: {found[0]}{more}; nothing was driven or "
+            f"{what}: touchbeam drew a wrong plan: {problems[0]}{more}; nothing was driven or "
             "recorded. This is an error of touchbeam: report it with study.toml, and use another "
             "version until it is mended"
         )
@@ -146,12 +146,12 @@ def _refused(
     if not as_json:
         return [], lines, False
     names = ("where", "rule", "value", "hint", "line")
-    found = [
+    records = [
         {name: getattr(problem, name) for name in names}
         | ({"file": problem.file} if problem.file else {})
         for problem in problems
     ]
-    return [_json({"ok": False, "problems": found, "participants": []})], lines, False
+    return [_json({"ok": False, "problems": records, "participants": []})], lines, False
 
 
 def _json(document: dict[str, Any]) -> str:

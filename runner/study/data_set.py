@@ -69,10 +69,10 @@ def read_data_set(source: Path) -> DataSet:
     rating = parsed_study(text, str(study_file), dialects=DIALECTS).rating
     files = sorted(place.glob(f"*{SUFFIX}"))
     texts = ((str(file), text_of(bytes_of(file, most=MOST_BYTES), file)) for file in files)
-    found = [(name, shared_session(name, content)) for name, content in texts]
-    for name, session in found:
+    named = [(name, shared_session(name, content)) for name, content in texts]
+    for name, session in named:
         _require_possible(name, session, {text_digest(text): rating})
-    sessions = {_name(session): session for session in _in_order(it for _, it in found)}
+    sessions = {_name(session): session for session in _in_order(it for _, it in named)}
     # Two files of one session would be one chain, in which events come twice.
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")

@@ -119,8 +119,8 @@ def own_file(path: Path, study: Path) -> Path:
         if place.is_symlink():
             raise BadInput(f"{place}: touchbeam writes here and follows no link; move it away")
     if path.exists() and not path.is_file():
-        found = "a folder" if path.is_dir() else "a pipe or a device"
-        raise BadInput(f"{path}: must be a file, got {found}; move it away")
+        kind = "a folder" if path.is_dir() else "a pipe or a device"
+        raise BadInput(f"{path}: must be a file, got {kind}; move it away")
     return path
 
 

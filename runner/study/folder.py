@@ -77,14 +77,12 @@ def _is_shown(data: bytes) -> bool:
 
 
 def _dialects() -> Iterable[str]:
-    """Return the dialects that have a driver."""
     from device.drivers.discovery import drivers
 
     return drivers()
 
 
 def _gauge_dialects() -> Iterable[str]:
-    """Return the dialects of gauges that have a driver."""
     from device.gauges.known_gauges import gauges
 
     return gauges()

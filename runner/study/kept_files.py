@@ -48,8 +48,8 @@ class KeptFiles:
         path = self._folder / name
         try:
             with open(path, "rb", opener=_opened_itself) as file:
-                found = file.read(MOST_BYTES)
-            digest, content = found[:_DIGEST_BYTES], found[_DIGEST_BYTES:]
+                stored = file.read(MOST_BYTES)
+            digest, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
             if digest == _digest(name, content):
                 os.utime(path)  # so that it is not among those used longest ago
                 return content
@@ -124,8 +124,8 @@ def code_version() -> str:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    found = path.stat()
-    return found.st_size, found.st_mtime_ns
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 def _everything() -> Path:
@@ -151,11 +151,11 @@ def _digest(name: str, content: bytes) -> bytes:
 
 def _is_private(folder: Path) -> bool:
     """Return whether it is a folder of this user's, in which nobody else can write."""
-    found = folder.lstat()
+    status = folder.lstat()
     if sys.platform == "win32":  # there it lies in the user's own profile
-        return stat.S_ISDIR(found.st_mode)
-    mine = found.st_uid == os.geteuid() and not found.st_mode & 0o022
-    return stat.S_ISDIR(found.st_mode) and mine
+        return stat.S_ISDIR(status.st_mode)
+    mine = status.st_uid == os.geteuid() and not status.st_mode & 0o022
+    return stat.S_ISDIR(status.st_mode) and mine
 
 
 def _opened_itself(path: str, flags: int) -> int:
@@ -182,5 +182,5 @@ def _known(everything: Path) -> Iterator[tuple[float, int, Path]]:
     """Yield when each kept file was last used, its size and its path."""
     for path in everything.glob("*/*"):
         with suppress(OSError):  # another process may have removed it
-            found = path.lstat()
-            yield found.st_mtime, found.st_size, path
+            status = path.lstat()
+            yield status.st_mtime, status.st_size, path

@@ -171,9 +171,9 @@ def _following(participants: Sequence[str]) -> str:
     >>> _following(["P09", "P02"])
     'P10'
     """
-    counted = [found for name in participants if (found := re.fullmatch(r"(.*?)(\d+)", name))]
+    counted = [numbered for name in participants if (numbered := re.fullmatch(r"(.*?)(\d+)", name))]
     if not counted:
         return "P01"
     # The largest number and not the latest session, because people may come in any order.
-    last = max(counted, key=lambda found: int(found[2]))
+    last = max(counted, key=lambda numbered: int(numbered[2]))
     return f"{last[1]}{int(last[2]) + 1:0{len(last[2])}d}"

@@ -124,9 +124,9 @@ def changed_files(journal: Journal, folder: StudyFolder) -> str:
     if recorded is None:
         return ""
     made = registration_in(recorded.text)
-    found = (_changed_study, _changed_calibration, _changed_registry_text)
+    checks = (_changed_study, _changed_calibration, _changed_registry_text)
     try:
-        return next(filter(None, (problem(journal, folder, made) for problem in found)), "")
+        return next(filter(None, (problem(journal, folder, made) for problem in checks)), "")
     except BadInput as error:
         return str(error)
 
@@ -242,11 +242,11 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
     """
     content = bytes_of(path, most=_LONGEST_POWER_BYTES)
     try:
-        found = json.loads(text_of(content, path))
-        said = {"answer": _line(found["answer"])} if "answer" in found else {}
-        tests = {_line(test["name"]): _power(test) for test in found.get("tests", [])}
+        result = json.loads(text_of(content, path))
+        said = {"answer": _line(result["answer"])} if "answer" in result else {}
+        tests = {_line(test["name"]): _power(test) for test in result.get("tests", [])}
         # Results of earlier versions do not name the study file and are taken as its.
-        simulated = str(found.get("study_sha256", study_sha256))
+        simulated = str(result.get("study_sha256", study_sha256))
     except (
         ValueError,
         TypeError,

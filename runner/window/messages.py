@@ -112,8 +112,8 @@ def press_message(inputs: Iterable[Input]) -> dict[str, Any]:
 
 def inputs_of(message: Mapping[str, Any]) -> list[Input]:
     """Return the inputs in a `press` message."""
-    found: list[Input] = []
+    inputs: list[Input] = []
     for given in message["press"]:
         values = {key: value for key, value in given.items() if key != "input"}
-        found.append(_INPUTS[given["input"]](**values))
-    return found
+        inputs.append(_INPUTS[given["input"]](**values))
+    return inputs

@@ -32,13 +32,13 @@ def device_list(as_json: JsonOption = False) -> None:
     """List the serial ports without opening them."""
     from runner.launch.probe import ports
 
-    found = ports()
+    known = ports()
     if as_json:
-        print_json(found)
+        print_json(known)
         return
-    for port in found:
+    for port in known:
         say("  ".join(text for text in port.values() if text))
-    if not found:
+    if not known:
         say("no serial ports found; for a generator on the network use socket://ADDRESS:5025")
 
 
@@ -89,25 +89,25 @@ def device_sweep(
     with rig_lock(url):
         # Under the lock, because this drives the beam, on which a participant's finger may lie in a
         # session.
-        found, idn = swept(url, near, dialect, touchbeam_command())
-    file = kept(keep, found, idn) if keep else None
+        peak, idn = swept(url, near, dialect, touchbeam_command())
+    file = kept(keep, peak, idn) if keep else None
     if as_json:
         print_json(
             {
                 "idn": idn,
-                "resonance_hz": found.frequency_hz,
-                "frequency_hz": found.frequency_hz,
-                "tip_m_per_v": found.tip_m_per_v,
-                "curve": [list(point) for point in found.curve],
+                "resonance_hz": peak.frequency_hz,
+                "frequency_hz": peak.frequency_hz,
+                "tip_m_per_v": peak.tip_m_per_v,
+                "curve": [list(point) for point in peak.curve],
                 "kept": str(file) if file else None,
             }
         )
         return
-    if found.curve:
-        first, last = (quantity(found.curve[end][0], "Hz") for end in (0, -1))
-        say(f"{first}  {bars([tip_m for _, tip_m in found.curve])}  {last}")
+    if peak.curve:
+        first, last = (quantity(peak.curve[end][0], "Hz") for end in (0, -1))
+        say(f"{first}  {bars([tip_m for _, tip_m in peak.curve])}  {last}")
     say(
-        f"resonance {quantity(found.frequency_hz, 'Hz')}, {1e9 * found.tip_m_per_v:.1f} nm per "
+        f"resonance {quantity(peak.frequency_hz, 'Hz')}, {1e9 * peak.tip_m_per_v:.1f} nm per "
         f"volt at the tip; device off (read back){f'; saved in {file}' if file else ''}"
     )
 
@@ -154,13 +154,13 @@ def doctor(as_json: JsonOption = False) -> None:
     from runner.doctor import findings
     from runner.launch.device_access import touchbeam_command
 
-    found = findings(touchbeam_command())
+    results = findings(touchbeam_command())
     if as_json:
-        print_json([finding.record() for finding in found])
+        print_json([finding.record() for finding in results])
     else:
-        for finding in found:
+        for finding in results:
             say(finding.line())
-    if not all(finding.ok for finding in found):
+    if not all(finding.ok for finding in results):
         raise typer.Exit(1)
 
 

@@ -43,7 +43,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
     folder = StudyFolder(path=study)
     with study_journal(folder) as journal:
         sessions = states(journal)
-    found = Progress(
+    progress = Progress(
         folder=study,
         study=folder.study_if_valid(),
         sessions=sessions,
@@ -52,7 +52,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
         program=program(),
     )
     if not as_json:
-        for line in found.lines():
+        for line in progress.lines():
             say(line)
         return
     print_json(
@@ -61,14 +61,14 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
                 {**summary.record(), "resume_before_utc": until and until.isoformat()}
                 for summary, until in zip(
                     session_summaries(sessions),
-                    map(found.resume_before, sessions.values()),
+                    map(progress.resume_before, sessions.values()),
                     strict=True,
                 )
             ],
-            "next_slot": found.next_slot,
-            "next_participant": found.next_participant,
-            "done": found.done,
-            "planned": found.planned,
+            "next_slot": progress.next_slot,
+            "next_participant": progress.next_participant,
+            "done": progress.done,
+            "planned": progress.planned,
         }
     )
 
@@ -89,9 +89,9 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     folder = StudyFolder(path=study)
     path = study if study.is_file() else folder.existing_journal()
     with read_journal(path, to_verify=True) as journal:
-        found, lacking = verdicts(journal), journal.lacking_triggers
+        checked, lacking = verdicts(journal), journal.lacking_triggers
         unlocked = "" if study.is_file() else _registration_problem(journal, folder)
-    result = _verification(lacking, found, unlocked)
+    result = _verification(lacking, checked, unlocked)
     if as_json:
         print_json(result)
     else:
@@ -102,12 +102,12 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
             )
         if unlocked:
             say(f"FAIL  {unlocked}")
-        names = [session_name(verdict.participant, verdict.session) for verdict in found]
+        names = [session_name(verdict.participant, verdict.session) for verdict in checked]
         # Nobody runs a session in a backup.
         running = set() if study.is_file() else held_sessions(names, study)
-        for verdict in found:
+        for verdict in checked:
             say(verdict.line(running))
-        if not found:
+        if not checked:
             say("The journal contains no sessions.")
     if not result["ok"]:
         raise typer.Exit(1)
@@ -150,17 +150,17 @@ def _registration_problem(journal: "Journal", folder: "StudyFolder") -> str:
 
 
 def _verification(
-    lacking: Sequence[str], found: "Sequence[SessionVerdict]", unlocked: str = ""
+    lacking: Sequence[str], checked: "Sequence[SessionVerdict]", unlocked: str = ""
 ) -> dict[str, Any]:
     """Return the result of verifying a journal for programs."""
     from runner.journal.names import STUDY_CHAIN
 
     return {
-        "ok": not (lacking or unlocked) and all(verdict.ok for verdict in found),
+        "ok": not (lacking or unlocked) and all(verdict.ok for verdict in checked),
         **({"registration_problem": unlocked} if unlocked else {}),
-        "events": sum(verdict.events for verdict in found),
+        "events": sum(verdict.events for verdict in checked),
         "lacking_triggers": list(lacking),
-        "sessions": [v.record() for v in found if v.participant != STUDY_CHAIN],
+        "sessions": [v.record() for v in checked if v.participant != STUDY_CHAIN],
     }
 
 

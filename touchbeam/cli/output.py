@@ -36,9 +36,9 @@ def complain(line: str) -> None:
 
 def program() -> str:
     """Return how touchbeam was started, as its next command can be typed."""
-    started, found = Path(sys.argv[0]), shutil.which("touchbeam")
+    started, on_path = Path(sys.argv[0]), shutil.which("touchbeam")
     elsewhere = started.stem == "touchbeam" and started.parent != Path()
-    if not elsewhere or (found and started.exists() and started.samefile(found)):
+    if not elsewhere or (on_path and started.exists() and started.samefile(on_path)):
         return "touchbeam"
     return shlex.quote(sys.argv[0])
 

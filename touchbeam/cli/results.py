@@ -300,11 +300,11 @@ def _made(
         readable, sessions = readable_chains(journal, broken), len(journal.sessions())
         chains = followed("sessions", readable, sessions, alone=alone)
         recorded = load_sessions(chains)
-    found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
+    data = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
     kept = recorded if asks_for_multiverse(shown) else None
     del recorded  # it may be large
     result = made_report(
-        folder, study, found, broken, rehearsals=rehearsals, named=named, recorded=kept
+        folder, study, data, broken, rehearsals=rehearsals, named=named, recorded=kept
     )
     table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
     return Written(
@@ -315,7 +315,7 @@ def _made(
             *result.table_notes,
             omnibus_line(result.table.main),
             *registered_lines(result),
-            *left_out_lines(found),
+            *left_out_lines(data),
         ),
         broken=tuple(broken),
     )

@@ -159,12 +159,12 @@ def _report_in_crate(
     recorded = load_sessions(chains)
     study = source.study()
     try:
-        found = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
+        data = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
     except NothingToReport as error:
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
     result = made_report(
-        source, study, found, broken, rehearsals=rehearsals, named=None, recorded=recorded
+        source, study, data, broken, rehearsals=rehearsals, named=None, recorded=recorded
     )
     return {
         f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()

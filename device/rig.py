@@ -331,6 +331,8 @@ class Rig:
     def _keep_going(self) -> None:
         """What is due: the ramp's next step, samples, and the watchdog's next feed."""
         if self._gauge is not None:
+            if self._owner is None:  # nor has the gauge a thread
+                self._gauge.step()
             self._gauge.require_sound()
         if self._ramping:
             self._ramping = self._driver.carry_on()

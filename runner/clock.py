@@ -26,25 +26,45 @@ class WallClock:
 
 
 class SteppedClock:
-    """Time that passes only by `sleep`; `advance` lets it pass in the simulated device as well."""
+    """Time that passes only by `sleep`; `advance` lets it pass in the simulated device as well.
 
-    def __init__(self, start: datetime, advance: Callable[[float], None]) -> None:
+    With the device's own time `device_s` it passes during a step, too: samples of forces that are
+    fetched meanwhile are due by this clock.
+    """
+
+    def __init__(
+        self,
+        start: datetime,
+        advance: Callable[[float], None],
+        device_s: Callable[[], float] = lambda: 0.0,
+    ) -> None:
         self._start = start
         self._advance = advance
+        self._device_s = device_s
         self._passed_s = 0.0
+        self._step = (0.0, 0.0)
+        """The step that is being made: when it began on the device's time, and its length, s."""
 
     def utc(self) -> datetime:
         """Return the stepped date and time, UTC."""
-        return self._start + timedelta(seconds=self._passed_s)
+        return self._start + timedelta(seconds=self.monotonic_s())
 
     def monotonic_s(self) -> float:
         """Return the seconds stepped so far."""
-        return self._passed_s
+        began_s, seconds = self._step
+        return self._passed_s + (min(self._device_s() - began_s, seconds) if seconds else 0.0)
 
     def sleep(self, seconds: float) -> None:
         """Advance this clock and the device by `seconds` without waiting."""
-        self._advance(seconds)
-        self._passed_s += seconds
+        over_s = self._passed_s + seconds
+        self._step = (self._device_s(), seconds)
+        try:
+            self._advance(seconds)
+        except BaseException:
+            over_s = self.monotonic_s()  # broken off; time never goes back
+            raise
+        finally:
+            self._step, self._passed_s = (0.0, 0.0), over_s
 
 
 class Clock(Protocol):

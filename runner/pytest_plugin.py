@@ -103,16 +103,14 @@ def plan(cohort: "tuple[Plan, ...]") -> "Plan":
 
 @pytest.fixture(scope="module")
 def simulated_rig(study: "Study") -> "Iterator[SessionRig]":
-    """Yield a simulated device that runs in a process of its own.
+    """Yield a simulated device whose time passes only by waiting and by its control.
 
-    `simulated_rig.device` is driven as in a session, over the real byte path;
+    `simulated_rig.device` is driven as in a session, with the same bytes;
     `simulated_rig.control` moves the finger, advances time and swaps the beam.
     """
-    from protocol.address import SIMULATED
-    from runner.launch.device_access import session_rig, touchbeam_command
+    from runner.launch.device_access import stepped_rig
 
-    settings, seed, channel = study.rig, study.study.seed, study.force_channel
-    with session_rig(SIMULATED, settings, touchbeam_command(), seed, force_channel=channel) as rig:
+    with stepped_rig(study.rig, study.study.seed, force_channel=study.force_channel) as rig:
         yield rig
 
 
@@ -122,15 +120,16 @@ def virtual_participant(simulated_rig: "SessionRig", study: "Study") -> "Virtual
     from datetime import UTC, datetime
 
     from device.people.person import DEFAULT, drawn_person
+    from device.simulator.in_process import InProcessHand
     from runner.clock import SteppedClock
     from runner.people.virtual_participant import VirtualParticipant
 
     control = simulated_rig.control
-    assert control is not None
+    assert isinstance(control, InProcessHand)
     name = f"test/{study.study.seed}"
     return VirtualParticipant(
         control=control,
-        clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance),
+        clock=SteppedClock(datetime(2026, 1, 1, tzinfo=UTC), control.advance, control.now_s),
         person=drawn_person(DEFAULT, name),
         name=name,
     )

@@ -183,10 +183,10 @@ class GaugeOwner:
         # work.
         if self._thread is None:
             self.step()
-        try:
-            result: _Result = job.result.result()
-        except Exception as error:
+        # Asked for and not caught: a stop that comes while we wait is no error of the gauge.
+        if isinstance(error := job.result.exception(), Exception):
             raise _of_gauge(error) from error
+        result: _Result = job.result.result()
         return result
 
     # What follows is the owner's work.

@@ -8,17 +8,22 @@ the machine allows, and always in the same way.
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime, timedelta
+from typing import Any
 
 from device.drivers.discovery import driver_of
 from device.drivers.limits import Limits
+from device.errors import DeviceError
 from device.friction.contrasts import LAW, RUNG
+from device.gauges.owner import GaugeDriver, GaugeOwner
 from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import BeamControl
 from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.gauge_line import GaugeLine
 from device.simulator.server import Server
 
 DELAY_S = 0.0005
@@ -26,6 +31,10 @@ BUFFER = 4096
 """Most bytes that a line holds of what nobody reads."""
 _MOMENT_S = 1e-6
 """The least step of time, so that rounding cannot stop it."""
+_BEAT_S = 0.005
+"""A tenth of the shortest watchdog: how often a hand that lets time pass says that it is alive."""
+Unbroken = Callable[[], AbstractContextManager[None]]
+"""Keeps signals away while it lasts: no Ctrl-C may leave half a command in a device."""
 
 
 class InProcessDevice(BeamControl):
@@ -34,11 +43,12 @@ class InProcessDevice(BeamControl):
     Args:
         seed: what the beam's hidden properties follow from.
         dialect: what the device speaks.
-        delay_s: called for each piece of data; returns how long it is on its way, above 0 s: a
-            host that asks again and again would wait for ever if no time passed.
+        delay_s: called for each piece of data; returns how long it is on its way. With 0 s only
+            waiting takes time, so that a fault which answers without end needs more.
         cuts: called with a number of bytes; returns where they are cut into pieces.
         law: of the beam's friction.
         rung: of the beam's friction.
+        damping_ratio: of the beam; without it, it follows from the seed.
     """
 
     def __init__(
@@ -49,13 +59,19 @@ class InProcessDevice(BeamControl):
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
         law: str = LAW,
         rung: str = RUNG,
+        *,
+        damping_ratio: float | None = None,
     ) -> None:
         self._now_s = 0.0
+        self.unbroken: Unbroken = nullcontext
+        """Surrounds each piece of work, of the device and of whoever owns its port."""
         self._line = _Line(self.now_s, delay_s, cuts)
+        self._gauge_line = _Line(self.now_s, delay_s, cuts)
         self.inside: SimulatedDevice = simulated_device(
-            seed, self.now_s, dialect, law=law, rung=rung
+            seed, self.now_s, dialect, law=law, rung=rung, damping_ratio=damping_ratio
         )
-        self._server = Server(self.inside, self._line, None, self.now_s)
+        self._gauge = GaugeLine(self.inside, self._gauge_line)
+        self._server = Server(self.inside, self._line, None, self.now_s, self._gauge)
         self.on_step: Callable[[], None] = lambda: None
         """Called after everything that happens; it may look at what is inside."""
 
@@ -67,15 +83,19 @@ class InProcessDevice(BeamControl):
         """Let `seconds` pass: data arrive, and the watchdog trips, each at its moment."""
         end_s = self._now_s + seconds
         while self._now_s < end_s:
-            self.step_towards(end_s)
+            with self.unbroken():  # not the whole wait: a long one must end by Ctrl-C, too
+                self.step_towards(end_s)
 
     def step_towards(self, end_s: float) -> None:
         """Let time pass until something happens, or until `end_s`."""
-        now_s, line = self._now_s, self._line
-        device_s = now_s + self._server.idle_s(end_s - now_s)
-        if line.to_device.waiting:
-            device_s = min(device_s, line.to_device.next_s(now_s))
-        next_s = min(device_s, line.to_host.next_s(now_s)) if line.to_host.waiting else device_s
+        now_s = self._now_s
+        device_s = next_s = now_s + self._server.idle_s(end_s - now_s)
+        for line in (self._line, self._gauge_line):
+            if line.to_device.waiting:
+                device_s = min(device_s, line.to_device.next_s(now_s))
+            if line.to_host.waiting:
+                next_s = min(next_s, line.to_host.next_s(now_s))
+        next_s = min(next_s, device_s)
         self._now_s = min(max(next_s, now_s + _MOMENT_S), end_s)
         if device_s <= self._now_s:
             self.happen()
@@ -83,8 +103,15 @@ class InProcessDevice(BeamControl):
     def happen(self) -> None:
         """Do what is due now."""
         self._server.step()
+        if self._gauge_line.to_device.waiting:
+            self._gauge.serve()
         self.inside.pass_time()
         self.on_step()
+
+    def gauge_port(self) -> "InProcessPort":
+        """Return the host's end of the line to the gauge on the same beam; as `port`."""
+        self._gauge_line.open()
+        return InProcessPort(self, self._gauge_line)
 
     def port(self) -> "InProcessPort":
         """Return the host's end of the line, newly opened; the one before it is closed.
@@ -95,10 +122,14 @@ class InProcessDevice(BeamControl):
         self._line.open()
         return InProcessPort(self, self._line)
 
-    def _answer(self, line: str) -> str:
-        answer = self._server.answer_control(line)
-        self.on_step()
+    def answer(self, line: str) -> str:
+        """Do what a hand asks for in a line of the control channel."""
+        with self.unbroken():
+            answer = self._server.answer_control(line)
+            self.on_step()
         return answer
+
+    _answer = answer
 
 
 class InProcessPort:
@@ -230,15 +261,85 @@ class _Pieces:
         self.waiting = 0
 
 
+class _InProcessRig(Rig):
+    """A rig whose owner is the caller. A signal waits until a call to the device is over."""
+
+    def __init__(self, *args: Any, unbroken: Unbroken, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._unbroken = unbroken
+
+    def step(self, wait_s: float | None = 0.0) -> bool:
+        """Do the owner's work in one piece."""
+        with self._unbroken():
+            return super().step(wait_s)
+
+
+class _InProcessGaugeOwner(GaugeOwner):
+    """A gauge's owner that is the caller, too."""
+
+    def __init__(self, gauge: GaugeDriver, unbroken: Unbroken) -> None:
+        super().__init__(gauge)
+        self._unbroken = unbroken
+
+    def step(self, wait_s: float = 0.0) -> bool:
+        """Do the owner's work in one piece."""
+        with self._unbroken():
+            return super().step(wait_s)
+
+
 def in_process_rig(
     device: InProcessDevice,
     limits: Limits,
     dialect: str = "board",
     calibration: Resonance | None = None,
+    gauge: type[GaugeDriver] | None = None,
 ) -> Rig:
-    """Return the rig on a new port of `device`; it has no thread, so each call does its work."""
-    link = Link(device.port(), device.now_s)
-    return Rig(driver_of(dialect)(link, limits, device.now_s), limits, calibration, device.now_s)
+    """Return the rig on a new port of `device`; it has no thread, so each call does its work.
+
+    A `gauge` of that kind records the forces instead of the device.
+    """
+    now_s, unbroken, owner = device.now_s, device.unbroken, None
+    if gauge is not None:
+        owner = _InProcessGaugeOwner(gauge(Link(device.gauge_port(), now_s)), unbroken)
+    driver = driver_of(dialect)(Link(device.port(), now_s), limits, now_s)
+    return _InProcessRig(driver, limits, calibration, now_s, owner, unbroken=unbroken)
+
+
+class InProcessHand(BeamControl):
+    """The hand on a device and its rig; while time passes, the owner of the port works."""
+
+    def __init__(self, device: InProcessDevice, rig: Rig) -> None:
+        self._device = device
+        self._rig = rig
+        self.now_s = device.now_s
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` pass; whoever asks for that is alive, so that the watchdog stays quiet."""
+        if not 0 <= seconds < math.inf:
+            raise DeviceError(f"a step must be 0 s or more, got {seconds}")
+        end_s = self._device.now_s() + seconds
+        while (left_s := end_s - self._device.now_s()) > 0:
+            with suppress(DeviceError):  # the next call raises it, too
+                self._rig.beat()
+            self.pass_time(min(left_s, _BEAT_S))
+
+    def pass_time(self, seconds: float) -> None:
+        """Let `seconds` pass; only who beats meanwhile keeps the watchdog quiet."""
+        sleep(seconds, self._device, self._rig)
+
+    def _answer(self, line: str) -> str:
+        return self._device.answer(line)
+
+
+def sleep(seconds: float, device: InProcessDevice, rig: Rig) -> None:
+    """Let `seconds` pass, or longer if the owner of the port is busy for longer."""
+    end_s = device.now_s() + seconds
+    while (left_s := end_s - device.now_s()) > 0:
+        idle_s = rig.idle_s()
+        # A moment at least: a wait that rounding makes too short to add would never end.
+        device.advance(left_s if idle_s is None else min(left_s, max(idle_s, _MOMENT_S)))
+        if idle_s is not None and idle_s <= left_s:
+            rig.step()
 
 
 class InProcessClock:
@@ -259,9 +360,4 @@ class InProcessClock:
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` pass, or longer if the owner of the port is busy for longer."""
-        end_s = self._device.now_s() + seconds
-        while (left_s := end_s - self._device.now_s()) > 0:
-            idle_s = self._rig.idle_s()
-            self._device.advance(left_s if idle_s is None else min(left_s, idle_s))
-            if idle_s is not None and idle_s <= left_s:
-                self._rig.step()
+        sleep(seconds, self._device, self._rig)

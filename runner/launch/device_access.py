@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
-from device.gauges.known_gauges import open_gauge
+from device.friction.contrasts import LAW, RUNG
+from device.gauges.known_gauges import gauges, open_gauge
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
-from device.simulator.client import ControlClient, Friction, simulator_process
+from device.simulator.client import BeamControl, ControlClient, Friction, simulator_process
 from device.study_limits import device_limits
 from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
+from runner.signals import stops_deferred
 
 _SIMULATED_SERIAL = "SIM"
 """The serial number in the answer to `*IDN?` of each simulated device, and of no real one."""
@@ -23,10 +25,43 @@ _SIMULATED_SERIAL = "SIM"
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRig:
-    """An open device, and the control connection if it is simulated (else None)."""
+    """An open device, and the hand on it if it is simulated (else None)."""
 
     device: Rig
-    control: ControlClient | None
+    control: BeamControl | None
+
+
+@contextmanager
+def stepped_rig(
+    settings: RigSettings,
+    seed: int,
+    calibration: Resonance | None = None,
+    force_channel: ForceChannel | None = None,
+    **friction: Unpack[Friction],
+) -> Iterator[SessionRig]:
+    """Open a simulated device in this process, whose time passes by `control` alone.
+
+    Answers take no time. Its arguments are those of `session_rig`.
+    """
+    from device.simulator.in_process import InProcessDevice, InProcessHand, in_process_rig
+
+    channel = force_channel or ForceChannel()
+    device = InProcessDevice(
+        seed,
+        settings.dialect,
+        delay_s=lambda: 0.0,
+        law=friction.get("law") or LAW,
+        rung=friction.get("rung") or RUNG,
+        damping_ratio=friction.get("damping"),
+    )
+    device.unbroken = stops_deferred
+    gauge = gauges()[channel.gauge_dialect] if gauge_address(channel, SIMULATED) else None
+    limits = device_limits(settings)
+    rig = in_process_rig(device, limits, settings.dialect, calibration, gauge)
+    try:
+        yield SessionRig(device=rig, control=InProcessHand(device, rig))
+    finally:
+        rig.close()
 
 
 @contextmanager

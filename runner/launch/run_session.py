@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING
 
+from device.resonance import Resonance
+from device.simulator.client import Friction
 from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput, WorkFailed
 from protocol.journal.state import SessionState
@@ -14,7 +16,13 @@ from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.confirmation import Confirm, refused
-from runner.launch.device_access import SessionRig, gauge_address, require_real, session_rig
+from runner.launch.device_access import (
+    SessionRig,
+    gauge_address,
+    require_real,
+    session_rig,
+    stepped_rig,
+)
 from runner.launch.locks import real_address, rig_lock, session_lock
 from runner.launch.opened_session import as_begun, opened_session
 from runner.launch.participant_screen import participants_screen
@@ -82,24 +90,10 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
     calibration = options.calibration or kept_calibration(options.folder.path)
-    rig = stack.enter_context(
-        session_rig(
-            request.url,
-            request.study.rig,
-            options.touchbeam,
-            request.seed,
-            calibration,
-            law=options.law,
-            rung=options.rung,
-            damping=options.damping,
-            force_channel=request.study.force_channel,
-        )
-    )
+    rig = stack.enter_context(_rig(request, calibration))
     if not request.rehearsal:
         require_real(rig.device.arm().idn, request.url)
-    clock: Clock = WallClock()
-    if request.pace == "stepped" and rig.control is not None:
-        clock = SteppedClock(clock.utc(), rig.control.advance)
+    clock = _clock(request, rig)
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     chain = request.chain(journal)
@@ -127,6 +121,30 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
         opened_now=new,
     )
     return context
+
+
+def _rig(request: Request, calibration: Resonance | None) -> AbstractContextManager[SessionRig]:
+    """Return the device as a context manager; a simulated one on a stepped clock is in here."""
+    options, settings = request.options, request.study.rig
+    channel = request.study.force_channel
+    friction = Friction(law=options.law, rung=options.rung, damping=options.damping)
+    if request.pace == "stepped":
+        return stepped_rig(settings, request.seed, calibration, channel, **friction)
+    return session_rig(
+        request.url, settings, options.touchbeam, request.seed, calibration, channel, **friction
+    )
+
+
+def _clock(request: Request, rig: SessionRig) -> Clock:
+    """Return the session's clock; a stepped one moves the device's time."""
+    wall = WallClock()
+    if request.pace == "stepped":
+        # Imported here because a session with a real device needs no simulator.
+        from device.simulator.in_process import InProcessHand
+
+        if isinstance(rig.control, InProcessHand):
+            return SteppedClock(wall.utc(), rig.control.pass_time, rig.control.now_s)
+    return wall
 
 
 def _finger(

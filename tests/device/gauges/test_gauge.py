@@ -1,5 +1,7 @@
 """A gauge that says what is not true, or nothing that is a number: refused in one line."""
 
+import signal
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -187,3 +189,32 @@ def test_any_line_with_its_digest_is_samples_or_the_codecs_own_error(body: str) 
     except ProtocolError:
         return
     assert len(found.counts) % 3 == 0
+
+
+def test_a_stop_while_a_call_is_awaited_is_no_error_of_the_gauge() -> None:
+    """A signal's handler raises in the thread that waits."""
+
+    class Stop(Exception):
+        pass
+
+    def stop(*_: object) -> None:
+        raise Stop
+
+    over = threading.Event()
+
+    class Slow(LineGauge):
+        def meet(self) -> str:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            over.wait()
+            return ""
+
+    owner = GaugeOwner(Slow(Link(GaugePort(), monotonic=SteppedClock())))
+    owner.start(lambda: None)
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        with pytest.raises(Stop):
+            owner.meet()
+    finally:
+        signal.signal(signal.SIGINT, before)
+        over.set()
+        owner.close()

@@ -119,7 +119,8 @@ def device(monkeypatch: pytest.MonkeyPatch) -> FakeDevice:
     def rig(*_: object, **__: object) -> Iterator[SessionRig]:
         yield SessionRig(device=fake, control=None)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("runner.launch.run_session.session_rig", rig)
+    for name in ("session_rig", "stepped_rig"):
+        monkeypatch.setattr(f"runner.launch.run_session.{name}", rig)
     return fake
 
 

@@ -110,7 +110,7 @@ def tsv_cell(text: str) -> str:
 
 
 def _cell_text(cell: Cell, written: Callable[[str], str], missing: str) -> str:
-    """A value as text; of a list, one value per touch, its texts with semicolons between.
+    """Return a value as text; of a list, one value per touch, its texts with semicolons between.
 
     A list without any value is missing as a whole.
     """

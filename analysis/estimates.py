@@ -54,6 +54,6 @@ def or_null(value: object) -> Any:
     return None if isinstance(value, NotEstimable) else plain(value)
 
 
-def why(name: str, found: object) -> Json:
-    """Return the reason why `name` is `null`, or nothing if `found` was estimated."""
-    return {f"{name}_reason": found.reason} if isinstance(found, NotEstimable) else {}
+def why(name: str, value: object) -> Json:
+    """Return the reason why `name` is `null`, or nothing if `value` was estimated."""
+    return {f"{name}_reason": value.reason} if isinstance(value, NotEstimable) else {}

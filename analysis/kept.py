@@ -101,8 +101,8 @@ class Kept:
     def _name(self, function: Callable[..., Any], *of: object) -> str:
         return sha256(_text([self._version, _form(function), _form(of)])).hexdigest()
 
-    def _remember(self, name: str, found: tuple[Any]) -> None:
-        self._memory[name] = found
+    def _remember(self, name: str, result: tuple[Any]) -> None:
+        self._memory[name] = result
         while len(self._memory) > _IN_MEMORY:
             self._memory.popitem(last=False)
 

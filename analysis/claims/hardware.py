@@ -35,12 +35,12 @@ CLAIMS = Claims()
     "beam; with 0.012 or more also for the Euler beam with sheets, with shear not below 0.12",
 )
 def _drive_near_natural_frequency() -> Finding:
-    found = {}
+    nearest_hz = {}
     for rung in _RUNGS:
         # The operating mode is 6; a rung's own order of resonances may put another one nearest.
         resonances = np.array([rung_resonance_hz(rung, BEAM, mode) for mode in range(4, 9)])
-        found[rung] = float(resonances[np.argmin(np.abs(resonances - _FREQUENCY_HZ))])
-    return _within_the_bandwidth(_FREQUENCY_HZ, found)
+        nearest_hz[rung] = float(resonances[np.argmin(np.abs(resonances - _FREQUENCY_HZ))])
+    return _within_the_bandwidth(_FREQUENCY_HZ, nearest_hz)
 
 
 def _within_the_bandwidth(frequency_hz: float, resonances_hz: Mapping[str, float]) -> Finding:

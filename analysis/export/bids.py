@@ -115,7 +115,7 @@ def _dataset_description(data: Dataset) -> dict[str, Any]:
 
 
 def _participants(data: Dataset) -> dict[str, str]:
-    """The table of participants and its sidecar; the participant's label stands first."""
+    """Return the table of participants and its sidecar; the label stands first."""
     first, *others = data.participant_columns
     named = {"pseudonym": first} | _named(others)
     rows = [(f"sub-{data.subject_labels[str(row[0])]}", *row) for row in cells(data.participants)]
@@ -161,13 +161,13 @@ def bids_recordings(data: Dataset) -> dict[str, bytes]:
 
 
 def _stem(data: Dataset, who: str, number: int) -> str:
-    """The path of a session's files, without suffix."""
+    """Return the path of a session's files, without suffix."""
     entities = data.entities(who, number)
     return "/".join([*entities, "beh", "_".join([*entities, f"task-{data.task}"])])
 
 
 def _sessions(data: Dataset) -> dict[str, str]:
-    """Each session's tables of trials and of events, and their sidecars."""
+    """Return each session's tables of trials and of events, and their sidecars."""
     files: dict[str, str] = {}
     named = _named(data.shared_columns)
     columns = {name: _described(column, data) for name, column in named.items()}
@@ -207,7 +207,7 @@ def _event_files(stem: str, trials: pd.DataFrame, task: Mapping[str, Any]) -> di
 
 
 def _task(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
-    """What the sidecars of a session say of its task."""
+    """Return what the sidecars of a session say of its task."""
     facts = data.facts
     task = {
         "TaskName": data.task_name,
@@ -220,7 +220,7 @@ def _task(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
 
 
 def _described(column: Column, data: Dataset) -> dict[str, Any]:
-    """A column as a sidecar describes it.
+    """Return a column as a sidecar describes it.
 
     Readers take `Units` to mean one number and `Levels` to mean one of them, so that a column with
     lists says both in words.

@@ -54,15 +54,15 @@ def labels(names: Iterable[str]) -> dict[str, str]:
     {'P-01': 'P01x2', 'P01': 'P01', 'p_01': 'p01x3', '受试者': 's'}
     """
     distinct = list(dict.fromkeys(names))
-    found: dict[str, str] = {}
+    label_of: dict[str, str] = {}
     taken: set[str] = set()
     # Names that are labels already go first, so that they keep theirs.
     for name in sorted(distinct, key=lambda name: label(name) != name):
         wanted = label(name) or "s"
         free = chain([wanted], (f"{wanted}x{number}" for number in count(2)))
-        found[name] = next(each for each in free if each.casefold() not in taken)
-        taken.add(found[name].casefold())
-    return {name: found[name] for name in distinct}
+        label_of[name] = next(each for each in free if each.casefold() not in taken)
+        taken.add(label_of[name].casefold())
+    return {name: label_of[name] for name in distinct}
 
 
 UNNAMED_TASK = "touch"

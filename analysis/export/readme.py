@@ -59,7 +59,7 @@ def changed(data: Dataset) -> str:
 
 
 def _facts(data: Dataset) -> list[str]:
-    """What the study's author gave, as a list each; nothing where nothing was given."""
+    """Return what the study's author gave, a list each; nothing where nothing was given."""
     facts = data.facts
     lists = {
         "Ethics approvals": facts.ethics_approvals,
@@ -74,6 +74,6 @@ def _facts(data: Dataset) -> list[str]:
 
 
 def _line(text: str) -> str:
-    """The text as one line that stays text where the README is shown as a page."""
+    """Return the text as one line that stays text where the README is shown as a page."""
     # Titles and names may come from a stranger's study file.
     return escape(" ".join(text.split()), quote=False)

@@ -108,7 +108,7 @@ def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]
     # By their tags, because an event is parsed when its record is asked for, which takes long.
     if TouchRecorded.TAG not in tags or Withdrawn.TAG in tags or any(it.erased for it in events):
         return ()
-    found: dict[int, list[RecordedTouch]] = {}
+    by_trial: dict[int, list[RecordedTouch]] = {}
     trial = 0
     recorded: TouchRecorded | None = None
     for event in events:
@@ -117,16 +117,16 @@ def recorded_touches(events: Sequence[StoredEvent]) -> tuple[RecordedTouch, ...]
         match event.record:
             # A trial that comes again replaces what its earlier attempt recorded.
             case TrialStarted(index=trial):
-                found[trial] = []
+                by_trial[trial] = []
             case TouchRecorded() as told:
                 recorded = told
             case TouchEnded(touch=number, read_back=read_back):
                 if recorded is not None and recorded.touch == number and _whole(recorded):
-                    found.setdefault(trial, []).append(
+                    by_trial.setdefault(trial, []).append(
                         RecordedTouch(trial_index=trial, recording=recorded, read_back=read_back)
                     )
                 recorded = None
-    return tuple(touch for _, touches in sorted(found.items()) for touch in touches)
+    return tuple(touch for _, touches in sorted(by_trial.items()) for touch in touches)
 
 
 def _whole(recorded: TouchRecorded) -> bool:

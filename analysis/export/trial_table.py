@@ -323,17 +323,16 @@ class Frames:
             ("traces", [*_TOUCH, *TraceSample._fields], known | sampled),
         )
         rows = [
-            (table, name, column.description, column.unit, _listed(column.levels))
+            (
+                *(table, name, column.description, column.unit),
+                "; ".join(f"{level}: {text}" for level, text in column.levels.items()) or None,
+            )
             for table, names, columns in tables
             for name in names
             if (column := columns[name])
         ]
         headings = ["table", "column", "meaning", "unit", "levels"]
         return pd.DataFrame(rows, columns=headings).set_index(["table", "column"])
-
-
-def _listed(levels: Mapping[str, str]) -> str | None:
-    return "; ".join(f"{level}: {meaning}" for level, meaning in levels.items()) or None
 
 
 def plan_frame(planned: Iterable[Trial | PlannedTrial]) -> pd.DataFrame:

@@ -56,8 +56,8 @@ def mean_column(scores: FloatArray) -> int | None:
     telling = there & (_highest_of_others(scores) > -_highest_of_others(-scores))
     fractions = (values % 1 > 0).sum(axis=0)
     proof = (fractions > 0) & (fractions == fractions.sum())
-    found = met.all(axis=0) & there.any(axis=0) & (proof | (telling.sum(axis=0) >= LEAST_ROWS))
-    return int(np.argmax(found)) if found.any() else None
+    is_mean = met.all(axis=0) & there.any(axis=0) & (proof | (telling.sum(axis=0) >= LEAST_ROWS))
+    return int(np.argmax(is_mean)) if is_mean.any() else None
 
 
 def _highest_of_others(scores: FloatArray) -> FloatArray:
@@ -166,7 +166,7 @@ def _header(cells: list[str], at_header: str) -> list[str]:
 
 
 def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
-    """The rows that are not blank, at least one, each with its line in the file."""
+    """Return the rows that are not blank, at least one, each with its line in the file."""
     # Strict, because a stray quotation mark would otherwise silently join cells.
     reader = csv.reader(io.StringIO(text, newline=None), strict=True)
     rows, line = [], 1

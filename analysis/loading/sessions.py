@@ -100,14 +100,14 @@ class Sessions:
         trial directly before, if that was scored too. Both are missing for trials without a score
         and for published scores, whose order is unknown.
         """
-        found = self.attempts[self.attempts.answered]
-        scored = found["trial_kind"].eq("trial")
-        session = found["session_id"]
+        given = self.attempts[self.attempts.answered]
+        scored = given["trial_kind"].eq("trial")
+        session = given["session_id"]
         # After a catch trial or practice there is no condition whose effect could carry over.
         after_scored = scored & scored.groupby(session).shift(fill_value=False)
-        return found.assign(
+        return given.assign(
             place=scored.groupby(session).cumsum().astype("Int64").where(scored),
-            previous=found.groupby("session_id")["condition"].shift().where(after_scored),
+            previous=given.groupby("session_id")["condition"].shift().where(after_scored),
         ).drop_duplicates(TRIAL, keep="last")
 
     @cached_property

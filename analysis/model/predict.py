@@ -57,7 +57,7 @@ class PredictOptions:
 
 
 def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]:
-    """A study's touch, and the rig as calibrated, as defaults for blank cells."""
+    """Return a study's touch, and the rig as calibrated, as defaults for blank cells."""
     touch = study.touch
     own = {"damping_ratio": rig.damping_ratio, "body_height_m": rig.body_height_m}
     return {
@@ -70,26 +70,24 @@ def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]
 
 
 def _optional(values: FloatArray) -> FloatArray | None:
-    """A column of which a group has all values or none."""
+    """Return a column of which a group has all values; None if it has none."""
     # One value tells, because a group is made of rows that all have it or all lack it.
     return None if np.isnan(values[:1]).any() else values
 
 
 def _shared(values: FloatArray) -> FloatArray:
-    """A column's one value, shape (1,), if all its values are the same bits, else all of them."""
+    """Return a column's one value, shape (1,), if all values are the same bits, else all."""
     # Bits rather than values, because NaN differs from itself and -0 equals 0.
     bits = values.view(np.int64)
     return values[:1] if (bits == bits[0]).all() else values
 
 
 def _word(table: SceneTable, name: str, rows: NDArray[np.intp]) -> str:
-    """The word that a group has in a column."""
     words = table.words[name]
     return str(words[rows[0] if words.size == len(table.lines) else 0])
 
 
 def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOptions) -> Batch:
-    """The scenes of one group as a batch."""
     count = len(table.lines)
     number = {
         name: _shared(values if values.size != count else values[rows])
@@ -114,7 +112,7 @@ def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOpti
 
 
 def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
-    """Rows that can be computed in one pass: alike in mode, words and what is given at all."""
+    """Yield rows to compute in one pass: alike in mode, words and what is given at all."""
     count = len(table.lines)
     keys = [np.unique(words, return_inverse=True)[1] for words in table.words.values()]
     keys.append(table.numbers["mode"].astype(np.intp))
@@ -133,7 +131,6 @@ def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
 
 
 def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
-    """One group's predictions, rungs and bounds."""
     choice = LawChoice(name=options.law, ratio=ratio, overlap=options.eq15_overlap)
     if options.rung == "auto":
         return auto_prediction(batch, choice, options.tolerance)
@@ -177,7 +174,7 @@ class PredictedTable:
 
 
 def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
-    """The predictions for a table of scenes, with a warning if the printed law has impossible ones.
+    """Return the predictions for a table of scenes; warn if the printed law has impossible ones.
 
     Raises:
         BadInput: a mode lies beyond the cut-off of the rung it needs, or a contact is too short
@@ -215,7 +212,7 @@ def _impossible(predicted: PredictedTable) -> str:
 
 
 def _texts(values: FloatArray, missing: str = "") -> list[str]:
-    """The shortest texts that give the same numbers again; what is not given is `missing`."""
+    """Return the shortest texts that give the same numbers; what is not given is `missing`."""
     return [
         missing if value != value else repr(value).removesuffix(".0")  # noqa: PLR0124 - nan alone
         for value in values.tolist()
@@ -223,7 +220,7 @@ def _texts(values: FloatArray, missing: str = "") -> list[str]:
 
 
 def csv_text(predicted: PredictedTable) -> str:
-    """The output table as CSV text."""
+    """Return the output table as CSV text."""
     columns = [
         _texts(values, getattr(COLUMNS.get(name), "word", ""))
         if values.dtype == np.float64
@@ -242,7 +239,7 @@ def predict(
     options: PredictOptions | None = None,
     defaults: Mapping[str, float] | None = None,
 ) -> str:
-    """A CSV text of scenes with its predictions, as CSV text.
+    """Return a CSV text of scenes with its predictions, as CSV text.
 
     Args:
         source: the file's name, for messages.

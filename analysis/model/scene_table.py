@@ -122,12 +122,12 @@ class SceneTable:
     words: Mapping[str, NDArray[np.str_]]
 
     def complaint(self, row: int, column: str, rule: str, value: object) -> BadInput:
-        """The error that names file, line, column, rule and value."""
+        """Return the error that names file, line, column, rule and value."""
         return bad_cell(self.source, self.lines[row], column, rule, value)
 
 
 def bad_cell(source: str, line: int, column: str, rule: str, value: object) -> BadInput:
-    """The error for one cell."""
+    """Return the error for one cell."""
     return BadInput(f"{source}, line {line}, column {column}: {rule}, got {value!r}")
 
 
@@ -144,7 +144,7 @@ def _checked_header(source: str, header: Sequence[str]) -> None:
 
 
 def _rows(source: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
-    """Header, rows of cells and their lines; blank lines are skipped."""
+    """Return header, rows of cells and their lines; blank lines are skipped."""
     # Spreadsheets put a byte order mark before UTF-8; a stray quotation mark must not join cells.
     reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
     try:
@@ -166,7 +166,7 @@ def _rows(source: str, text: str) -> tuple[list[str], list[list[str]], list[int]
 
 
 def _number(text: str) -> float | None:
-    """The number that a cell holds, or None; Python's underscores are no number here."""
+    """Return the number that a cell holds, or None; underscores make none here."""
     try:
         return None if "_" in text else float(text)
     except ValueError:
@@ -174,7 +174,7 @@ def _number(text: str) -> float | None:
 
 
 def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> FloatArray:
-    """A column of numbers; blank cells and the column's word take its default."""
+    """Return a column of numbers; blank cells and the column's word take its default."""
     column = COLUMNS[name]
     assert isinstance(column, NumberColumn)
     if isinstance(cells, np.ndarray):
@@ -203,7 +203,7 @@ def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> Floa
 
 
 def _words(source: str, name: str, cells: Cells, lines: Sequence[int]) -> NDArray[np.str_]:
-    """A column of words; blank cells take its default."""
+    """Return a column of words; blank cells take its default."""
     column = COLUMNS[name]
     assert isinstance(column, WordColumn)
     texts = cells if not isinstance(cells, np.ndarray) else [str(cell) for cell in cells]
@@ -216,7 +216,7 @@ def _words(source: str, name: str, cells: Cells, lines: Sequence[int]) -> NDArra
 
 
 def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = None) -> SceneTable:
-    """The scenes of a CSV text.
+    """Return the scenes of a CSV text.
 
     Args:
         source: the file's name, for messages.
@@ -239,7 +239,7 @@ def column_table(
     count: int,
     defaults: Mapping[str, float] | None = None,
 ) -> SceneTable:
-    """The scenes of arrays, of shape (count,) each, or (1,) for a value that all scenes share.
+    """Return the scenes of arrays, of shape (count,) each, or (1,) for a value that all share.
 
     NaN and None are blank cells. See `scene_table` for the rest.
     """
@@ -250,7 +250,7 @@ def column_table(
 
 
 def _cells_of(column: NDArray[Any]) -> Cells:
-    """An array's numbers as they are, and anything else as the text it would be in a file."""
+    """Return an array's numbers as they are, anything else as the text it would be in a file."""
     if column.dtype == np.float64 or column.dtype.kind in "iu":
         return column
     cells = column.tolist() if column.dtype == np.object_ else column
@@ -264,7 +264,7 @@ def _table(
     lines: Sequence[int],
     defaults: Mapping[str, float] | None,
 ) -> SceneTable:
-    """The table of given columns; what all scenes share has shape (1,)."""
+    """Return the table of given columns; what all scenes share has shape (1,)."""
     numbers, words = {}, {}
     for name, column in COLUMNS.items():
         # One blank cell stands for the column that is not there, and takes its default.

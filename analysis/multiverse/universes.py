@@ -186,18 +186,18 @@ def _single(
     contrasts: list[tuple[dict[Choice, str], FloatArray]],
 ) -> dict[Choice, str]:
     """Say why a choice has one option."""
-    found = {}
+    reasons = {}
     if len(readings) == 1:
-        found[Choice.READING] = "no score was withheld, so that the three readings are one"
+        reasons[Choice.READING] = "no score was withheld, so that the three readings are one"
     if len(left_out) == 1:
-        found[Choice.EXCLUSIONS] = (
+        reasons[Choice.EXCLUSIONS] = (
             "nothing was excluded, and no touch that counts was judged to be not as instructed"
         )
     if len({options[Choice.CONTRAST] for options, _ in contrasts}) == 1:
-        found[Choice.CONTRAST] = (
+        reasons[Choice.CONTRAST] = (
             "no friction was measured, and touches as made have the contrasts of those planned"
         )
-    return found
+    return reasons
 
 
 def _contrasts(

@@ -52,14 +52,14 @@ def rows_of_tables(tables: Sequence[FloatArray]) -> FloatArray:
     # The report does not analyse a subject without any score.
     left = [table[~np.isnan(table).all(axis=1)] for table in tables]
     width = len(columns(tables[0].shape[1], models=False))
-    found = np.full((len(left), width), np.nan)
+    rows = np.full((len(left), width), np.nan)
     # Tables of one shape are one array, which is far faster than a test at a time.
     for shape in {table.shape for table in left}:
         which = [number for number, table in enumerate(left) if table.shape == shape]
         # A cohort of which nobody is left has a row of NaN: no test, and no claim.
         if shape[0]:
-            found[which] = _rows(np.array([left[number] for number in which]))
-    return found
+            rows[which] = _rows(np.array([left[number] for number in which]))
+    return rows
 
 
 def _rows(scores: FloatArray) -> FloatArray:

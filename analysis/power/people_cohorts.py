@@ -153,7 +153,7 @@ class PeopleCohorts:
         ]
         count = np.array([len(kind.marks) for kind in of])[made.kinds]
         begin = np.cumsum(count, axis=1) - count
-        found = np.full((len(who), len(LAWS)), np.nan)
+        contrasts = np.full((len(who), len(LAWS)), np.nan)
         for row, (person, number) in enumerate(zip(who.tolist(), trial.tolist(), strict=True)):
             kind = int(made.kinds[person, number])
             if (planned := changes[kind]) is None:
@@ -165,8 +165,8 @@ class PeopleCohorts:
                 # A contrast is between the first touch and the last; they may be one.
                 for place in dict.fromkeys([0, len(of[kind].marks) - 1])
             ]
-            found[row] = _by_law(felt_change(planned, touches, resonance_hz), self.rig)
-        return found
+            contrasts[row] = _by_law(felt_change(planned, touches, resonance_hz), self.rig)
+        return contrasts
 
     @cached_property
     def _simulation(self) -> Simulation:

@@ -60,7 +60,8 @@ def _design_record(found: Findings, study: Study) -> Json:
         "design": {
             "participants": found.design.participants,
             "repeats": found.design.repeats,
-            "levels": found.design.levels or _own_levels(study),
+            "levels": found.design.levels
+            or max(len(condition.levels) for condition in study.condition),
             "sessions": study.design.sessions,
             "conditions": list(study.conditions),
         },
@@ -92,10 +93,6 @@ def _registered_record(found: Findings) -> Json:
         for each in found.registered
     ]
     return {"primary": listed[0], "secondary": listed[1:]}
-
-
-def _own_levels(study: Study) -> int:
-    return max(len(condition.levels) for condition in study.condition)
 
 
 def _test_record(test: TestPower) -> Json:
@@ -144,7 +141,8 @@ def answer(found: Sequence[Findings]) -> str:
         return design_answer(found[0])
     enough = [each for each in found if _power_of(each, OMNIBUS) >= ENOUGH]
     if not enough:
-        return f"No design has 80% power; the largest: {design_answer(_largest(found))}"
+        largest = max(found, key=lambda each: (_size(each.design), each.design))
+        return f"No design has 80% power; the largest: {design_answer(largest)}"
     # By trials altogether, which is what a study costs.
     smallest = min(enough, key=lambda each: (_size(each.design), each.design))
     return (
@@ -194,10 +192,6 @@ def _narrow(found: Findings) -> list[str]:
     ]
 
 
-def _largest(found: Sequence[Findings]) -> Findings:
-    return max(found, key=lambda each: (_size(each.design), each.design))
-
-
 def _size(design: Design) -> int:
     return design.participants * design.repeats
 
@@ -230,14 +224,10 @@ def _pairs_with_power(found: Findings) -> list[str]:
     pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
     # Mean differences stand last among the estimates, in the order of the tests.
     for test, difference in zip(pairs, found.estimates[-len(pairs) :], strict=True):
-        if _enough(test):
+        if test.supported.value >= ENOUGH:
             ends = test.name.split(" - ")
             names.append(" above ".join(ends if difference.truth > 0 else reversed(ends)))
     return names
-
-
-def _enough(test: TestPower) -> bool:
-    return test.supported.value >= ENOUGH
 
 
 def _rest(names: Sequence[str]) -> str:
@@ -320,7 +310,7 @@ def _curves(found: Sequence[Findings]) -> list[Panel]:
     if any(estimate.name == RELATIVE for estimate in found[0].estimates):
         name = "Half-width of relative gains"
         panels.append(_curve(name, "points per unit of contrast", lines, {}))
-    return [*panels, _weakest_pair(lines)]
+    return [*panels, _pairs_told_apart(lines)]
 
 
 def _curve(
@@ -335,8 +325,8 @@ def _curve(
     return _panel(title, y_label, {name: _points(own, measured) for name, own in lines.items()})
 
 
-def _weakest_pair(lines: Mapping[str, Sequence[Findings]]) -> Panel:
-    """Return the power for the pairs: the mean over all of them."""
+def _pairs_told_apart(lines: Mapping[str, Sequence[Findings]]) -> Panel:
+    """Return the share of pairs of conditions that are told apart, the mean over all of them."""
 
     def measured(found: Findings) -> Measured:
         pairs = [test.supported for test in found.tests if test.name not in {OMNIBUS, GAINS}]

@@ -127,7 +127,6 @@ def _monte_carlo(found: MonteCarlo) -> str:
 
 
 def _friedman_line(test: Friedman | NotEstimable) -> str:
-    """Return Friedman's test in one sentence."""
     if isinstance(test, NotEstimable):
         return f"Friedman's test could not be computed: {test.reason}."
     exact = (

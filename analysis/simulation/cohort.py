@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 
 import numpy as np
 
@@ -94,11 +93,6 @@ class PlannedTrials:
             marks = tuple(mark_of(touch, self.study.touch) for touch in trial.touches)
             self.kinds.append(TrialKind(trial=trial, marks=marks))
         return self._numbers[known]
-
-    @cached_property
-    def most_touches(self) -> int:
-        """Most touches of a session."""
-        return max(sum(len(trial.touches) for trial in self.plan(0).trials), 1)
 
 
 def _key(touch: Touch) -> str:
@@ -227,6 +221,8 @@ class _Feeling:
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
         parts = fractions(self._kinds[number].marks[touch])
+        # A finger that stays at its place slides to and fro there.
+        sliding_m_s = np.where(speed_m_s > 0, speed_m_s, REFERENCE_SPEED_M_S)
         voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
         frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
         # One frequency at a time, because the beam is solved once for each.
@@ -236,7 +232,7 @@ class _Feeling:
             fingers = Fingers(
                 place_m=places_m[:, which].ravel(),
                 force_n=np.repeat(force_n, len(which)),
-                speed_m_s=np.repeat(_sliding_m_s(speed_m_s), len(which)),
+                speed_m_s=np.repeat(sliding_m_s, len(which)),
                 voltage_v=np.broadcast_to(voltages_v[which], shape).ravel(),
                 body_height_m=np.full(shape, height_m).ravel(),
                 skin=np.repeat(made.skin, len(which)),
@@ -279,11 +275,6 @@ class _Feeling:
             if kind.trial.question is None and number in self._trials:
                 return self._friction[number, len(kind.marks) - 1][:, -1]
         return None
-
-
-def _sliding_m_s(speed_m_s: FloatArray) -> FloatArray:
-    """Return speeds in which a finger that stays at its place slides to and fro."""
-    return np.where(speed_m_s > 0, speed_m_s, REFERENCE_SPEED_M_S)
 
 
 def _answer(

@@ -148,7 +148,10 @@ def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
     """
     conditions = planned.study.conditions
     of = planned.kinds
-    condition = np.array([_position(conditions, kind.trial.condition) for kind in of])[made.kinds]
+    names = [kind.trial.condition for kind in of]
+    # No column has the number -1, so that trials without a condition enter none.
+    columns = [conditions.index(name) if name in conditions else -1 for name in names]
+    condition = np.array(columns)[made.kinds]
     counted, out = counted_trials(planned, made)
     given = counted & ~np.isnan(made.score)
     table = np.full((made.people.size, len(conditions)), np.nan)
@@ -174,11 +177,6 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
     given = kept & scored & ~np.isnan(made.score)
     alarms = kept & catch & (made.change != SAME)
     return kept & scored, _left_out(planned, kept & scored, given, kept & catch, alarms)
-
-
-def _position(conditions: tuple[str, ...], name: str | None) -> int:
-    # No column has this number, so that such trials enter none.
-    return conditions.index(name) if name in conditions else -1
 
 
 def _too_soon_or_late(planned: PlannedTrials, made: Cohort, judged: BoolArray) -> BoolArray:

@@ -74,7 +74,7 @@ def trial_contrasts(
         rig: its damping, gain and bodies, where no calibration was in force.
         rung: of the model.
         as_felt: whether what was measured takes the place of what was planned.
-        keep: what keeps them.
+        keep: where they are kept.
     """
     changes = trial_changes(study, trials, touches, as_felt=as_felt)
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]

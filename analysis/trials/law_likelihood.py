@@ -60,11 +60,11 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
     repeats = int(cells.counts[0, 0])
     if cells.alike and (cells.counts == repeats).all():
         squares = float((trials.rating**2).sum())
-        found = _log_likelihoods(cells.means, cells.contrasts[0][orders], repeats, squares)
+        fits = _log_likelihoods(cells.means, cells.contrasts[0][orders], repeats, squares)
     else:
-        found = np.array([_explained(cells, cells.contrasts[:, order]) for order in orders])
+        fits = np.array([_explained(cells, cells.contrasts[:, order]) for order in orders])
     # Assignments that fit equally well differ by rounding; they count as fitting as well.
-    return float((found >= found[0] - 1e-9 * abs(found[0])).mean())
+    return float((fits >= fits[0] - 1e-9 * abs(fits[0])).mean())
 
 
 def prediction_error(
@@ -200,7 +200,7 @@ NOISE, SPREAD, CORRELATION = (float(np.exp(-8)), 3e3), (1e-6, 3e3), (-8.0, 8.0)
 
 
 def shared_contrasts(ratings: Ratings, contrast: FloatArray) -> bool:
-    """Whether all subjects have the same contrasts under the same conditions.
+    """Return whether all subjects have the same contrasts under the same conditions.
 
     A subject who broke off may lack some of them.
     """
@@ -402,7 +402,7 @@ def law_order(
 
 
 def _by_strength(conditions: tuple[str, ...], predicted: FloatArray) -> tuple[tuple[str, ...], ...]:
-    """The conditions from the strongest contrast to the weakest, those ranked alike together."""
+    """Return the conditions from the strongest contrast to the weakest, equal ones together."""
     rounded = np.round(predicted, DECIMALS)
     return tuple(
         tuple(name for name, value in zip(conditions, rounded, strict=True) if value == contrast)

@@ -340,13 +340,13 @@ def mean_contrasts(
 ) -> dict[str, MeanContrasts]:
     """Return the means of contrasts of these trials, by law."""
     counts = np.bincount(ratings.condition, minlength=len(data.table.conditions))
-    found = {}
+    by_law = {}
     for law, values in contrasts.items():
         sums = np.bincount(ratings.condition, weights=values, minlength=len(counts))
         means = np.full(len(counts), np.nan)
         np.divide(sums, counts, out=means, where=counts > 0)
-        found[law] = _of_conditions(data, means)
-    return found
+        by_law[law] = _of_conditions(data, means)
+    return by_law
 
 
 def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:

@@ -359,7 +359,6 @@ def _later_table(later: _Later, origin: str) -> Table | None:
 def _record(
     lock: StudyLock, results: list[NamedResult], departed: list[Deviation], later: _Later
 ) -> Json:
-    """Return the registration for programs."""
     settled = lock.registration
     return {
         "digest": settled.digest,

@@ -109,7 +109,6 @@ def _scores_figure(found: Findings) -> Figure:
 
 
 def _quartile_table(table: ScoreTable) -> Table:
-    """Return the number of scores, their mean and their quartiles by condition."""
     rows = []
     for name, column in zip(table.conditions, table.scores.T, strict=True):
         given = column[~np.isnan(column)]

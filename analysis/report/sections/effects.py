@@ -41,7 +41,6 @@ def section(found: Findings) -> Section:
 
 
 def _icc_table(table: TableStatistics) -> Table:
-    """Return the intraclass correlations of subjects and of conditions."""
     targets = {
         "subjects (how reliably one condition's score measures a subject)": table.icc_subjects,
         "conditions (how reliably one subject's score measures a condition)": table.icc_conditions,

@@ -83,13 +83,10 @@ _BESIDE = (
 )
 
 
-def _calibrated(rig: Calibration) -> str:
-    return f", with the rig as calibrated: {rig}" if rig.origin else ""
-
-
 def _model(trials: TrialStatistics, rig: Calibration) -> str:
     # APA style writes numbers below ten as words.
     laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
+    calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     measured = int(trials.contrasts.measured.sum())
     # Large studies are integrated with fewer points, which a reader has to know.
     large = len(trials.scored.ratings.given.rating) > LARGE
@@ -110,7 +107,7 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
     )
     return (
         f"Contrasts were predicted trial by trial from the friction model on its rung {RUNG} "
-        f"under {laws} laws{_calibrated(rig)}; {touches}. "
+        f"under {laws} laws{calibrated}; {touches}. "
         f"Sensitivities were estimated under the law '{LAW}' by "
         "M2, an ordinal mixed model: a latent rating, bias + gain × contrast + an effect of "
         "the condition + noise, is mapped to scores through ordered thresholds common to all "
@@ -180,7 +177,6 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
 
 
 def _model_parameters(study: Study, rig: Calibration) -> dict[str, str]:
-    """Return the parameters of the friction model, with units."""
     scene, finger = Scene(), study.touch
     beam = scene.structure.beam
     return {

@@ -91,7 +91,6 @@ def _known(ranges: Sequence[ContrastRange]) -> str:
 
 
 def _limits(found: Findings) -> list[str]:
-    """Return the limitations of the data, a sentence or two each."""
     limits, trials = [], found.trials
     if not trials.has_repeats and _fits(trials):
         limits.append(
@@ -286,7 +285,6 @@ def _simple_table(fit: LinearSensitivity | NotEstimable) -> Table | None:
 
 
 def _detection_table(fit: TwoStageSensitivity) -> Table:
-    """Return each subject's d′ and criterion under M3."""
     return Table(
         name="detection",
         caption="Change detection and rating of the changes that were noticed (M3): d′ at a "

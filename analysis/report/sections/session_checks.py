@@ -257,7 +257,6 @@ def _strips(
 
 
 def _course_table(data: Course) -> Table:
-    """Return the mean score by place in the session."""
     return Table(
         name="course",
         caption="Numbers shown in the figure: mean score by place in the session.",
@@ -272,7 +271,6 @@ def _course_table(data: Course) -> Table:
 
 
 def _catch_table(catch: CatchAnswers) -> Table:
-    """Return hits and false alarms by subject."""
     return Table(
         name="catch",
         caption="Trials on which a change in either direction was reported: scored trials (hits) "

@@ -60,6 +60,7 @@ def predicted_frame(
         for name, (_, column) in zip(names, scenes.items(), strict=True)
     }
     table = column_table("scenes", columns, len(scenes), defaults)
+    # With the caller's index, so that the result can be joined to the scenes.
     return pd.DataFrame(predicted_table(table, PredictOptions(**options)).columns, scenes.index)
 
 

@@ -259,6 +259,7 @@ class Study:
             recorded=self.recorded,
         )
         folder = self.folder.report if out is None else Path(out)
+        # A folder that the user names may be a link; one within the study may come from a stranger.
         own = self.folder.path if out is None else None
         write_files(report_files(made, figures=figures), folder, replaced=FIGURE_FILES, study=own)
         return folder / "report.html"

@@ -230,6 +230,7 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
     text = next(iter(question.text.values()), "A question that the study file no longer has.")
     # A label's value stands in the table; its name is what participants read.
     names = {
+        # Fifteen digits show every number as it was typed, without the rest of a binary fraction.
         f"{label.at:.15g}" if label.value is None else label.value: next(iter(label.names.values()))
         for label in question.labels
     }

@@ -128,6 +128,7 @@ def crate_metadata(data: Dataset, files: Mapping[str, bytes], today: date) -> st
     profile = _named(_PROFILE, "CreativeWork", "Process Run Crate")
     graph = [
         {
+            # RO-Crate requires this entity: by it a reader finds the root of the crate.
             "@id": METADATA,
             "@type": "CreativeWork",
             "about": {"@id": "./"},

@@ -42,6 +42,7 @@ class PredictOptions:
     rig: Calibration = NOMINAL
 
     def __post_init__(self) -> None:
+        # Made only to be checked, so that a wrong option is refused before a table is read.
         LawChoice(name=self.law, overlap=self.eq15_overlap)
         positive("tolerance", self.tolerance)
         if self.rung != "auto":

@@ -30,6 +30,7 @@ def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
     return [Column(name=name, kind=kind) for name in names]
 
 
+# With slots, because the tables of a large study have half a million cells.
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cell:
     """Cell with a link, an anchor, or a reason for a missing value.

@@ -26,6 +26,7 @@ with chdir(Path(sys.executable).parent):  # it reads a `matplotlibrc` in the cur
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+# Other modules take the type from here, so that matplotlib is imported in one place.
 __all__ = ["Axes"]
 
 
@@ -130,6 +131,7 @@ Draw = Callable[[Words], Drawing]
 def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
     """Return what `draw` draws, or drew before; its files are made when they are asked for."""
 
+    # Drawn once at most, although the picture and its files are asked for apart.
     @cache
     def drawn() -> Drawing:
         return draw(words)
@@ -225,6 +227,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.logarithmic_x:
         axes.set_xscale("log")
+        # Names stand right of their points and need room.
         axes.margins(x=0.25)
     if panel.of_shares:
         axes.set_ylim(0, 1)

@@ -34,6 +34,7 @@ from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.contrasts import LAW
 
+# docs/report.md names these numbers: beyond them a figure is too dense to read.
 MOST_LINES = 100
 MOST_POINTS = 2_000
 MOST_INTERVALS = 40
@@ -149,6 +150,7 @@ def scatter(found: Findings) -> Scatter | None:
     count = len(given.rating)
     if not count:
         return None
+    # `where` takes a mask rather than positions.
     chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
     # Only where there are data: the models promise nothing beyond.
     at = np.linspace(given.contrast.min(), given.contrast.max(), CURVE_POINTS)
@@ -259,6 +261,7 @@ def _shown_people(table: ScoreTable) -> list[int]:
     if len(table.subjects) <= MOST_PEOPLE:
         return list(range(len(table.subjects)))
     rated = np.flatnonzero(table.given.any(axis=1))
+    # Stable, so that subjects who are equal come in one order on every computer.
     by_mean = rated[np.argsort(np.nanmean(table.scores[rated], axis=1), kind="stable")]
     by_spread = rated[np.argsort(np.nanstd(table.scores[rated], axis=1), kind="stable")]
     # Extremes show what an average hides: who never changes a score, and who jumps.
@@ -417,6 +420,7 @@ def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
     if scores.size < FEWEST_FOR_A_CLOUD:
         return
     values, counts = np.unique(scores, return_counts=True)
+    # A cloud ends with the scale, because no score can lie beyond it.
     grid = np.linspace(scale.lowest, scale.highest, 201)
     density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
     width = 0.38 * density / density.max()

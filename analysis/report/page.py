@@ -101,6 +101,7 @@ def masthead(found: Findings) -> Masthead:
     """Return the head of the page."""
     publication = found.study.publication
     facts = {
+        # A publication's title hides the name under which the operator knows the study.
         "study": found.study.study.name if found.title != found.study.study.name else "",
         "institution": publication.institution or "",
         "ethics": "; ".join(publication.ethics_approvals),
@@ -207,6 +208,7 @@ def rendered(
     Without `results`, pairs of question and answer, its sections are open. A cell links only to
     what the page has.
     """
+    # Only a page needs it, and most commands make none.
     from jinja2 import Environment
 
     # Everything is escaped, because texts of a study may come from a stranger.

@@ -86,6 +86,7 @@ FIGURES = (
     *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
 )
 """The names of all figures that a report may have."""
+# An earlier report may have left figures that this one does not have; these are removed.
 FIGURE_FILES = frozenset(path for name in FIGURES for path in _figure_paths(name))
 _FITS = {
     "agreement": LINKS,

@@ -36,6 +36,7 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
         yield FOLLOW, _gain(found.trials.m2.lines, predicted)
+    # Where friction was measured, skin is not in the gains: people are compared by these.
     felt = None if found.measured is None else found.measured.m2
     if isinstance(felt, OrdinalSensitivity):
         contrast = "measured contrast (change of log friction at the finger)"

@@ -10,6 +10,7 @@ from protocol.study.fields import printable
 
 FEW_CONDITIONS = 8
 """As many columns have room in a page's width."""
+# Only a table that is too wide shrinks; a narrow one keeps its size.
 _SHRUNK = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
 # LaTeX sets two hyphens as a dash.
 _LATEX_MISSING = "--"
@@ -81,6 +82,7 @@ def _mean(mean: float, missing: str) -> str:
 def table4_csv(result: Table4) -> str:
     """Return the table as CSV; a missing score is an empty cell."""
     header, *rows = table4_lines(result)
+    # Names of conditions are the study's own, and `csv_text` guards the rows alone.
     return csv_text([csv_cell(name) for name in header], rows)
 
 

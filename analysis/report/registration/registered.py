@@ -255,6 +255,7 @@ def registered_lines(found: Findings) -> Iterator[str]:
 def conduct(found: Findings, lock: StudyLock) -> Conduct:
     """Return how the study was conducted and is reported here."""
     origin = found.origin
+    # What the rules of the study file take out was registered with that file.
     by_hand = [
         f"{', '.join(_place(out.participant, out.session, out.trial))}: {out.why}"
         for out in found.loaded.left_out

@@ -103,6 +103,7 @@ def _score_table(found: Findings) -> Table:
     def score(row: int, column: int, text: str) -> Cell:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
         why = LABELS[empty[row, column]] if (row, column) in empty else ""
+        # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return Cell(
             text=text,

@@ -107,6 +107,7 @@ def _limits(found: Findings) -> list[str]:
             "narrow, above all those of the group; M2, the headline, includes a discrepancy for "
             "each condition."
         )
+    # All laws rank the same conditions, so that the first one tells.
     rated = [order.rated for order in trials.orders.values() if isinstance(order, LawOrder)]
     if rated:
         limits.append(_too_few_means(rated[0]))

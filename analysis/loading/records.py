@@ -27,7 +27,7 @@ _COLUMN_TYPES: Mapping[Any, Any] = {
     str: TEXT,
     str | None: TEXT,
     int: "int64",
-    # Only pandas' own types, with a capital or by the full name, can hold a missing value.
+    # Of whole numbers and truth values, only pandas' own types can hold a missing one.
     int | None: "Int64",
     bool: "bool",
     bool | None: "boolean",

@@ -92,7 +92,7 @@ def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> R
     vertex_hz = -slope / (2 * curve)
     level = lowest - slope**2 / (4 * curve)
     # A parabola that opens downwards, or crosses 0, is that of no resonance.
-    if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz):
+    if curve <= 0 or level <= 0 or abs(vertex_hz) > np.ptp(frequencies_hz) / 2:
         raise DeviceError(f"no resonance near {middle_hz:.0f} Hz: the vibration has no clear peak")
     return Resonance(
         frequency_hz=middle_hz + float(vertex_hz), tip_m_per_v=tip_m / math.sqrt(level)

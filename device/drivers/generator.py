@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from device.drivers.driver import NO_TEMPERATURE, Driver
+from device.drivers.driver import NO_TEMPERATURE, REL_TOL, Driver
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, LimitExceeded
 from device.link.codec import impedance, number, number_text, switch
@@ -329,7 +329,9 @@ class ScpiGenerator(Generator):
             return ""
         on, most_v = switch(answer_to[f"{limits}:STAT"]), self._most_v
         high_v, low_v = number(answer_to[f"{limits}:HIGH"]), number(answer_to[f"{limits}:LOW"])
-        if on and math.isclose(high_v, most_v, rel_tol=1e-6) and math.isclose(low_v, -most_v):
+        # Some answer with seven digits, so that neither limit need come back to the last one.
+        high_agrees = math.isclose(high_v, most_v, rel_tol=REL_TOL)
+        if on and high_agrees and math.isclose(low_v, -most_v, rel_tol=REL_TOL):
             return ""
         return (
             f"limits must be on at {-most_v:g} and {most_v:g} V, got "

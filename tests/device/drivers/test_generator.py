@@ -243,3 +243,12 @@ def test_a_siglent_that_does_not_keep_its_wave_is_refused() -> None:
         with pytest.raises(DeviceError, match=f"^{told}$"):
             generator.drive(DRIVE)
         assert "C1:OUTP ON" not in port.sent
+
+
+@pytest.mark.parametrize("gain", [20, 23, 35])
+@pytest.mark.parametrize("dialect", GENERATORS)
+def test_limits_agree_that_come_back_with_seven_digits(dialect: str, gain: float) -> None:
+    """120 V / 23 is 5.217391 V in the generator's answer, above the line and below it."""
+    amplifier = replace(LIMITS.amplifier, gain=gain)
+    generator, _ = lying(replace(LIMITS, amplifier=amplifier), dialect)
+    generator.check()

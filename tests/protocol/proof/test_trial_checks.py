@@ -144,3 +144,7 @@ def test_scattered_beams_are_detected() -> None:
     rules = {problem.rule for one in plans for problem in plan_problems(grouped, one)}
     assert "trials on the same beams must be grouped within each session" in rules
     assert "at most 2 beam swaps are allowed" in rules
+
+
+def test_a_plan_without_trials_is_a_problem() -> None:
+    assert plan_problems(STUDY, replace(PLAN, trials=()))

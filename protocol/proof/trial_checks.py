@@ -265,7 +265,9 @@ def _repeats(study: Study, plan: Plan) -> Violations:
 
 def _blocks(study: Study, plan: Plan) -> Violations:
     blocks = [trial.block for trial in _kinds(plan, "trial", "catch")]
-    if blocks != sorted(blocks) or sorted(set(blocks)) != list(range(1, max(blocks, default=0) + 1)):
+    if blocks != sorted(blocks) or sorted(set(blocks)) != list(
+        range(1, max(blocks, default=0) + 1)
+    ):
         yield "blocks must be numbered from 1 and follow one another", str(blocks)
     for number, trials in groupby(_kinds(plan, "trial"), key=lambda trial: trial.block):
         names = [trial.condition for trial in trials]

@@ -181,10 +181,11 @@ class OperatorKeys:
     def _collect(self, character: str) -> None:
         if character in _BACKSPACE:
             self._line = self._line[:-1]
-        elif character == _ESCAPE and self._noting:
+        elif character == _ESCAPE:
             self._noting, self._line = False, ""
         elif character not in _ENTER:
-            self._line += character
+            # A control character would go into the journal unseen.
+            self._line += character if character.isprintable() else ""
         elif self._noting:
             self._noting = False
             self._note(self._take_line())

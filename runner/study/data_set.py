@@ -133,19 +133,24 @@ def _impossible(
             yield f"reaction_time_s: must be at least 0, got {time_s:g}"
     if not isinstance(event, Answered):
         return
+    if (trial := trials.get(event.index)) is None:
+        yield f"index: must be a trial of the session's plan, got {event.index}"
+        return
     scales = [range(rating.minimum, rating.maximum + 1) for rating in ratings]
     if event.score is not None and not any(event.score in scale for scale in scales):
         scale = scales[-1]
         yield f"score: must be from {scale[0]} to {scale[-1]}, got {event.score}"
-    if event.change is None:
-        return
-    trial = trials[event.index]
+    if event.change is not None:
+        yield from _impossible_change(event.change, trial, agrees=event.agrees)
+
+
+def _impossible_change(change: str, trial: PlannedTrial, *, agrees: bool | None) -> Iterator[str]:
     possible = next((them for asked, them in ANSWERS.items() if asked == trial.question), ())
-    if event.change not in possible:
+    if change not in possible:
         told = ", ".join(possible) or "null, as nothing was asked"
-        yield f"change: must be one of {told}, got {event.change[:80]!r}"
-    if event.agrees is not (event.change == trial.expected):
-        yield f"agrees: must say whether {event.change!r} is the expected {trial.expected!r}"
+        yield f"change: must be one of {told}, got {change[:80]!r}"
+    if agrees is not (change == trial.expected):
+        yield f"agrees: must say whether {change!r} is the expected {trial.expected!r}"
 
 
 def _reaction_times_s(event: Event) -> tuple[float, ...]:

@@ -264,6 +264,7 @@ def test_a_session_that_was_changed_so_that_it_is_none_is_refused(
         (r'"score": \d+', '"score": -1', "score: must be from 0 to 10, got -1"),
         (r'"change": "\w+"', '"change": "=1+1"', "change: must be one of "),
         (r'"agrees": true', '"agrees": false', "agrees: must say whether "),
+        (r'"index": \d+', '"index": 999', "index: must be a trial of the session's plan, got 999"),
         (
             r'"reaction_time_s": 0.5',
             '"reaction_time_s": -0.5',

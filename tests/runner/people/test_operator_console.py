@@ -83,6 +83,13 @@ def test_a_line_that_answers_a_question_is_not_an_order() -> None:
     assert keys.order() is None
 
 
+def test_no_control_character_comes_into_an_answer_and_escape_begins_it_anew() -> None:
+    keys = OperatorKeys()
+    keys.expect_answer()
+    keys.feed("yester\x1btod\x01\tay\n")
+    assert keys.answer() == "today"
+
+
 def test_a_question_waits_for_enter() -> None:
     typed = iter(["", "d", "ry", "\n"])
     console = OperatorConsole(lambda _: next(typed), PlainDisplay(lambda _: None))

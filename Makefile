@@ -22,7 +22,7 @@ test: check
 
 # A file's tests share sessions, so they stay on one worker.
 test-waiting: $(READY)
-	@$(BIN)/pytest -m "waits and not soak" --numprocesses 3 --dist loadfile --no-loadscope-reorder \
+	@$(BIN)/pytest -m "waits and not soak" --numprocesses 2 --dist loadfile --no-loadscope-reorder \
 		--durations 10 >.waiting.log 2>&1; code=$$?; cat .waiting.log; rm .waiting.log; exit $$code
 
 test-computing: $(READY)

@@ -24,7 +24,7 @@ _STATISTICS = {
         "statistics.omnibus.friedman",
         "statistics.omnibus.skillings_mack",
         "statistics.omnibus.exact_p",
-        "statistics.monte_carlo.monte_carlo_p",
+        "statistics.omnibus.monte_carlo_p",
         "statistics.signed_rank.signed_rank",
         "statistics.signed_rank.pairwise_signed_ranks",
         "statistics.signed_rank.holm",

@@ -238,6 +238,11 @@ def test_a_full_disk_gives_one_clear_line(arguments: tuple[str, ...], message: s
     typed("import", str(PUBLISHED), "published")
     with Path("/dev/full").open("w") as full:
         shown = subprocess.run(
-            [TOUCHBEAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+            [TOUCHBEAM, *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
         )
     assert (shown.returncode, shown.stderr) == (1, f"touchbeam: {message}\n")

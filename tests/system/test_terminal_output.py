@@ -285,7 +285,7 @@ def test_one_module_prints() -> None:
     """
     printing = {
         str(path.relative_to(ROOT))
-        for package in ("protocol", "device", "runner", "analysis")
+        for package in ("protocol", "device", "runner", "analysis", "touchbeam")
         for path in (ROOT / package).rglob("*.py")
         if any(_printing(ast.parse(path.read_text(encoding="utf-8"))))
     }

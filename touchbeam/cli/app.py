@@ -8,7 +8,7 @@ import typer
 
 from runner.signals import signals_raise
 from touchbeam.cli import device, journal, power, results, sharing, slide, study
-from touchbeam.cli.output import complain_of, say, warnings_in_lines
+from touchbeam.cli.output import WORK_FAILED, complain_of, say, warnings_in_lines
 
 app = typer.Typer(
     name="touchbeam",
@@ -60,6 +60,13 @@ def main() -> None:
             # Not standalone, because typer would then print errors in its own form and end the
             # process.
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
+            sys.stdout.flush()
     except Exception as error:
         code = complain_of(error, debug=debug)
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # Python would try again when it ends, and replace the exit code by 120.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = code or WORK_FAILED
     sys.exit(code or 0)

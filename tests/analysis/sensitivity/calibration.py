@@ -1,5 +1,6 @@
 """Simulated studies of known truth, and how often the models' 95% intervals hold it."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,8 +92,6 @@ def measured(name: str, design: str, seed: int) -> Measures | NotEstimable:
     m2, m1 = ordinal_sensitivity(study.ratings), linear_sensitivity(study.ratings)
     if isinstance(m2, NotEstimable):
         return m2
-    if isinstance(m1, NotEstimable):
-        return m1
     zero, unit = to_model_scale(study, population.thresholds)
     return _measures(study, m2, m1, (zero, unit, unit * population.gain, population.gain_sd))
 
@@ -100,12 +99,12 @@ def measured(name: str, design: str, seed: int) -> Measures | NotEstimable:
 def _measures(
     study: VirtualStudy,
     m2: OrdinalSensitivity,
-    m1: LinearSensitivity,
+    m1: LinearSensitivity | NotEstimable,
     truth: tuple[float, float, float, float],
 ) -> Measures:
     zero, unit, group, spread = truth
     bias, gain = zero + unit * study.bias, unit * study.gain
-    lines, simple = m2.lines, m1.lines
+    lines = m2.lines
     gains = [line.gain_interval for line in lines.subjects]
     relative = [line.relative_gain_interval for line in lines.subjects]
     return Measures(
@@ -121,10 +120,21 @@ def _measures(
         relative_width=float(np.diff(relative).mean()),
         own_share=float(np.mean([line.own_share for line in lines.subjects])),
         tens=float((study.ratings.rating == 10).mean()),
-        m1_gain=held([line.gain_interval for line in simple.subjects], study.gain),
-        m1_group_gain=held([simple.gain_interval], group / unit),
-        m1_group_excludes_0=1 - held([simple.gain_interval], 0.0),
+        **_of_m1(study, m1, group / unit),
     )
+
+
+def _of_m1(
+    study: VirtualStudy, m1: LinearSensitivity | NotEstimable, group: float
+) -> dict[str, float]:
+    if isinstance(m1, NotEstimable):  # what M2 makes of the study counts nevertheless
+        return dict.fromkeys(("m1_gain", "m1_group_gain", "m1_group_excludes_0"), math.nan)
+    lines = m1.lines
+    return {
+        "m1_gain": held([line.gain_interval for line in lines.subjects], study.gain),
+        "m1_group_gain": held([lines.gain_interval], group),
+        "m1_group_excludes_0": 1 - held([lines.gain_interval], 0.0),
+    }
 
 
 def held(intervals: list[Interval], truth: FloatArray | float) -> float:

@@ -13,10 +13,11 @@ from typing import TypeVar
 
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
 from device.link.codec import BlockBuffer, LineBuffer, encoded, fields, text
-from device.link.port import PORT_ERRORS, Port, open_port
+from device.link.port import PORT_ERRORS, WRITE_TIMEOUT_S, Port, open_port
 
 ANSWER_TIMEOUT_S = 0.4
 SYNC_TIMEOUT_S = 1.0
+STOOD_STILL_S = WRITE_TIMEOUT_S + 1.0
 HANDSHAKE_S = 3.0
 """Time in which a board that restarts when its port is opened answers again."""
 _HANDSHAKE_TRY_S = 0.5
@@ -80,12 +81,17 @@ class Link:
         Raises:
             DeviceError: the port is gone or does not accept it.
         """
+        begin_s = self._monotonic()
         try:
             self._port.send(encoded(command))
         except PORT_ERRORS as error:
             # Whatever was on its way to a port that failed may still arrive.
             self._in_step = False
-            raise DeviceError(f"cannot send {command!r} to the device: {error}") from error
+            why, took_s = str(error), self._monotonic() - begin_s
+            if took_s > STOOD_STILL_S:
+                # The port's own timeout ends a write much earlier, unless nothing ran meanwhile.
+                why = f"nothing moved for {took_s:.1f} s (it hung, or the computer slept)"
+            raise DeviceError(f"cannot send {command!r} to the device: {why}") from error
 
     def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
         """Send `query` and return the line that answers it.

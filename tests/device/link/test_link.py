@@ -270,3 +270,20 @@ def test_a_port_that_cannot_be_opened_comes_with_advice(number: int, message: st
     hidden = OSError(f"could not open port: {number}")
     hidden.__context__ = OSError(number, "the system's own words")
     assert message in advice(hidden)
+
+
+@pytest.mark.parametrize(
+    ("took_s", "why"), [(0.5, "Write timeout"), (3.0, "nothing moved for 3.0 s")]
+)
+def test_a_write_that_the_computer_slept_through_says_so(took_s: float, why: str) -> None:
+    now_s = 0.0
+
+    class Slept(ScriptedPort):
+        def send(self, data: bytes) -> None:
+            nonlocal now_s
+            now_s += took_s
+            raise OSError("Write timeout")
+
+    link = Link(Slept({}), monotonic=lambda: now_s)
+    with pytest.raises(DeviceError, match=f"^cannot send 'OUTP OFF' to the device: {why}"):
+        link.tell("OUTP OFF")

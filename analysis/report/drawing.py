@@ -208,9 +208,11 @@ def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
 
 def _panels(panels: Sequence[Panel]) -> Figure:
     rows, columns = -(-len(panels) // 2), min(len(panels), 2)
-    figure = Figure(figsize=(4.6 * columns, 3.3 * rows), layout="constrained")
+    figure = Figure(figsize=(4.6 * columns, 3.3 * rows))
     for place, panel in enumerate(panels, start=1):
         _draw_panel(figure.add_subplot(rows, columns, place), panel)
+    # Once: each further pass, as for each file, would move the axes by a rounding error.
+    ConstrainedLayoutEngine().execute(figure)
     return figure
 
 
@@ -297,7 +299,7 @@ def grid_drawing(
         shared: Any = {"sharex": True, "sharey": "row" if heights else True}
         grid = made.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
         draw(list(grid.ravel()))
-        ConstrainedLayoutEngine().execute(made)  # once: as the figure's own it would for each file
+        ConstrainedLayoutEngine().execute(made)
         return made
 
     def files() -> Mapping[str, bytes]:

@@ -60,13 +60,18 @@ def main() -> None:
             # Not standalone, because typer would then print errors in its own form and end the
             # process.
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
-            sys.stdout.flush()
+            _flush()
     except Exception as error:
         code = complain_of(error, debug=debug)
     try:
-        sys.stdout.flush()
+        _flush()
     except OSError:
         # Python would try again when it ends, and replace the exit code by 120.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = code or WORK_FAILED
     sys.exit(code or 0)
+
+
+def _flush() -> None:
+    if sys.stdout is not None:  # it is None where the shell closed it (`>&-`)
+        sys.stdout.flush()

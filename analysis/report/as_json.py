@@ -15,15 +15,27 @@ from analysis.trials.law_likelihood import LawLikelihood, LawOrder
 from analysis.trials.trial_statistics import LawScore
 
 
+def unknown(found: NotEstimable, *names: str) -> Json:
+    """Return `null` for each of the numbers that could not be estimated, and the reason."""
+    # Keys stay where values are missing, so that programs find the same form.
+    return {**dict.fromkeys(names), "reason": found.reason}
+
+
+def with_reasons(record: object, *names: str) -> Json:
+    """Return a record whose fields `names` are `null` where they are not known, each with why."""
+    found: Json = plain(record)
+    for name in names:
+        value = getattr(record, name)
+        found |= {name: or_null(value), **why(name, value)}
+    return found
+
+
 def friedman_json(reading: Reading) -> Json:
     """Return Friedman's test, or `null` and the Skillings–Mack test if scores are missing."""
     test = reading.friedman
     if isinstance(test, NotEstimable):
-        return {
-            **dict.fromkeys(("chi2", "df", "p", "p_exact")),
-            "reason": test.reason,
-            "skillings_mack": skillings_mack_json(reading.skillings_mack),
-        }
+        instead = skillings_mack_json(reading.skillings_mack)
+        return {**unknown(test, "chi2", "df", "p", "p_exact"), "skillings_mack": instead}
     return {
         "chi2": test.chi2,
         "df": test.df,
@@ -37,7 +49,7 @@ def friedman_json(reading: Reading) -> Json:
 def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | None:
     """Return the Skillings–Mack test, or `None` if no score is missing."""
     if isinstance(test, NotEstimable):
-        return {**dict.fromkeys(("statistic", "df", "p")), "reason": test.reason}
+        return unknown(test, "statistic", "df", "p")
     if test is None:
         return None
     known: Json = plain(test)
@@ -61,22 +73,15 @@ def pair_json(pair: PairwiseTest) -> Json:
     """Return the signed-rank test of a pair of conditions."""
     names = {"a": pair.a, "b": pair.b}
     if isinstance(pair.test, NotEstimable):
-        nothing = dict.fromkeys(
-            (
-                *("statistic", "n", "n_zero", "p", "method", "p_holm"),
-                *("rank_biserial", "rank_biserial_interval"),
-                *("mean_difference", "mean_difference_interval"),
-            )
+        nothing = unknown(
+            pair.test,
+            *("statistic", "n", "n_zero", "p", "method", "p_holm"),
+            *("rank_biserial", "rank_biserial_interval"),
+            *("mean_difference", "mean_difference_interval"),
         )
-        return {**names, **nothing, "reason": pair.test.reason}
-    ends = pair.test.mean_difference_interval
-    return {
-        **names,
-        **plain(pair.test),
-        "mean_difference_interval": or_null(ends),
-        **why("mean_difference_interval", ends),
-        "p_holm": or_null(pair.p_holm),
-    }
+        return {**names, **nothing}
+    known = with_reasons(pair.test, "mean_difference_interval")
+    return {**names, **known, "p_holm": or_null(pair.p_holm)}
 
 
 def fit_json(
@@ -132,32 +137,19 @@ def _line_json(line: Json) -> Json:
 
 def law_json(score: LawScore) -> Json:
     """Return how a law orders the conditions and fits the ratings."""
-    felt: Json = plain(score.likelihood)
-    if isinstance(score.likelihood, LawLikelihood):
-        gain_p = score.likelihood.gain_p
-        errors = score.likelihood.prediction_error
-        felt |= {
-            "gain_p": or_null(gain_p),
-            **why("gain_p", gain_p),
-            "prediction_error": or_null(errors),
-            **why("prediction_error", errors),
-        }
+    known = ("gain_p", "prediction_error") * isinstance(score.likelihood, LawLikelihood)
     return {
         "law": score.law,
         **_order_json(score.order),
         "predicted": plain(score.predicted),
-        "who_felt_what": felt,
+        "who_felt_what": with_reasons(score.likelihood, *known),
     }
 
 
 def _order_json(order: LawOrder | NotEstimable) -> Json:
     if isinstance(order, NotEstimable):
-        return {
-            **dict.fromkeys(("spearman", "p", "rho_needed", "r_needed")),
-            "order": [],
-            "order_tied": [],
-            "reason": order.reason,
-        }
+        names = ("spearman", "p", "rho_needed", "r_needed", "order", "order_tied")
+        return {**unknown(order, *names), "order": [], "order_tied": []}
     known: Json = {
         "spearman": or_null(order.spearman),
         "order": list(order.order),

@@ -1,33 +1,16 @@
 """Building blocks of a section: tables, figures, lists and data for the other files."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property, partial
 from typing import Any, ClassVar, Literal
 
 from analysis.estimates import NotEstimable
 from analysis.kept import Kept
 from analysis.report.drawing import Draw, Drawing, Words, kept_drawing
-from analysis.report.wording import p_value
+from analysis.report.wording import MISSING, interval, number, p_value
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Column:
-    """Column of a table; its `kind` sets alignment and width on the page.
-
-    A `number` is aligned right. A `word` is aligned left under a right-aligned header. A `text` is
-    aligned left like its header; `ranking` and `sentence` are texts with a minimum width on screen.
-    """
-
-    name: str
-    kind: ColumnKind = "number"
-
-
-def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
-    """Return columns of the same kind."""
-    return [Column(name=name, kind=kind) for name in names]
 
 
 # With slots, because the tables of a large study have half a million cells.
@@ -62,6 +45,69 @@ def p_cell(p: float | NotEstimable | None) -> Cell:
     return Cell(text=p_value(p), why=f"p = {p:.6g}" if known else "", missing=not known)
 
 
+def text(value: object) -> str:
+    """Return what a column of texts shows of a value."""
+    return MISSING if value is None or isinstance(value, NotEstimable) else str(value)
+
+
+def at(record: Any, path: str) -> Any:
+    """Return what stands at a path of attributes, or what is missing on the way to it."""
+    for name in path.split("."):
+        if record is None or isinstance(record, NotEstimable):
+            break
+        record = getattr(record, name)
+    return record
+
+
+@dataclass(frozen=True)
+class Column:
+    """Column of a table: its title, what it shows of a record, and how.
+
+    A `number` is aligned right. A `word` is aligned left under a right-aligned header. A `text` is
+    aligned left like its header; `ranking` and `sentence` are texts with a minimum width on screen.
+
+    Attributes:
+        name: title.
+        of: path of attributes from a record to its value, such as `test.p`, or a function of it.
+        shown: makes a cell of the value, whether or not it is known; or the decimals of a number.
+        kind: sets alignment and width on the page.
+        absent: what a record shows that lacks the attribute, as a group does among its subjects.
+    """
+
+    name: str
+    of: str | Callable[[Any], Any] = ""
+    shown: int | Callable[[Any], str | Cell] = text
+    _: KW_ONLY
+    kind: ColumnKind = "number"
+    absent: str | None = None
+
+    def cell(self, record: Any) -> str | Cell:
+        """Return what the column shows of a record."""
+        try:
+            value = at(record, self.of) if isinstance(self.of, str) else self.of(record)
+        except AttributeError:
+            if self.absent is None:
+                raise
+            return self.absent
+        return number(value, self.shown) if isinstance(self.shown, int) else self.shown(value)
+
+
+def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
+    """Return columns of the same kind."""
+    return [Column(name, kind=kind) for name in names]
+
+
+def estimate(
+    name: str, of: str, digits: int = 2, absent: str | None = None
+) -> tuple[Column, Column]:
+    """Return the columns of an estimate and of its interval, which its record has beside it."""
+    ends = partial(interval, digits=digits)
+    return (
+        Column(name, of, digits, absent=absent),
+        Column("95%", f"{of}_interval", ends, absent=absent),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Table:
     """Table; the first cell of each row is its header.
@@ -84,6 +130,12 @@ class Table:
     footer: bool = False
     unbroken: bool = False
     front: bool = False
+
+    @classmethod
+    def over(cls, records: Iterable[Any], columns: Sequence[Column], **told: Any) -> "Table":
+        """Return the table with a row for each of `records`, as the columns show it."""
+        rows = [[column.cell(record) for column in columns] for record in records]
+        return cls(columns=columns, rows=rows, **told)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 import math
 
 from analysis.estimates import Interval, NotEstimable
+from analysis.sensitivity.lines import Lines
 from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder
@@ -103,10 +104,12 @@ def count_of(count: int, what: str) -> str:
     return f"{size} {what}" if count == 1 else f"{size} {what}s"
 
 
-def interval(ends: Interval, digits: int = 2, *, bounded: bool = False) -> str:
+def interval(
+    ends: Interval | NotEstimable | None, digits: int = 2, *, bounded: bool = False
+) -> str:
     """Return an interval that a line break cannot split; `bounded` ends cannot exceed 1."""
     # One end without the other says nothing.
-    if any(map(math.isnan, ends)):
+    if ends is None or isinstance(ends, NotEstimable) or any(map(math.isnan, ends)):
         return MISSING
     written = _bounded if bounded else number
     # A JND has no upper limit where the gain may be 0.
@@ -117,6 +120,16 @@ def interval(ends: Interval, digits: int = 2, *, bounded: bool = False) -> str:
 def beside(ends: Interval | NotEstimable, digits: int = 2) -> str:
     """Return an interval after the number that it belongs to, or nothing if there is none."""
     return "" if isinstance(ends, NotEstimable) else f" {interval(ends, digits)}"
+
+
+def group_gain(lines: Lines, contrast: str) -> str:
+    """Return the group's gain by M2 on predicted or measured contrasts, in one sentence."""
+    low, high = lines.gain_interval
+    return (
+        f"By M2, ratings change by {number(lines.gain, 2)} points per unit of {contrast} contrast "
+        f"in the group, 95% interval {interval(lines.gain_interval)}, which "
+        f"{'includes' if low <= 0 <= high else 'excludes'} 0."
+    )
 
 
 def _monte_carlo(found: MonteCarlo) -> str:

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from functools import partial
+from operator import itemgetter
 
 from analysis.estimates import Interval, Json, NotEstimable, or_null, plain, why
-from analysis.report.blocks import Figure, Section, Table, columns
+from analysis.report.as_json import unknown, with_reasons
+from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.figure_data import people, people_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, p_equals
@@ -168,21 +170,18 @@ def _subject_table(table: TableStatistics) -> Table | None:
     if isinstance(effects, NotEstimable):
         return None
     slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
-    return Table(
+    return Table.over(
+        effects.subjects.items(),
+        [
+            Column("subject", itemgetter(0)),
+            Column("additive", lambda it: number(it[1]) + _ends(effects.subject_intervals, it[0])),
+            Column("shrinkage", lambda it: effects.subject_shrinkage[it[0]], 3),
+            Column("slope", lambda it: slopes.get(it[0]), 3),
+        ],
         name="subjects",
         caption="Each subject's additive effect in points with its 95% interval, the "
         "shrinkage factor, and the slope of the subject's scores on the condition "
         "effects (1 on average).",
-        columns=columns("subject", "additive", "shrinkage", "slope"),
-        rows=[
-            [
-                name,
-                number(effect) + _ends(effects.subject_intervals, name),
-                number(effects.subject_shrinkage[name]),
-                number(slopes.get(name)),
-            ]
-            for name, effect in effects.subjects.items()
-        ],
     )
 
 
@@ -208,7 +207,7 @@ def _people_figure(found: Findings) -> Figure:
 
 def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
     if isinstance(icc, NotEstimable):
-        return {**dict.fromkeys(_ICC), "reason": icc.reason}
+        return unknown(icc, *_ICC)
     values = {kind: getattr(icc, name) for kind, name in _ICC.items()}
     missing = [value.reason for value in values.values() if isinstance(value, NotEstimable)]
     ends = icc.intervals
@@ -224,25 +223,18 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
 def _additive_json(table: TableStatistics) -> Json:
     effects = table.additive
     if isinstance(effects, NotEstimable):
-        # Keys stay where values are missing, so that programs find the same form.
-        nothing = dict.fromkeys(("residual_sd", "subject_sd", "shrinkage"))
-        return {"conditions": {}, "subjects": {}, **nothing, "reason": effects.reason}
+        nothing = unknown(effects, "residual_sd", "subject_sd", "shrinkage")
+        return {"conditions": {}, "subjects": {}, **nothing}
     return {
-        **plain(effects),
-        "shrinkage": or_null(effects.shrinkage),
-        **why("shrinkage", effects.shrinkage),
+        **with_reasons(effects, "shrinkage"),
         "subject_shrinkage": {name: or_null(s) for name, s in effects.subject_shrinkage.items()},
     }
 
 
 def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
     if isinstance(effects, NotEstimable):
-        nothing = dict.fromkeys(("subject_sd", "log_likelihood"))
-        return {"effects": {}, **nothing, "reason": effects.reason}
-    found, within = dict(plain(effects)), effects.interaction
+        return {"effects": {}, **unknown(effects, "subject_sd", "log_likelihood")}
+    found, within = plain(effects), effects.interaction
     if isinstance(within, Interaction):
-        found["interaction"] |= {
-            "sd_interval": or_null(within.sd_interval),
-            **why("sd_interval", within.sd_interval),
-        }
-    return found
+        found["interaction"] = with_reasons(within, "sd_interval")
+    return dict(found)

@@ -1,15 +1,15 @@
 """Sensitivity to friction as it was measured at the finger, beside that to predicted friction."""
 
-from collections.abc import Mapping
+from types import SimpleNamespace
 
-from analysis.estimates import Json, NotEstimable, plain, why
+from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.report.as_json import fit_json, law_json
-from analysis.report.blocks import Column, Items, Section, Table, columns
+from analysis.report.blocks import Column, Items, Section, Table, columns, estimate
 from analysis.report.findings import Findings
-from analysis.report.wording import MISSING, interval, law_cells, number, p_equals
+from analysis.report.wording import MISSING, group_gain, law_cells, number, p_equals
 from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
+from analysis.sensitivity.lines import SMALL_SPREAD, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.trial_checks import FTest
@@ -31,7 +31,11 @@ def section(found: Findings) -> Section:
     measured = found.measured
     if measured is None:
         return Section(name="measured", title="", blocks=[], data={})
-    fits = _fits(found.trials, measured)
+    left_out = [
+        f"{count} scored trial{'s' * (count > 1)}, because {reason}; left out of the fits to "
+        "measured contrasts."
+        for reason, count in measured.left_out.items()
+    ]
     return Section(
         name="measured",
         title="Sensitivity to measured friction",
@@ -41,23 +45,14 @@ def section(found: Findings) -> Section:
             "of what was felt: skin is not in them. The sensor's gain cancels in a contrast. "
             f"{COVERAGE}",
             _differences(measured.differences),
-            Items(heading="Without a measured contrast.", lines=_left_out(measured)),
+            Items(heading="Without a measured contrast.", lines=left_out),
             _contrasts_table(measured),
             _gains_table(found.trials, measured),
-            _spread_table(fits),
+            _spread_table(found.trials, measured),
             _predictor_table(measured),
         ],
         data={"measured": _json(measured)},
     )
-
-
-def _fits(trials: TrialStatistics, measured: MeasuredStatistics) -> dict[str, tuple[Fit, Fit]]:
-    """Return each model's fit to predicted and to measured contrasts, the headline first."""
-    return {
-        "M2": (trials.m2, measured.m2),
-        "M1": (trials.m1, measured.m1),
-        "M3": (trials.m3, measured.m3),
-    }
 
 
 def _lines(fit: Fit) -> Lines | None:
@@ -71,11 +66,7 @@ def _headline(measured: MeasuredStatistics) -> str:
     if lines is None:
         assert isinstance(measured.m2, NotEstimable)
         return f"M2 has no estimates on measured contrasts: {measured.m2.reason}."
-    shown = "includes" if lines.gain_interval[0] <= 0 <= lines.gain_interval[1] else "excludes"
-    return (
-        f"By M2, ratings change by {number(lines.gain, 2)} points per unit of measured contrast in "
-        f"the group, 95% interval {interval(lines.gain_interval)}, which {shown} 0."
-    )
+    return group_gain(lines, "measured")
 
 
 def _differences(found: FTest | NotEstimable) -> str:
@@ -88,40 +79,27 @@ def _differences(found: FTest | NotEstimable) -> str:
     )
 
 
-def _left_out(measured: MeasuredStatistics) -> list[str]:
-    """Return how many scored trials the measured fits leave out, by reason."""
-    return [
-        f"{count} scored trial{'s' if count > 1 else ''}, because {reason}; left out of the fits "
-        "to measured contrasts."
-        for reason, count in measured.left_out.items()
-    ]
-
-
 def _contrasts_table(measured: MeasuredStatistics) -> Table:
-    return Table(
+    numbers = {
+        "predicted": "predicted",
+        "measured": "mean",
+        "standard error": "mean_error",
+        "SD between trials": "spread",
+        "error of one trial": "trial_error",
+        "error of its best estimate": "best_error",
+    }
+    return Table.over(
+        measured.conditions,
+        [
+            Column("condition", "condition"),
+            Column("trials", "trials"),
+            *(Column(title, of, 4) for title, of in numbers.items()),
+        ],
         name="measured-contrasts",
         caption="Measured contrast of each condition (change of log friction, as the predicted "
         "one) and its standard error over trials; SD between trials of the best estimates; "
         "standard error of one trial alone, and of its best estimate, which borrows from the "
         "person's and the condition's other trials and is what the models take.",
-        columns=columns(
-            *("condition", "trials", "predicted", "measured", "standard error"),
-            *("SD between trials", "error of one trial", "error of its best estimate"),
-        ),
-        rows=[
-            [
-                entry.condition,
-                str(entry.trials),
-                *(
-                    number(value, 4)
-                    for value in (
-                        *(entry.predicted, entry.mean, entry.mean_error),
-                        *(entry.spread, entry.trial_error, entry.best_error),
-                    )
-                ),
-            ]
-            for entry in measured.conditions
-        ],
     )
 
 
@@ -130,78 +108,53 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
     nominal, felt = _lines(trials.m2), _lines(measured.m2)
     if felt is None:
         return None
-    by_name: Mapping[str, SubjectLine] = (
-        {} if nominal is None else {line.subject: line for line in nominal.subjects}
-    )
-    names = ("predicted: gain", "95%", "relative gain", "95%")
-    others = ("measured: gain", "95%", "relative gain", "95%")
-    return Table(
+    by_name = {line.subject: line for line in ([] if nominal is None else nominal.subjects)}
+    subjects = ((by_name.get(line.subject), line) for line in felt.subjects)
+    return Table.over(
+        [SimpleNamespace(predicted=a, measured=b) for a, b in ((nominal, felt), *subjects)],
+        [
+            Column("subject", "measured.subject", absent="group"),
+            # The group has no relative gain: it is what subjects' gains are relative to.
+            *estimate("predicted: gain", "predicted.gain"),
+            *estimate("relative gain", "predicted.relative_gain", absent=MISSING),
+            *estimate("measured: gain", "measured.gain"),
+            *estimate("relative gain", "measured.relative_gain", absent=MISSING),
+        ],
         name="measured-gains",
         caption="Gain of each subject by M2, in rating points per unit of contrast, on predicted "
         "and on measured contrasts, with 95% intervals. The former mixes skin with perception, "
         "the latter does not.",
-        columns=columns("subject", *names, *others),
-        rows=[
-            # The group has no relative gain: it is what subjects' gains are relative to.
-            ["group", *_gain_cells(nominal), *[MISSING] * 2, *_gain_cells(felt), *[MISSING] * 2],
-            *(
-                [
-                    line.subject,
-                    *_subject_cells(by_name.get(line.subject)),
-                    *_subject_cells(line),
-                ]
-                for line in felt.subjects
-            ),
-        ],
     )
 
 
-def _gain_cells(line: SubjectLine | Lines | None) -> list[str]:
-    if line is None:
-        return [MISSING] * 2
-    return [number(line.gain, 2), interval(line.gain_interval)]
-
-
-def _subject_cells(line: SubjectLine | None) -> list[str]:
-    if line is None:
-        return [MISSING] * 4
-    known = line.relative_gain_known
-    return [
-        *_gain_cells(line),
-        number(line.relative_gain, 2),
-        interval(line.relative_gain_interval) if known else MISSING,
-    ]
-
-
-def _spread_table(fits: Mapping[str, tuple[Fit, Fit]]) -> Table:
+def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table:
     """Return gain and spread of the group under each model, on either kind of contrast."""
-    return Table(
+    # The headline first.
+    fits: list[tuple[str, str, Fit]] = [
+        ("M2", "predicted", trials.m2),
+        ("M2", "measured", measured.m2),
+        ("M1", "predicted", trials.m1),
+        ("M1", "measured", measured.m1),
+        ("M3", "predicted", trials.m3),
+        ("M3", "measured", measured.m3),
+    ]
+    return Table.over(
+        [SimpleNamespace(model=model, kind=kind, lines=_lines(fit)) for model, kind, fit in fits],
+        [
+            Column("model", "model"),
+            Column("contrasts", "kind"),
+            *estimate("gain", "lines.gain"),
+            Column("spread", "lines.gain_sd", 2),
+            Column("95% below", "lines.gain_sd_upper", 2),
+            Column("P(equal)", "lines.equal_gains", 3),
+            Column("P(small)", "lines.small_gain_sd", 3),
+        ],
         name="measured-spread",
         caption="The group's gain and the spread of gains between subjects (posterior median) on "
         "predicted and on measured contrasts, with 95% intervals, and the value that the spread "
         "is below with 95% probability. P(equal): the probability that there is no spread. "
         f"P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} of the gain.",
-        columns=columns(
-            *("model", "contrasts", "gain", "95%", "spread", "95% below", "P(equal)", "P(small)")
-        ),
-        rows=[
-            [model, kind, *_spread_cells(_lines(fit))]
-            for model, both in fits.items()
-            for kind, fit in zip(("predicted", "measured"), both, strict=True)
-        ],
     )
-
-
-def _spread_cells(lines: Lines | None) -> list[str]:
-    if lines is None:
-        return [MISSING] * 6
-    return [
-        *_gain_cells(lines),
-        number(lines.gain_sd, 2),
-        number(lines.gain_sd_upper, 2),
-        number(lines.equal_gains),
-        number(lines.small_gain_sd),
-    ]
 
 
 def _predictor_table(measured: MeasuredStatistics) -> Table:
@@ -222,14 +175,13 @@ def _predictor_table(measured: MeasuredStatistics) -> Table:
 
 def _json(measured: MeasuredStatistics) -> Json:
     models = {"M1": measured.m1, "M2": measured.m2, "M3": measured.m3}
-    share = measured.noise_share
     return {
         "conditions": plain(measured.conditions),
         "left_out": plain(measured.left_out),
         "coverage": COVERAGE,
         "models": {name: fit_json(fit) for name, fit in models.items()},
-        "noise_share": None if isinstance(share, NotEstimable) else share,
-        **why("noise_share", share),
+        "noise_share": or_null(measured.noise_share),
+        **why("noise_share", measured.noise_share),
         "differences": plain(measured.differences),
         "predictors": [
             # Scored as laws are, but a measured change is no law.

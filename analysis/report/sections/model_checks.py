@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.kept import Kept
-from analysis.report.blocks import Block, Column, Figure, Section, Table, columns, p_cell
+from analysis.report.as_json import unknown
+from analysis.report.blocks import Block, Column, Figure, Section, Table, estimate, p_cell
 from analysis.report.figure_data import predictive_figure
 from analysis.report.findings import Findings, Scale
 from analysis.report.wording import interval, number
@@ -55,24 +57,20 @@ def _check_figure(model: str, check: PredictiveCheck | NotEstimable, keep: Kept)
 
 def _check_table(model: str, check: PredictiveCheck) -> Table:
     verdict = "is not shown" if check.refusal else "is not rejected"
-    return Table(
+    return Table.over(
+        check.statistics,
+        [
+            Column("statistic", "name"),
+            Column("study", "observed", 3),
+            *estimate("simulated", "predicted", 3),
+            Column("p", "p", p_cell),
+            Column("p (Holm)", "p_holm", p_cell),
+        ],
         name=f"predictive-{model.lower()}",
         caption=f"{model} {verdict}. Distance between observed and expected counts or shares, in "
         f"the study (median over {check.draws} draws of the parameters) and in a study simulated "
         "at each draw (median and 95% interval); p is the share of draws at which the simulated "
         "study is at least as far from what the model expects.",
-        columns=columns("statistic", "study", "simulated", "95%", "p", "p (Holm)"),
-        rows=[
-            [
-                each.name,
-                number(each.observed, 3),
-                number(each.predicted, 3),
-                interval(each.predicted_interval, 3),
-                p_cell(each.p),
-                p_cell(each.p_holm),
-            ]
-            for each in check.statistics
-        ],
     )
 
 
@@ -135,27 +133,20 @@ def _explanation(simulated: list[tuple[str, str]]) -> str:
 
 
 def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
-    return Table(
+    return Table.over(
+        [SimpleNamespace(line=line, truth=truth) for line, truth in pairs],
+        [
+            Column("subject", "line.subject"),
+            Column("true bias", "truth.bias", 2),
+            *estimate("bias", "line.bias"),
+            Column("true gain", "truth.sensitivity", 2),
+            *estimate("gain", "line.gain"),
+            Column("gain covered", lambda it: "yes" if _covers(it.line, it.truth) else "no"),
+        ],
         name="recovered",
         caption="Bias and gain that each virtual participant was given, and M2's estimates with "
         "95% intervals. The true gain is that against predicted contrasts: what the skin "
         "multiplies changes by is part of it.",
-        columns=columns(
-            *("subject", "true bias", "bias", "95%", "true gain", "gain", "95%", "gain covered")
-        ),
-        rows=[
-            [
-                line.subject,
-                number(truth.bias, 2),
-                number(line.bias, 2),
-                interval(line.bias_interval),
-                number(truth.sensitivity, 2),
-                number(line.gain, 2),
-                interval(line.gain_interval),
-                "yes" if _covers(line, truth) else "no",
-            ]
-            for line, truth in pairs
-        ],
     )
 
 
@@ -216,26 +207,22 @@ def section(found: Findings) -> Section:
 
 def _range_table(ranges: Sequence[ContrastRange]) -> Table:
     low, high = FACTORS[0], FACTORS[-1]
-    return Table(
+    return Table.over(
+        ranges,
+        [
+            Column("condition", "condition"),
+            Column("kind", "kind", kind="word"),
+            Column("contrast", "value", 4),
+            Column("over rungs", "by_rung", _span),
+            Column("over laws", "by_law", _span),
+            Column("over damping", "by_damping", _span),
+            Column("over finger speed", "by_speed", _span),
+        ],
         name="contrast-ranges",
         caption=f"Contrast of each condition as planned (law {LAW}, rung {RUNG}), and the range "
         "of its values if one assumption changes: the rung of the model "
         f"({', '.join(RUNGS)}), the friction law ({', '.join(LAWS)}), the damping ratio and the "
         f"finger's speed (each {low:g} to {high:g} times the assumed one).",
-        columns=[
-            Column(name="condition"),
-            Column(name="kind", kind="word"),
-            *columns("contrast", "over rungs", "over laws", "over damping", "over finger speed"),
-        ],
-        rows=[
-            [
-                entry.condition,
-                entry.kind,
-                number(entry.value, 4),
-                *map(_span, (entry.by_rung, entry.by_law, entry.by_damping, entry.by_speed)),
-            ]
-            for entry in ranges
-        ],
     )
 
 
@@ -254,31 +241,23 @@ def _place_gains(
     # A comparison needs both; that M2 has no fit is said elsewhere on the page.
     if isinstance(every, NotEstimable):
         return ""
-    both = (every.lines, places.lines)
-    subjects = zip(*(lines.subjects for lines in both), strict=True)
-    named = [("group", both), *((pair[0].subject, pair) for pair in subjects)]
-    return Table(
+    subjects = zip(every.lines.subjects, places.lines.subjects, strict=True)
+    return Table.over(
+        [SimpleNamespace(every=a, places=b) for a, b in ((every.lines, places.lines), *subjects)],
+        [
+            Column("subject", "every.subject", absent="group"),
+            *estimate("all conditions", "every.gain"),
+            *estimate("at a place", "places.gain"),
+        ],
         name="place-gains",
         caption="Gain by M2 from all conditions, and from the conditions at a place alone, whose "
         "contrasts are of one kind; with 95% intervals.",
-        columns=columns("subject", "all conditions", "95%", "at a place", "95%"),
-        rows=[
-            [
-                name,
-                *(
-                    cell
-                    for line in lines
-                    for cell in (number(line.gain, 2), interval(line.gain_interval))
-                ),
-            ]
-            for name, lines in named
-        ],
     )
 
 
 def _place_json(fit: OrdinalSensitivity | NotEstimable) -> Json:
     if isinstance(fit, NotEstimable):
-        return {"subjects": [], "population": None, "reason": fit.reason}
+        return {"subjects": [], **unknown(fit, "population")}
     lines = fit.lines
     return {
         "model": "M2",

@@ -3,20 +3,21 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from types import SimpleNamespace
 
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report.as_json import fit_json, subjects_json
-from analysis.report.blocks import Block, Figure, Items, Section, Table, columns
+from analysis.report.blocks import Block, Column, Figure, Items, Section, Table, estimate
 from analysis.report.figure_data import HEADLINE, SIMPLE, gains, gains_figure, relative_gains_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import (
-    MISSING,
     SIMPLE_ONLY,
     SKIN,
     SKIN_IN_SHORT,
     UNBOUNDED,
     bounded,
     chance,
+    group_gain,
     interval,
     number,
     of_all,
@@ -52,7 +53,15 @@ def section(found: Findings) -> Section:
             _relative_figure(trials),
             _gains_figure(trials),
             _fits_table(_fits(trials)),
-            _simple_table(trials.m1),
+            None
+            if isinstance(trials.m1, NotEstimable)
+            else Table.over(
+                _with_group(trials.m1.lines),
+                [*_LINE, _OWN_SHARE],
+                name="simple",
+                caption="Simple comparison: bias and gain by M1, with 95% intervals. "
+                f"{SIMPLE_ONLY} {SKIN_IN_SHORT}",
+            ),
             None if isinstance(trials.m3, NotEstimable) else _detection_table(trials.m3),
         ],
         data=_sensitivity_json(trials),
@@ -68,12 +77,7 @@ def _headline(fit: OrdinalSensitivity | NotEstimable, ranges: Sequence[ContrastR
     """Return the group's gain in a sentence, or an empty text without a fit."""
     if isinstance(fit, NotEstimable) or not fit.lines.group_known:
         return ""
-    gain = fit.lines.gain_interval
-    shown = "includes" if gain[0] <= 0 <= gain[1] else "excludes"
-    return (
-        f"By M2, ratings change by {number(fit.lines.gain, 2)} points per unit of predicted "
-        f"contrast in the group, 95% interval {interval(gain)}, which {shown} 0.{_known(ranges)}"
-    )
+    return f"{group_gain(fit.lines, 'predicted')}{_known(ranges)}"
 
 
 def _known(ranges: Sequence[ContrastRange]) -> str:
@@ -180,10 +184,30 @@ def _relative_figure(trials: TrialStatistics) -> Figure:
     )
 
 
+_LINE = (
+    Column("subject", "subject", absent="group"),
+    *estimate("bias", "bias"),
+    *estimate("gain", "gain"),
+)
+_OWN_SHARE = Column("own share", "own_share", 2, absent="")
+
+
+def _with_group(lines: Lines) -> list[Lines | SubjectLine]:
+    """Return the records of a table of lines; a subject without trials has only the group's."""
+    return [lines, *(line for line in lines.subjects if line.trials)]
+
+
 def _gains_table(model: str, lines: Lines) -> Table:
     """Return each subject's bias, gain, relative gain and JND, with intervals."""
-    names = ("bias", "95%", "gain", "95%", "relative gain", "95%", "JND", "95%", "own share")
-    return Table(
+    return Table.over(
+        _with_group(lines),
+        [
+            *_LINE,
+            *estimate("relative gain", "relative_gain", absent=""),
+            Column("JND", "jnd", lambda jnd: UNBOUNDED if math.isinf(jnd) else number(jnd)),
+            Column("95%", "jnd_interval", partial(interval, digits=3)),
+            _OWN_SHARE,
+        ],
         name="gains",
         caption=f"Sensitivity by {model}, with 95% intervals. Bias: rating at no contrast. Gain: "
         "rating points per unit of contrast. Relative gain: the subject's gain less the mean gain "
@@ -193,37 +217,7 @@ def _gains_table(model: str, lines: Lines) -> Table:
         "upper limit where the gain may be 0. Own share: the share of a "
         "subject's departure from the group's gain that comes from the "
         f"subject's own trials; the rest comes from the group. {SKIN_IN_SHORT}",
-        columns=columns("subject", *names),
-        rows=[
-            ["group", *_line_cells(lines), "", "", *_jnd_cells(lines), ""],
-            *([line.subject, *_subject_cells(line)] for line in lines.subjects if line.trials),
-        ],
     )
-
-
-def _subject_cells(line: SubjectLine) -> list[str]:
-    relative = interval(line.relative_gain_interval) if line.relative_gain_known else MISSING
-    return [
-        *_line_cells(line),
-        number(line.relative_gain, 2),
-        relative,
-        *_jnd_cells(line),
-        number(line.own_share, 2),
-    ]
-
-
-def _jnd_cells(line: SubjectLine | Lines) -> list[str]:
-    jnd = UNBOUNDED if math.isinf(line.jnd) else number(line.jnd)
-    return [jnd, interval(line.jnd_interval, 3)]
-
-
-def _line_cells(line: SubjectLine | Lines) -> list[str]:
-    return [
-        number(line.bias, 2),
-        interval(line.bias_interval),
-        number(line.gain, 2),
-        interval(line.gain_interval),
-    ]
 
 
 def _fits(trials: TrialStatistics) -> dict[str, LinearSensitivity | OrdinalSensitivity]:
@@ -238,8 +232,17 @@ def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> T
     """Return the spread of gains between subjects under each model, or None without a fit."""
     if not fits:
         return None
-    names = ("SD", "95%", "95% below", "P(equal)", "P(small)", "SD of noise")
-    return Table(
+    return Table.over(
+        [SimpleNamespace(model=model, fit=fit) for model, fit in fits.items()],
+        [
+            Column("model", "model"),
+            *estimate("SD", "fit.lines.gain_sd"),
+            Column("95% below", "fit.lines.gain_sd_upper", 2),
+            Column("P(equal)", "fit.lines.equal_gains", 3),
+            Column("P(small)", "fit.lines.small_gain_sd", 3),
+            Column("SD of noise", "fit.residual_sd", 2),
+            Column("effective points", "fit.effective_points", "{:.0f}".format),
+        ],
         name="spread",
         caption="Spread of gains between subjects, in points per unit of contrast: the median, "
         "the 95% interval and the value that it is below with 95% probability, if gains differ. "
@@ -248,69 +251,26 @@ def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> T
         f"P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} of the group's "
         "gain, about as much as differences of skin alone produce. Effective points: how well the "
         f"fit is integrated, at least {LEAST_EFFECTIVE:.0f}. {SKIN_IN_SHORT}",
-        columns=columns("model", *names, "effective points"),
-        rows=[
-            [
-                model,
-                number(fit.lines.gain_sd, 2),
-                interval(fit.lines.gain_sd_interval),
-                number(fit.lines.gain_sd_upper, 2),
-                number(fit.lines.equal_gains),
-                number(fit.lines.small_gain_sd),
-                number(fit.residual_sd, 2),
-                f"{fit.effective_points:.0f}",
-            ]
-            for model, fit in fits.items()
-        ],
-    )
-
-
-def _simple_table(fit: LinearSensitivity | NotEstimable) -> Table | None:
-    """Return bias and gain under M1, or None if it was not fitted."""
-    if isinstance(fit, NotEstimable):
-        return None
-    return Table(
-        name="simple",
-        caption=f"Simple comparison: bias and gain by M1, with 95% intervals. {SIMPLE_ONLY} "
-        f"{SKIN_IN_SHORT}",
-        columns=columns("subject", "bias", "95%", "gain", "95%", "own share"),
-        rows=[
-            ["group", *_line_cells(fit.lines), ""],
-            *(
-                [line.subject, *_line_cells(line), number(line.own_share, 2)]
-                for line in fit.lines.subjects
-                if line.trials
-            ),
-        ],
     )
 
 
 def _detection_table(fit: TwoStageSensitivity) -> Table:
-    return Table(
+    subjects = zip(fit.detection, fit.ratings.lines.subjects, strict=True)
+    return Table.over(
+        [SimpleNamespace(noticing=noticing, line=line) for noticing, line in subjects],
+        [
+            Column("subject", "noticing.subject"),
+            *estimate("d′", "noticing.d_prime"),
+            *estimate("criterion", "noticing.criterion"),
+            *estimate("false alarms", "noticing.false_alarm_rate"),
+            *estimate("gain", "line.gain"),
+        ],
         name="detection",
         caption="Change detection and rating of the changes that were noticed (M3): d′ at a "
         f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
         "of the noise; the false-alarm rate, the probability that a change in either direction is "
         "reported without one; gain in rating points; with 95% intervals. "
         f"{_scored(fit)} {SKIN_IN_SHORT}",
-        columns=columns(
-            *("subject", "d′", "95%", "criterion", "95%"),
-            *("false alarms", "95%", "gain", "95%"),
-        ),
-        rows=[
-            [
-                entry.subject,
-                number(entry.d_prime, 2),
-                interval(entry.d_prime_interval),
-                number(entry.criterion, 2),
-                interval(entry.criterion_interval),
-                number(entry.false_alarm_rate, 2),
-                interval(entry.false_alarm_rate_interval),
-                number(line.gain, 2),
-                interval(line.gain_interval),
-            ]
-            for entry, line in zip(fit.detection, fit.ratings.lines.subjects, strict=True)
-        ],
     )
 
 
@@ -327,21 +287,24 @@ def _scored(fit: TwoStageSensitivity) -> str:
 
 
 def _sensitivity_json(trials: TrialStatistics) -> Json:
-    m1, m2 = trials.m1, trials.m2
+    subjects = {
+        model: [] if isinstance(fit, NotEstimable) else subjects_json(fit.lines.subjects)
+        for model, fit in (("M1", trials.m1), ("M2", trials.m2))
+    }
     return {
         "sensitivity_model": "M2",
         "sensitivity_note": SKIN,
-        "sensitivity": [] if isinstance(m2, NotEstimable) else subjects_json(m2.lines.subjects),
-        **why("sensitivity", m2),
+        "sensitivity": subjects["M2"],
+        **why("sensitivity", trials.m2),
         "sensitivity_simple": {
             "model": "M1",
             "note": SIMPLE_ONLY,
-            "subjects": [] if isinstance(m1, NotEstimable) else subjects_json(m1.lines.subjects),
-            **({"reason": m1.reason} if isinstance(m1, NotEstimable) else {}),
+            "subjects": subjects["M1"],
+            **({"reason": trials.m1.reason} if isinstance(trials.m1, NotEstimable) else {}),
         },
         "sensitivity_models": {
-            "M1": fit_json(m1),
-            "M2": fit_json(m2),
+            "M1": fit_json(trials.m1),
+            "M2": fit_json(trials.m2),
             "M3": fit_json(trials.m3),
         },
     }

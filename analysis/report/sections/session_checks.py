@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import Json, NotEstimable, or_null, plain, why
+from analysis.estimates import Json, NotEstimable, plain
 from analysis.kept import Kept
+from analysis.report.as_json import with_reasons
 from analysis.report.blocks import Figure, Items, Section, Table, columns
 from analysis.report.figure_data import (
     MOST_INTERVALS,
@@ -293,5 +294,5 @@ def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
     found: Json = plain(answers)
     if isinstance(answers, Discrimination):
         for name, rate in (("hits", answers.hits), ("false_alarms", answers.false_alarms)):
-            found[name] |= {"interval": or_null(rate.interval), **why("interval", rate.interval)}
+            found[name] = with_reasons(rate, "interval")
     return found

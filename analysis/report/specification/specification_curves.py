@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from functools import partial
 from textwrap import fill
+from types import SimpleNamespace
 
 import numpy as np
 
 from analysis.kept import Kept
 from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
 from analysis.multiverse.universes import Choice
-from analysis.report.blocks import Block, Column, Figure, Items, Row, Section, Table, columns
+from analysis.report.blocks import Block, Column, Figure, Items, Section, Table
 from analysis.report.drawing import COLOURS, GREY, Axes, Drawing, Words, grid_drawing, marker
 from analysis.report.findings import Findings
 from analysis.report.wording import count_of, number
@@ -174,25 +175,21 @@ def _what_matters(curve: Curve) -> str:
 
 
 def _pair_table(pairs: tuple[PairTally, ...]) -> Table:
-    rows: list[Row] = [
+    return Table.over(
+        pairs,
         [
-            f"{pair.above} above {pair.below}",
-            f"{pair.supported} of {pair.analyses}",
-            str(pair.significant),
-            f"{number(pair.least, 2)} to {number(pair.largest, 2)}",
-        ]
-        for pair in pairs
-    ]
-    return Table(
+            Column("pair", lambda pair: f"{pair.above} above {pair.below}", kind="text"),
+            Column("analyses", lambda pair: f"{pair.supported} of {pair.analyses}"),
+            Column("p < .05", "significant"),
+            Column(
+                "mean difference",
+                lambda pair: f"{number(pair.least, 2)} to {number(pair.largest, 2)}",
+            ),
+        ],
         name=f"{MULTIVERSE}-pairs",
         caption="Pairs of conditions in all analyses of the table: in how many the mean difference "
         "has this direction, in how many of them with p < .05 (signed rank, Holm's correction over "
         "all pairs), and the range of the mean differences, in points.",
-        columns=[
-            Column(name="pair", kind="text"),
-            *columns("analyses", "p < .05", "mean difference"),
-        ],
-        rows=rows,
     )
 
 
@@ -215,24 +212,20 @@ def _figure(curve: Curve, keep: Kept) -> Figure:
 
 
 def _option_table(name: str, curve: Curve) -> Table:
-    rows: list[Row] = [
+    return Table.over(
         [
-            f"{choice}: {option}",
-            str(tally.analyses),
-            str(tally.supported),
-            str(tally.significant),
-            number(tally.mean_effect, 2),
-        ]
-        for choice in curve.options
-        for option, tally in curve.by_option(choice).items()
-    ]
-    return Table(
+            SimpleNamespace(option=f"{choice}: {option}", tally=tally)
+            for choice in curve.options
+            for option, tally in curve.by_option(choice).items()
+        ],
+        [
+            Column("option", "option", kind="text"),
+            Column("analyses", "tally.analyses"),
+            Column("support", "tally.supported"),
+            Column("p < .05", "tally.significant"),
+            Column("mean effect", "tally.mean_effect", 2),
+        ],
         name=name,
         caption=f"“{curve.claim.words}” by option: analyses, those that support the claim, those "
         f"with p < .05, and the mean effect ({curve.claim.effect}).",
-        columns=[
-            Column(name="option", kind="text"),
-            *columns("analyses", "support", "p < .05", "mean effect"),
-        ],
-        rows=rows,
     )

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from html import escape
+from types import SimpleNamespace
 
 import pytest
 
+from analysis.estimates import NotEstimable
 from analysis.report.blocks import (
     Block,
     Cell,
@@ -16,6 +18,7 @@ from analysis.report.blocks import (
     Table,
     TableGroup,
     columns,
+    estimate,
 )
 from analysis.report.page import page_html
 from tests.analysis.reports import plain_report
@@ -93,3 +96,26 @@ def test_texts_definitions_and_groups_of_tables_appear_in_order() -> None:
 
 def test_columns_share_a_kind() -> None:
     assert columns("a", "b", kind="word")[1] == Column(name="b", kind="word")
+
+
+def test_columns_show_what_stands_at_a_path_of_each_record() -> None:
+    line = SimpleNamespace(gain=1.234, gain_interval=(0.5, 2.0))
+    records = [
+        SimpleNamespace(name="P01", line=line, test=NotEstimable("too few")),
+        SimpleNamespace(name="P02", line=None, test=SimpleNamespace(p=0.01, n=4)),
+        SimpleNamespace(line=line, test=None),
+    ]
+    shown = [
+        Column("subject", "name", absent="group"),
+        *estimate("gain", "line.gain"),
+        Column("n", "test.n"),
+        Column("p", "test", lambda test: "?" if isinstance(test, NotEstimable) else "!"),
+    ]
+    assert [column.name for column in shown] == ["subject", "gain", "95%", "n", "p"]
+    assert Table.over(records, shown, name="", caption="").rows == [
+        ["P01", "1.23", "[0.50,\N{NO-BREAK SPACE}2.00]", "–", "?"],
+        ["P02", "–", "–", "4", "!"],
+        ["group", "1.23", "[0.50,\N{NO-BREAK SPACE}2.00]", "–", "!"],
+    ]
+    with pytest.raises(AttributeError, match="no attribute 'name'"):
+        Column("subject", "name").cell(records[2])

@@ -144,6 +144,20 @@ def test_axe_finds_no_accessibility_violation(browser: webdriver.Chrome, width: 
     assert axe(browser, width) == []
 
 
+@pytest.mark.parametrize("width", [1100, 1160, 1200])
+def test_table_4_has_all_of_its_columns_on_a_screen_that_is_hardly_wide_enough(
+    browser: webdriver.Chrome, width: int
+) -> None:
+    # The window's own width, so that the page is narrower by a scroll bar.
+    browser.set_window_size(width, 900)
+    table = browser.find_element(By.ID, "table4").rect
+    shown = browser.execute_script("return document.documentElement.clientWidth")
+    assert 0 <= table["x"] < table["x"] + table["width"] <= shown
+    words = browser.find_element(By.CSS_SELECTOR, ".results > div").rect
+    beside = table["x"] > words["x"]
+    assert beside == (width == 1200), "beside the words where it fits, else below them"
+
+
 def test_only_tables_are_wider_than_a_narrow_screen(browser: webdriver.Chrome) -> None:
     browser.set_window_size(400, 900)
     script = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"

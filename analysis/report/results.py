@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.report.findings import Findings
-from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals
+from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import SkillingsMack
@@ -52,10 +52,10 @@ def _who(found: Findings) -> str:
     subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
     if not subjects:
         return "Nobody gave a score."
-    return (
+    return sentence(
         f"{count_of(subjects, 'participant')} rated {count_of(conditions, 'condition')} "
         f"from {found.scale}."
-    ).capitalize()
+    )
 
 
 def omnibus_p(main: Reading) -> float | NotEstimable:
@@ -98,7 +98,7 @@ def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
             f"correction). {told if _size(largest) else 'No pair of means differs'}."
         )
     more = len(differ) - MOST_PAIRS
-    others = f" {count_of(more, 'other pair')} differed, too.".capitalize() if more > 0 else ""
+    others = f" {sentence(count_of(more, 'other pair'))} differed, too." if more > 0 else ""
     return f"By Wilcoxon's signed-rank tests with Holm's correction, {told}.{others}"
 
 

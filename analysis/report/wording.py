@@ -104,6 +104,15 @@ def count_of(count: int, what: str) -> str:
     return f"{size} {what}" if count == 1 else f"{size} {what}s"
 
 
+def sentence(text: str) -> str:
+    """Return `text` with a capital first, and all other letters as they are.
+
+    >>> sentence(f"{count_of(7, 'pair')} differed from P2's.")
+    "Seven pairs differed from P2's."
+    """
+    return text[:1].upper() + text[1:]
+
+
 def interval(
     ends: Interval | NotEstimable | None, digits: int = 2, *, bounded: bool = False
 ) -> str:

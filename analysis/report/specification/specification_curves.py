@@ -13,7 +13,7 @@ from analysis.multiverse.universes import Choice
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table
 from analysis.report.drawing import COLOURS, GREY, Axes, Drawing, Words, grid_drawing, marker
 from analysis.report.findings import Findings
-from analysis.report.wording import count_of, number
+from analysis.report.wording import count_of, number, sentence
 
 # Specification curve: the effects of all analyses in order, and the choices of each below.
 
@@ -153,7 +153,7 @@ def in_words(curve: Curve) -> str:
     else:
         said = f"{words} in {tally.significant} of {tally.analyses:,} analyses (p < .05)"
     unjudged = sum(curve.unjudged.values())
-    beside = f" {count_of(unjudged, 'other')} cannot judge it.".capitalize() if unjudged else ""
+    beside = f" {sentence(count_of(unjudged, 'other'))} cannot judge it." if unjudged else ""
     return f"{said}{_what_matters(curve)}.{beside}"
 
 

@@ -105,3 +105,11 @@ def test_ratings_rise_or_fall_by_a_positive_number(
     lines = replace(made.trials.m2.lines, gain=gain, gain_interval=ends)
     found = said(with_m2(made, replace(made.trials.m2, lines=lines)))
     assert told in found["Do ratings follow the predicted change of friction?"]
+
+
+def test_each_sentence_begins_with_a_capital() -> None:
+    scores = [[10 * column + row % 3 for column in range(5)] for row in range(12)]
+    names = ("P1 voltage", "B", "C", "D", "E")
+    which = said(made(np.array(scores) / 5, names=names))["Which ones?"]
+    assert which.endswith(". Seven other pairs differed, too.")
+    assert "rated above P1 voltage" in which

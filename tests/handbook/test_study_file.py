@@ -21,4 +21,4 @@ def test_every_key_is_explained() -> None:
     for name, record in schema["$defs"].items():
         for key, entry in record["properties"].items():
             assert entry.get("description"), f"{name}.{key}"
-            assert re.search(rf"^\| `{key}(!| =|`)", page, re.MULTILINE), f"{name}.{key}"
+            assert re.search(rf"^- `{key}(!| =|`)", page, re.MULTILINE), f"{name}.{key}"

@@ -132,6 +132,6 @@ def test_the_page_has_every_error_number() -> None:
 
 
 def test_the_page_has_every_fault_and_every_number() -> None:
-    listed = re.findall(r"^\| (\d+) \| (?:`(.+?)`)? ?\| (.+) \|$", PAGE, re.MULTILINE)
+    listed = re.findall(r"^- (\d+) (?:`([a-z-]+)`: )?(.+)$", PAGE, re.MULTILINE)
     assert {(str(f.number), f.name, f.what) for f in FAULTS} <= set(listed)
     assert {int(number) for number, _, _ in listed} == set(range(1, 37))

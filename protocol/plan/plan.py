@@ -231,7 +231,8 @@ def _broken(study: Study, order: Sequence[Trial]) -> int:
     catches = [place for place, trial in enumerate(order) if trial.kind == "catch"]
     close = [later - place - 1 < study.design.catch_apart for place, later in pairwise(catches)]
     misplaced = [
-        order[place].block != order[place - 1].block
+        place == 0
+        or order[place].block != order[place - 1].block
         or _beams(study, order[place]) != _beams(study, order[place - 1])
         for place in catches
     ]

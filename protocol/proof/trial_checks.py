@@ -295,10 +295,10 @@ def order_violations(study: Study, trials: Sequence[Trial]) -> Violations:
                 f"trials {trials[place].index} and {trials[later].index}",
             )
     for place in catches:
-        before, trial = trials[place - 1], trials[place]
-        if before.kind == "practice" or before.block != trial.block:
+        before, trial = trials[place - 1] if place else None, trials[place]
+        if before is None or before.kind == "practice" or before.block != trial.block:
             yield "a catch trial must not open a block", f"trial {trial.index}"
-        if _beam_set(study, before.touches) != _beam_set(study, trial.touches):
+        if before and _beam_set(study, before.touches) != _beam_set(study, trial.touches):
             yield "a catch trial must need only the mounted beam", f"trial {trial.index}"
 
 

@@ -113,3 +113,17 @@ def test_runs_and_catch_trials_are_looked_at_in_the_order_of_the_answers() -> No
     rest = [trial.index for trial in planned.trials if trial.kind != "catch"]
     found = [problem.rule for problem in order_problems(study, planned, rest + catches)]
     assert any("separate catch trials" in rule for rule in found)
+
+
+def test_a_catch_trial_never_becomes_the_first_of_a_session() -> None:
+    """No trial comes before the first one: the last of the session is not its neighbour."""
+    study = small(4, catch_trials=1)
+    plans = (plan(study, slot) for slot in range(40))
+    planned = next(each for each in plans if each.trials[1].kind == "catch")
+    first, *others = planned.trials
+    draws = (Stream(seed, "again") for seed in range(40))
+    drawn = {deferral(study, planned.trials, first, None, draw) for draw in draws}
+    assert drawn == {(first.index, first.index)}
+    order = [*(trial.index for trial in others), first.index]
+    rules = [problem.rule for problem in order_problems(study, planned, order)]
+    assert rules == ["a catch trial must not open a block"]

@@ -76,9 +76,10 @@ _QUESTIONS = """\
 [An example](how-to/question.md) asks two questions.
 
 A question needs a text in every one of `session.languages`. A resumed session does not repeat
-answered questions `before`, `after` or after a `block`. Answers about a trial are journalled together
-after the last of them; if the trial is interrupted before that, it comes again, with its questions.
-Each question has a table in the report, and a column of the [exported trials](data.md#rows-and-columns).
+answered questions `before`, `after` or after a `block`. Answers about a trial are journalled
+together after the last of them; if the trial is interrupted before that, it comes again, with its
+questions. Each question has a table in the report, and a column of the [exported
+trials](data.md#rows-and-columns).
 """
 
 

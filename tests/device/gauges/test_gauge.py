@@ -197,14 +197,18 @@ def test_a_stop_while_a_call_is_awaited_is_no_error_of_the_gauge() -> None:
     class Stop(Exception):
         pass
 
-    def stop(*_: object) -> None:
-        raise Stop
+    heard, over = threading.Event(), threading.Event()
 
-    over = threading.Event()
+    def stop(*_: object) -> None:
+        if not heard.is_set():
+            heard.set()
+            raise Stop
 
     class Slow(LineGauge):
         def meet(self) -> str:
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            # Again, because a signal just before the thread sleeps does not wake it.
+            while not heard.wait(0.05):
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
             over.wait()
             return ""
 
@@ -215,6 +219,6 @@ def test_a_stop_while_a_call_is_awaited_is_no_error_of_the_gauge() -> None:
         with pytest.raises(Stop):
             owner.meet()
     finally:
-        signal.signal(signal.SIGINT, before)
         over.set()
         owner.close()
+        signal.signal(signal.SIGINT, before)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from analysis.loading.study_data import StudyData
     from analysis.report.report import Report
     from device.beam.eq15 import Overlap
-    from device.friction.calibration import Calibration
+    from device.friction.scenes import Calibration
     from protocol.study.study import Study as StudyFile
     from runner.study.folder import StudyFolder
 

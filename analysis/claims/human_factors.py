@@ -23,8 +23,7 @@ from analysis.estimates import FloatArray, Interval
 from analysis.sensitivity.lines import SMALL_SPREAD, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from device.friction import changes
-from device.friction.changes import CONDITIONS
-from device.friction.contrasts import predicted_contrast
+from device.friction.changes import CONDITIONS, predicted_contrast
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene
 

@@ -16,7 +16,7 @@ from analysis.claims.coverage import (
     trough_places_m,
 )
 from device.beam.modes import FloatArray, modal_displacement_m, mode_shape, natural_frequency_hz
-from device.beam.motion_pattern import MotionPattern
+from device.beam.motion import MotionPattern
 from device.friction.coefficient import friction_coefficient
 from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz

@@ -19,7 +19,7 @@ from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_lock import default_rig, study_lock
-from device.friction.calibration import NOMINAL, Calibration
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.study.participant_texts import (

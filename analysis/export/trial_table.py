@@ -20,8 +20,8 @@ from analysis.export.columns import (
 from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
-from device.friction.calibration import Calibration
-from device.friction.contrasts import RUNG
+from device.friction.changes import RUNG
+from device.friction.scenes import Calibration
 from protocol.journal.records import PlannedTrial, TraceSample
 from protocol.plan.trials import Trial
 from protocol.study.study import Study

@@ -39,8 +39,7 @@ from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.trials.contrasts import TrialContrasts, detection_trials, scored_trials, trial_changes
 from analysis.trials.trial_checks import FTest, gain_differences
 from analysis.trials.trial_statistics import LawScore, law_scores
-from device.friction.changes import Change
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW, Change
 from protocol.study.study import Study
 from protocol.study.touch import Touch
 

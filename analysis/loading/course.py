@@ -23,7 +23,7 @@ from analysis.loading.records import (
     TouchRow,
 )
 from analysis.loading.study_lock import rig_in_force
-from device.friction.calibration import Calibration
+from device.friction.scenes import Calibration
 from protocol.journal.events import (
     Answered,
     BeamMounted,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from device.friction.calibration import NOMINAL, Calibration
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (
     Event,
     SessionOpened,

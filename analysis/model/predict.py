@@ -13,12 +13,11 @@ from analysis.model.scene_table import COLUMNS, SceneTable, scene_table
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.errors import OutOfRangeError, positive
-from device.friction.calibration import NOMINAL, Calibration
 from device.friction.coefficient import Chosen, auto_prediction, error_bounds
 from device.friction.contact import Contact
 from device.friction.prediction import Batch, LawChoice, Ratio, rung_prediction
 from device.friction.rungs import TOP_RUNG, check_rung, rung_resonance_hz
-from device.friction.scenes import Coverage, Direction, Drive
+from device.friction.scenes import NOMINAL, Calibration, Coverage, Direction, Drive
 from protocol.study.study import Study
 
 OUTPUTS = (

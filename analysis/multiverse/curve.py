@@ -20,8 +20,8 @@ from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import LEVEL
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import law_order
-from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
 
 # Claims about people that each analysis of a table of scores can judge.

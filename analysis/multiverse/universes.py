@@ -14,9 +14,9 @@ from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import NothingToReport, StudyData, study_data
 from analysis.statistics.summary import Reading, reading
 from analysis.trials.contrasts import RUNGS, trial_contrasts
-from device.friction.calibration import NOMINAL, Calibration
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from analysis.estimates import FloatArray
 from analysis.power.diagnosis import rows_of_cohorts, rows_of_tables
 from analysis.power.people_cohorts import PeopleCohorts, Simulate, without_effect
-from device.friction.calibration import NOMINAL, Calibration
+from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
 from protocol.errors import BadInput, WorkFailed

@@ -14,10 +14,9 @@ from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
 from analysis.simulation.simulation import Simulation, counted_trials, names_of
 from analysis.trials.contrasts import felt_change, planned_change_of
-from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import Change
-from device.friction.contrasts import LAW, RUNG, predicted_contrast
+from device.friction.changes import LAW, RUNG, Change, predicted_contrast
 from device.friction.laws import LAWS
+from device.friction.scenes import NOMINAL, Calibration
 from device.people.person import DEFAULT, Population, World, people_of
 from protocol.journal.records import LIFTED_N
 from protocol.study.rules import PAPERS_SCALE

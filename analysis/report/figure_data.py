@@ -32,7 +32,7 @@ from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.trials.trial_statistics import TrialStatistics
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW
 
 # docs/report.md names these numbers: beyond them a figure is too dense to read.
 MOST_LINES = 100

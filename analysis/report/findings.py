@@ -16,7 +16,7 @@ from analysis.multiverse.curve import Multiverse
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
-from device.friction.calibration import NOMINAL, Calibration
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study import Study

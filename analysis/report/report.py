@@ -18,8 +18,8 @@ from analysis.report.page import FRONTS, SECTIONS, page_html, require_sections
 from analysis.report.specification.specification_curves import MULTIVERSE
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import LINKS, TrialStatistics
-from device.friction.calibration import NOMINAL
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW
+from device.friction.scenes import NOMINAL
 from protocol.study.study import Study
 
 ALWAYS = frozenset({"table4", "provenance"})

@@ -16,7 +16,7 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
 DIFFER = "Do the conditions differ?"

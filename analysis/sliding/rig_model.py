@@ -18,8 +18,8 @@ from scipy.optimize import minimize
 
 from analysis.estimates import FloatArray
 from device.beam.beam import Beam
+from device.friction.changes import LAW
 from device.friction.contact import Contact, contact_state
-from device.friction.contrasts import LAW
 from device.friction.laws import ContactTerms, law_by_name
 from device.friction.rungs import (
     REDUCED_RUNG,

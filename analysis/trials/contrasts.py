@@ -18,11 +18,20 @@ from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 from device.beam.beam import Beam
-from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, Kind, Moment, trial_change
-from device.friction.contrasts import LAW, RUNG, predicted_contrast
+from device.friction.changes import (
+    AT_A_PLACE,
+    CONDITIONS,
+    LAW,
+    RUNG,
+    Change,
+    Kind,
+    Moment,
+    predicted_contrast,
+    trial_change,
+)
 from device.friction.laws import LAWS
 from device.friction.rungs import SEGMENTED_RUNGS
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
 from protocol.study.study_question import ANSWERS, CONTRARIES, QUESTIONS, Question, no_change
 from protocol.study.touch import Touch

@@ -50,10 +50,9 @@ from analysis.trials.trial_checks import (
     order_effect,
     proportion,
 )
-from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import AT_A_PLACE, CONDITIONS, Change
-from device.friction.contrasts import predicted_contrast
+from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, predicted_contrast
 from device.friction.laws import LAWS
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
 from protocol.study.study_question import ANSWERS, no_change
 

@@ -1,5 +1,5 @@
 """The friction coefficient of a scene: laws, rungs of accuracy, contrasts between scenes.
 
-Public face: `coefficient.friction_coefficient`, `contrasts.predicted_contrast`, `laws.LAWS`,
+Public face: `coefficient.friction_coefficient`, `changes.predicted_contrast`, `laws.LAWS`,
 `rungs.RUNG_NAMES`, `scenes.Scene`.
 """

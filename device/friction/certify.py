@@ -21,8 +21,7 @@ import numpy as np
 from device.beam.beam import Beam
 from device.beam.modal_pattern import ModalPattern, modal_sum_field
 from device.beam.modes import modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.motion import direction, segmented_motion
-from device.beam.motion_pattern import MotionSummary, motion_summary
+from device.beam.motion import MotionSummary, direction, motion_summary, segmented_motion
 from device.beam.timoshenko import (
     segmented_natural_frequencies_hz,
     segmented_natural_frequency_hz,

@@ -22,7 +22,7 @@ from device.errors import OutOfRangeError
 from device.friction.scenes import Drive
 
 if TYPE_CHECKING:
-    from device.beam.motion_pattern import MotionSummary
+    from device.beam.motion import MotionSummary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,7 @@ def modal_rung_field(
 @lru_cache(maxsize=4096)
 def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> "MotionSummary":
     """Return the segmented beam's motion per volt, set up once for a beam and a frequency."""
-    from device.beam.motion import segmented_motion
-    from device.beam.motion_pattern import motion_summary
+    from device.beam.motion import motion_summary, segmented_motion
 
     return motion_summary(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
 
@@ -63,8 +62,7 @@ def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> 
 @lru_cache(maxsize=256)
 def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummary":
     """Return the sum of the first `count` modes per volt, set up once per beam and frequency."""
-    from device.beam.motion import modal_motion
-    from device.beam.motion_pattern import motion_summary
+    from device.beam.motion import modal_motion, motion_summary
 
     return motion_summary(modal_motion(beam, frequency_hz, count))
 

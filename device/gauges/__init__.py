@@ -1,4 +1,4 @@
 """Force gauges on ports of their own, one dialect a file: other sources of the force channel.
 
-Public face: `known_gauges.open_gauge`, `owner.GaugeOwner`.
+Public face: `owner.open_gauge`, `owner.GaugeOwner`.
 """

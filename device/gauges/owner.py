@@ -7,11 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, ClassVar, TypeVar
 
+from device.drivers.discovery import defined_in
 from device.errors import DeviceError
 from device.force_channel.recording import Block, Forces, Recording, Samples, Scale
-from device.link.link import Link, Register
+from device.link.link import Link, Register, open_link
+from protocol.address import AddressError
 
 # What a gauge's driver is: a source of samples behind a link of its own.
 
@@ -230,3 +233,25 @@ def _of_gauge(error: Exception) -> DeviceError:
         return DeviceError(f"gauge: {type(error).__name__}: {error}")
     said = str(error)
     return error if said.startswith("gauge: ") else DeviceError(f"gauge: {said}")
+
+
+# The gauges, one dialect a file. A module here that defines `GAUGE` is found by being here.
+
+
+@cache
+def gauges() -> dict[str, type[GaugeDriver]]:
+    """Return the drivers of gauges by dialect."""
+    return {driver.dialect: driver for driver in defined_in("device.gauges", "GAUGE")}
+
+
+def open_gauge(url: str, dialect: str) -> GaugeOwner:
+    """Return the gauge at `url`; a rig that is armed asks who it is.
+
+    Raises:
+        AddressError: `url` is no address of a gauge, or there is no such dialect.
+        DeviceError: nothing can be opened there.
+    """
+    if dialect not in gauges():
+        known = ", ".join(gauges())
+        raise AddressError(f"the dialect of a gauge must be one of {known}, got {dialect!r}")
+    return GaugeOwner(gauges()[dialect](open_link(url)))

@@ -13,8 +13,8 @@ from scipy.special import ndtr, ndtri
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
+from device.friction.changes import LAW, RUNG
 from device.friction.contact import contact_of
-from device.friction.contrasts import LAW, RUNG
 from device.friction.prediction import LawChoice, law_state
 from device.friction.rungs import rung_field, rung_resonance_hz
 from device.friction.scenes import Direction, Drive, Scene, Structure

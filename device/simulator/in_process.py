@@ -15,7 +15,7 @@ from typing import Any
 from device.drivers.discovery import driver_of
 from device.drivers.limits import Limits
 from device.errors import DeviceError
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.gauges.owner import GaugeDriver, GaugeOwner
 from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
@@ -23,8 +23,7 @@ from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import BeamControl
 from device.simulator.device import SimulatedDevice, simulated_device
-from device.simulator.gauge_line import GaugeLine
-from device.simulator.server import Server
+from device.simulator.server import GaugeLine, Server
 
 DELAY_S = 0.0005
 BUFFER = 4096

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
-from device.friction.contrasts import LAW, RUNG
-from device.gauges.known_gauges import gauges, open_gauge
+from device.friction.changes import LAW, RUNG
+from device.gauges.owner import gauges, open_gauge
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import BeamControl, ControlClient, Friction, simulator_process

@@ -4,7 +4,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from device.friction.calibration import NOMINAL
+from device.friction.scenes import NOMINAL
 from protocol.address import SIMULATED
 from protocol.errors import BadInput, Problem
 from protocol.journal.events import SessionOpened

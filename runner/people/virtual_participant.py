@@ -15,8 +15,7 @@ import numpy as np
 
 from device.beam.modes import FloatArray
 from device.drivers.driver import Reading
-from device.friction.changes import Moment
-from device.friction.contrasts import friction_at
+from device.friction.changes import Moment, friction_at
 from device.people.answering import (
     QUESTION_NUMBERS,
     TOUCH_NUMBERS,

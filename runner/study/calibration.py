@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from device.errors import OutOfRangeError
-from device.friction.calibration import NOMINAL, Calibration
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured
 from runner.study.files import own_file, require_no_link, short_text, write_whole

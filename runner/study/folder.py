@@ -83,7 +83,7 @@ def _dialects() -> Iterable[str]:
 
 
 def _gauge_dialects() -> Iterable[str]:
-    from device.gauges.known_gauges import gauges
+    from device.gauges.owner import gauges
 
     return gauges()
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from device.friction.calibration import Calibration
+from device.friction.scenes import Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
 from protocol.registration.registration import (

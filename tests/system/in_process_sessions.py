@@ -7,7 +7,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from analysis.loading.study_data import StudyData, load_study_data
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.people.person import Population, person_of, session_name
 from device.simulator.client import swapping
 from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from device.errors import DeviceError
-from device.gauges.known_gauges import open_gauge
+from device.gauges.owner import open_gauge
 from device.rig import Rig, open_rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
 from protocol.address import AddressError

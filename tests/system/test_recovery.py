@@ -8,7 +8,7 @@ import pytest
 
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report, report_html, report_json
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.people.person import DEFAULT, drawn_person, person_name
 from protocol.study_file.loading import parsed_study, template
 from tests.system.in_process_sessions import loaded_rehearsals

@@ -136,7 +136,7 @@ def simulate_device(
 
     Prints `ready URL` and ends when its host disconnects.
     """
-    from device.friction.contrasts import LAW, RUNG
+    from device.friction.changes import LAW, RUNG
     from device.simulator.device import simulated_device
     from device.simulator.server import simulate
 

@@ -95,7 +95,7 @@ def predict(
     """
     from analysis.model.predict import PredictOptions, study_defaults
     from analysis.model.predict import predict as predicted
-    from device.friction.calibration import NOMINAL
+    from device.friction.scenes import NOMINAL
     from runner.study.calibration import fitted_calibration
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
     from runner.study.folder import StudyFolder

@@ -106,7 +106,7 @@ def export(
     from analysis.export.csv_tables import source_files
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
-    from device.friction.calibration import NOMINAL
+    from device.friction.scenes import NOMINAL
     from runner.journal.verification import readable_chains
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder

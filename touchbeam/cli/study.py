@@ -261,7 +261,7 @@ def register(
     """
     from analysis.loading.study_data import rules_in_words
     from analysis.report.registration.registered import analysis_settings
-    from device.friction.contrasts import LAW, RUNG
+    from device.friction.changes import LAW, RUNG
     from protocol.registration.registration import FILE, OMNIBUS
     from protocol.registration.registry_text import registry_text
     from runner.clock import WallClock

@@ -19,7 +19,7 @@ from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL, SignedRank
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
 from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, ORDER, above

@@ -15,10 +15,9 @@ from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
 from analysis.sensitivity.predictive_checks import SEED
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
-from device.friction.calibration import Calibration
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
-from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Scene
+from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Calibration, Scene
 from protocol.study.study import Study
 
 

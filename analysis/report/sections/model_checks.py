@@ -16,7 +16,7 @@ from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import LEVEL, PredictiveCheck
 from analysis.trials.contrasts import FACTORS, RUNGS, ContrastRange
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from protocol.journal.records import VirtualTruth
 from protocol.study.rules import PAPERS_SCALE

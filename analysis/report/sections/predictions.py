@@ -19,7 +19,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, law_cells, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
 
 PREDICTIONS = "predictions"
 """Id of the table of predicted contrasts."""

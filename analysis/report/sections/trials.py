@@ -7,7 +7,7 @@ from analysis.loading.sessions import SCORED_KINDS
 from analysis.report.blocks import Cell, Column, Row, Section, Table, TableGroup, columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, number
-from device.friction.contrasts import RUNG
+from device.friction.changes import RUNG
 
 
 def section(found: Findings) -> Section:

@@ -12,8 +12,8 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
+from device.friction.changes import LAW, RUNG
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import LAW, RUNG
 from device.friction.laws import law_by_name
 from device.friction.scenes import (
     REFERENCE_SPEED_M_S,
@@ -24,8 +24,46 @@ from device.friction.scenes import (
     Structure,
 )
 from device.people.person import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
-from device.simulator.hardware.force_sensor import ForceSensor, Skin
 from device.simulator.hardware.power_stage import Instrument
+
+_GAIN_SD = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skin:
+    """How a finger's friction differs from the law's: `mu0 · μ · (μ'/μ)^skin`; 1 is nominal."""
+
+    mu0: float = 1.0
+    skin: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSensor:
+    """What a sample has besides the force: noise (SD), zero drift, gains, and the slide's jitter.
+
+    Attributes:
+        drift_n_per_min: of both forces, to one side for 15 min and back again.
+        jitter: SD of what stick-slip multiplies the tangential force by, as a logarithm.
+        jitter_s: its correlation time.
+    """
+
+    tangential_noise_n: float = 0.01
+    normal_noise_n: float = 0.005
+    position_noise_m: float = 1e-4
+    drift_n_per_min: float = 0.01
+    tangential_gain: float = 1.0
+    normal_gain: float = 1.0
+    jitter: float = 0.05
+    jitter_s: float = 0.02
+
+    @classmethod
+    def of(cls, seed: int) -> "ForceSensor":
+        """Return the sensor of the board of that seed, which its gains follow from."""
+        # A stream of its own: a property that is added elsewhere leaves this sensor as it was.
+        hidden = random.Random(f"force sensor/{seed}")
+        gains = [1 + hidden.gauss(0, _GAIN_SD) for _ in range(2)]
+        return cls(tangential_gain=gains[0], normal_gain=gains[1])
+
 
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
 """Relative standard deviations of what the seed moves."""

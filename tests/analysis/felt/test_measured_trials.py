@@ -16,7 +16,7 @@ from analysis.felt.measured_statistics import (
 from analysis.friction.recorded import PREDICTORS
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW
 from protocol.plan.plan import plan
 from tests.analysis.friction.recorded_sessions import (
     MeasuredStudy,

@@ -8,7 +8,7 @@ from analysis.estimates import FloatArray, NotEstimable
 from analysis.felt.measured_statistics import MeasuredTrials, measured_trials
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
-from device.friction.contrasts import LAW
+from device.friction.changes import LAW
 from protocol.journal.events import (
     Event,
     StoredEvent,

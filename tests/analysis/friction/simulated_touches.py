@@ -8,10 +8,8 @@ from scipy.signal import lfilter
 
 from analysis.estimates import FloatArray
 from analysis.friction.recorded import TARE_S, TouchForces, reduced
-from device.friction.calibration import Calibration
-from device.friction.changes import Moment, trial_change
-from device.friction.contrasts import friction_at
-from device.friction.scenes import Structure
+from device.friction.changes import Moment, friction_at, trial_change
+from device.friction.scenes import Calibration, Structure
 from protocol.journal.records import Recording
 from protocol.plan.trials import Trial
 from protocol.study.study import Study

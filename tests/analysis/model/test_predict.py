@@ -18,11 +18,10 @@ from analysis.model.predict import (
 )
 from analysis.model.scene_table import column_table
 from device.beam.beam import Beam
-from device.friction.calibration import Calibration
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
-from device.friction.scenes import Drive, FingerContact, Scene
+from device.friction.scenes import Calibration, Drive, FingerContact, Scene
 from protocol.study_file.loading import parsed_study, template
 
 

@@ -11,8 +11,7 @@ from analysis.trials.contrasts import (
     condition_changes,
     contrast_range,
 )
-from device.friction.changes import CONDITIONS, trial_change
-from device.friction.contrasts import predicted_contrast
+from device.friction.changes import CONDITIONS, predicted_contrast, trial_change
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
 from protocol.study_file.loading import parsed_study, template

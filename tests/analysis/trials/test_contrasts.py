@@ -9,8 +9,7 @@ import pytest
 from analysis.estimates import FloatArray
 from analysis.loading.study_data import load_study_data
 from analysis.trials.contrasts import TrialContrasts, stepped, trial_contrasts
-from device.friction.changes import CONDITIONS
-from device.friction.contrasts import predicted_contrast
+from device.friction.changes import CONDITIONS, predicted_contrast
 from protocol.journal.events import Event, SessionOpened, SessionResumed, TouchEnded
 from protocol.journal.records import Compliance
 from protocol.study_file.loading import parsed_study, template

@@ -6,9 +6,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from device.friction.changes import CONDITIONS, trial_change
+from device.friction.changes import CONDITIONS, predicted_contrast, trial_change
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import predicted_contrast
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene

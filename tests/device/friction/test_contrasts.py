@@ -2,8 +2,7 @@
 
 import pytest
 
-from device.friction.changes import CONDITIONS, REFERENCE
-from device.friction.contrasts import friction_at, predicted_contrast
+from device.friction.changes import CONDITIONS, REFERENCE, friction_at, predicted_contrast
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import FingerContact
 from protocol.study.touch import TouchDefaults

@@ -10,12 +10,10 @@ import pytest
 
 from device.beam.beam import Beam
 from device.beam.modes import modal_displacement_m, natural_frequency_hz
-from device.beam.motion import modal_motion, segmented_motion
-from device.beam.motion_pattern import motion_summary
+from device.beam.motion import modal_motion, motion_summary, segmented_motion
 from device.beam.timoshenko import segmented_natural_frequency_hz
-from device.friction.changes import CONDITIONS, Moment
+from device.friction.changes import CONDITIONS, Moment, predicted_contrast
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import predicted_contrast
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 from tests.device.friction import harmonic_reference as reference

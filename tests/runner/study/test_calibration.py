@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from device.friction.calibration import NOMINAL
+from device.friction.scenes import NOMINAL
 from device.resonance import Resonance
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured

@@ -18,9 +18,8 @@ from analysis.sensitivity.lines import Ratings
 from analysis.statistics.additive import additive_effects, gain_heterogeneity
 from analysis.statistics.summary import reading
 from analysis.trials.contrasts import contrasts_by_law
-from device.friction.calibration import NOMINAL
-from device.friction.changes import CONDITIONS
-from device.friction.contrasts import RUNG
+from device.friction.changes import CONDITIONS, RUNG
+from device.friction.scenes import NOMINAL
 from protocol.journal.events import StoredEvent
 from runner.journal.opening import open_journal
 from runner.study import kept_files

@@ -23,8 +23,8 @@ from analysis.report.registration.registered import (
 )
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.trials.order_as_run import order_as_run
-from device.friction.calibration import NOMINAL, Calibration
-from device.friction.contrasts import LAW, RUNG
+from device.friction.changes import LAW, RUNG
+from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (
     Event,
     SessionExcluded,

@@ -5,8 +5,8 @@ import pytest
 from device.beam.beam import Beam
 from device.beam.modes import natural_frequency_hz
 from device.errors import OutOfRangeError
+from device.friction.changes import LAW, RUNG
 from device.friction.coefficient import friction_coefficient
-from device.friction.contrasts import LAW, RUNG
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 from device.people.person import MODE

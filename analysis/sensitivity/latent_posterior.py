@@ -80,10 +80,10 @@ class LatentPosterior:
         modes = self.modes.at(np.isin(np.arange(len(self.residual_sds)), points))
         root = np.linalg.cholesky(modes.curvature.shared_covariance)[of_point]
         away = (root @ rng.standard_normal((count, root.shape[-1], 1)))[..., 0]
-        own_root = np.linalg.cholesky(modes.curvature.own_covariance)
+        own_root, centre = np.linalg.cholesky(modes.curvature.own_covariance), modes.own
         own = rng.standard_normal((count, *own_root.shape[1:3]))
         for draw, point in enumerate(of_point):  # all at once take too much memory
-            own[draw] = modes.own[point] + (own_root[point] @ own[draw][..., None])[..., 0]
+            own[draw] = centre[point] + (own_root[point] @ own[draw][..., None])[..., 0]
             own[draw] -= modes.curvature.response[point] @ away[draw]
         return LatentDraws(
             residual_sd=self.residual_sds[chosen],

@@ -245,12 +245,15 @@ def _tables(
 
 def _sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     """Return the sums of values (draws, trials) over each group of trials, (draws, groups)."""
-    return np.stack([np.bincount(group, weights=row, minlength=groups) for row in values])
+    cells = np.arange(len(values))[:, None] * groups + group
+    sums = np.bincount(cells.ravel(), values.ravel(), minlength=len(values) * groups)
+    return np.asarray(sums.reshape(len(values), groups))
 
 
 def _counts(scores: IntArray, first: IntArray, cells: int) -> IntArray:
     """Return how often each category occurs in each group; `first` is the group's first cell."""
-    return np.stack([np.bincount(first + row, minlength=cells) for row in scores])
+    places = np.arange(len(scores))[:, None] * cells + first + scores
+    return np.bincount(places.ravel(), minlength=len(scores) * cells).reshape(len(scores), cells)
 
 
 def _spread(

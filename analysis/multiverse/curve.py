@@ -330,7 +330,9 @@ def multiverse(
 
 def curve(claim: Claim, analyses: Sequence[Universe]) -> Curve:
     """Return the curve of a claim; the first of the analyses is the report's own."""
-    found = [(universe.chosen, claim.judge(universe)) for universe in analyses]
+    # A law that predicts nothing has no order to follow.
+    able = [it for it in analyses if it.contrasts or not claim.of_model]
+    found = [(universe.chosen, claim.judge(universe)) for universe in able]
     known = [(chosen, it) for chosen, it in found if isinstance(it, Judged)]
     options = {
         choice: tuple(dict.fromkeys(chosen[choice] for chosen, _ in known if choice in chosen))
@@ -338,7 +340,7 @@ def curve(claim: Claim, analyses: Sequence[Universe]) -> Curve:
     }
     known.sort(key=lambda each: each[1].effect)
     # By identity, because sorting by effect has moved it.
-    own = [place for place, (chosen, _) in enumerate(known) if chosen is found[0][0]]
+    own = [place for place, (chosen, _) in enumerate(known) if chosen is analyses[0].chosen]
     return Curve(
         claim=claim,
         options={choice: names for choice, names in options.items() if len(names) > 1},

@@ -175,7 +175,7 @@ def universes(
     )
     return Universes(
         tables=tuple(tables.values()),
-        models=tuple(universe for universe in models if universe.contrasts),
+        models=models,
         single=_single(left_out, readings, contrasts),
     )
 

@@ -1,5 +1,6 @@
 """How well a law explains who felt what, by the largest likelihood of M1."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -454,13 +455,13 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimabl
         if not rare:
             return p, NotEstimable(f"no order of these {count} conditions has p < .05")
         return p, float(rare[0]) / largest
-    needed = critical_correlation(count)
-    r = observed / largest
-    # Its t would be infinite.
-    if r >= 1:
-        return 0.0, needed
+    r = min(observed / largest, 1 - 1e-12)  # t of a perfect order would be infinite
     t = r * np.sqrt((count - 2) / (1 - r**2))
-    return float(2 * stdtr(count - 2, -t)), needed
+    # No share is smaller than that of the observed order alone, its ties exchanged, and reversed.
+    ties = np.unique(deviations[1], return_counts=True)[1].tolist()
+    mirrored = any(np.array_equal(np.sort(ranks), np.sort(-ranks)) for ranks in deviations)
+    least = (1 + mirrored) * math.prod(map(math.factorial, ties)) / math.factorial(count)
+    return max(least, float(2 * stdtr(count - 2, -t))), critical_correlation(count)
 
 
 def _share_from(products: FloatArray, value: float) -> float:

@@ -172,6 +172,17 @@ def universes_of_one() -> tuple[Universe, ...]:
     return universes(recorded, study_data(recorded, rehearsals=False), PAPER).tables
 
 
+def test_the_report_s_own_analysis_is_no_other_one_where_it_has_no_contrasts() -> None:
+    (own,) = universes_of_one()
+    other = replace(own, chosen={Choice.LAW: "another"}, contrasts={"voltage": 0.1})
+    claim = Claim(
+        id="any", words="Any", effect="ρ", judge=lambda _: Judged(effect=1.0, p=0.5), of_model=True
+    )
+    found = curve(claim, (own, other))
+    assert (len(found.judged), found.own) == (1, None)
+    assert curve(claim, (other, own)).own == 0
+
+
 def test_a_choice_decides_only_if_each_of_its_options_has_one_verdict() -> None:
     effects = {("a", "x"): 1.0, ("a", "y"): 2.0, ("b", "x"): -1.0, ("b", "y"): 5.0}
     (own,) = universes_of_one()

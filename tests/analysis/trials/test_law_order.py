@@ -1,5 +1,6 @@
 """How laws order the conditions, against the order of the mean ratings."""
 
+import math
 from itertools import permutations
 
 import numpy as np
@@ -86,6 +87,16 @@ def test_many_conditions_have_the_t_approximation() -> None:
     observed = predicted + rng.normal(size=12)
     expected = stats.spearmanr(predicted, observed)
     assert order_of(predicted, observed).p == pytest.approx(expected.pvalue, rel=1e-9)
+
+
+def test_a_perfect_order_of_nine_conditions_has_the_share_that_it_is_of_all_orders() -> None:
+    """2 of 9! orders, 2 * 3! with three tied in the middle; with two at an end none mirrors it."""
+    plain, middle, end = (np.arange(9, dtype=np.float64) for _ in range(3))
+    middle[3:6], end[:2] = 4, 1
+    shares = [order_of(ranks, ranks).p for ranks in (plain, middle, end)]
+    assert np.array(shares) * math.factorial(9) == pytest.approx([2, 12, 2])
+    swapped = np.array([1, 0, *range(2, 9)], dtype=np.float64)
+    assert order_of(plain, swapped).p == pytest.approx(2 / math.factorial(9))
 
 
 def test_conditions_nobody_rated_are_left_out_of_the_correlation() -> None:

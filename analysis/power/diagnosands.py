@@ -13,10 +13,9 @@ from scipy.special import stdtr, stdtrit
 from analysis.estimates import BoolArray, FloatArray
 from analysis.power.diagnosis import ESTIMATES, RANK, columns
 from analysis.power.job import Design
-from analysis.statistics.many_tables import holm_of_rows, pairs_of
+from analysis.statistics.many_tables import pairs_of
+from analysis.statistics.signed_rank import LEVEL, holm_of_rows
 from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, above
-
-LEVEL = 0.05
 
 
 @dataclass(frozen=True)

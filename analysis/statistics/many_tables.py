@@ -12,10 +12,8 @@ from scipy.special import chdtrc
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.omnibus import exact_p, skillings_mack_p
-from analysis.statistics.signed_rank import DECIMALS, p_of_ranks
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm_of_rows, p_of_ranks
 
-# Cells compared at once: some 100 MB.
-LARGEST_BATCH = 4_000_000
 MOST_CONDITIONS_EXACT = 3
 
 
@@ -63,20 +61,6 @@ def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
     )
 
 
-def holm_of_rows(p: FloatArray) -> FloatArray:
-    """Return Holm's correction within each row; NaN is left out of it.
-
-    >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
-    array([[0.03,  nan, 0.06, 0.06]])
-    """
-    order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
-    factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
-    stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)
-    corrected = np.empty_like(p)
-    np.put_along_axis(corrected, order, np.minimum(stepped, 1.0), axis=1)
-    return np.where(np.isnan(p), np.nan, corrected)
-
-
 def omnibus_p(scores: FloatArray) -> FloatArray:
     """Return the p of equal conditions of each table (tables, subjects, conditions); NaN if none.
 
@@ -102,7 +86,7 @@ def _friedman_p(scores: FloatArray) -> FloatArray:
     subjects, conditions = scores.shape[1:]
     if subjects < 2 or conditions < 2 or not len(scores):
         return np.full(len(scores), np.nan)
-    ranks, middle = ranks_of_rows(scores), conditions + 1
+    ranks, middle = doubled_midranks(scores), conditions + 1
     between = ((ranks.sum(axis=1) - subjects * middle) ** 2).sum(axis=1)
     squares = ((ranks - middle) ** 2).sum(axis=(1, 2))
     within = np.where(squares > 0, squares, np.nan)
@@ -126,22 +110,6 @@ def _exact_of_tables(ranks: IntArray, between: IntArray, otherwise: FloatArray) 
     return p
 
 
-def ranks_of_rows(values: FloatArray) -> IntArray:
-    """Return twice the midrank of each value along the last axis, as `doubled_midranks` does."""
-    rounded = np.round(values, DECIMALS)
-    shape = rounded.shape
-    rows = rounded.reshape(-1, shape[-1])
-    step = max(1, LARGEST_BATCH // shape[-1] ** 2)
-    batches = [_ranks_of_batch(rows[at : at + step]) for at in range(0, len(rows), step)]
-    return np.concatenate(batches).reshape(shape) if batches else np.zeros(shape, np.int64)
-
-
-def _ranks_of_batch(rows: FloatArray) -> IntArray:
-    below = (rows[:, None, :] < rows[:, :, None]).sum(axis=2)
-    not_above = (rows[:, None, :] <= rows[:, :, None]).sum(axis=2)
-    return np.where(np.isnan(rows), 0, below + not_above + 1).astype(np.int64)
-
-
 def _signed_rank_p(differences: FloatArray) -> FloatArray:
     """Return the p of the signed rank test along the last axis, NaN without a difference.
 
@@ -149,7 +117,7 @@ def _signed_rank_p(differences: FloatArray) -> FloatArray:
     """
     rounded = np.round(differences, DECIMALS)
     sizes = np.where(rounded == 0, np.nan, np.abs(differences))
-    ranks = ranks_of_rows(sizes).reshape(-1, sizes.shape[-1])
+    ranks = doubled_midranks(sizes).reshape(-1, sizes.shape[-1])
     positive = np.where(rounded.reshape(ranks.shape) > 0, ranks, 0).sum(axis=1)
     cases, which = np.unique(
         np.column_stack([np.sort(ranks, axis=1), positive]), axis=0, return_inverse=True

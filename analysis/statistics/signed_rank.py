@@ -27,14 +27,18 @@ def doubled_midranks(values: FloatArray) -> IntArray:
     >>> doubled_midranks(np.array([10.0, 8.0, 10.0, np.nan]))
     array([5, 2, 5, 0])
     """
-    return np.apply_along_axis(_ranks_of_one, -1, np.round(values, DECIMALS))
-
-
-def _ranks_of_one(rounded: FloatArray) -> IntArray:
-    in_order = np.sort(rounded)
-    below = np.searchsorted(in_order, rounded, side="left")
-    not_above = np.searchsorted(in_order, rounded, side="right")
-    return np.where(np.isnan(rounded), 0, below + not_above + 1).astype(np.int64)
+    # Not scipy's `rankdata`: loading scipy.stats takes longer than a report's statistics.
+    rounded = np.round(values, DECIMALS)
+    order = np.argsort(rounded, axis=-1)
+    in_order = np.take_along_axis(rounded, order, axis=-1)
+    places = np.arange(rounded.shape[-1])
+    begins = np.where(np.diff(in_order, prepend=np.nan) == 0, 0, places)
+    ends = np.where(np.diff(in_order, append=np.nan) == 0, places[-1:], places)
+    first = np.maximum.accumulate(begins, axis=-1)
+    last = np.minimum.accumulate(ends[..., ::-1], axis=-1)[..., ::-1]
+    ranks = np.empty(rounded.shape, dtype=np.int64)
+    np.put_along_axis(ranks, order, first + last + 2, axis=-1)
+    return np.where(np.isnan(rounded), 0, ranks)
 
 
 # Up to this many differences, the exact null distribution takes a few milliseconds.
@@ -136,12 +140,22 @@ def holm(p_values: Sequence[float]) -> list[float]:
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
     """
-    order = np.argsort(p_values, kind="stable")
-    factors = np.arange(len(p_values), 0, -1)
-    stepped = np.maximum.accumulate(np.asarray(p_values, dtype=np.float64)[order] * factors)
-    corrected = np.empty(len(p_values))
-    corrected[order] = np.minimum(stepped, 1.0)
-    return [float(p) for p in corrected]
+    corrected: list[float] = holm_of_rows(np.array([p_values], dtype=np.float64))[0].tolist()
+    return corrected
+
+
+def holm_of_rows(p: FloatArray) -> FloatArray:
+    """Return Holm's correction within each row; NaN is left out of it.
+
+    >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
+    array([[0.03,  nan, 0.06, 0.06]])
+    """
+    order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
+    factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
+    stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)
+    corrected = np.empty_like(p)
+    np.put_along_axis(corrected, order, np.minimum(stepped, 1.0), axis=1)
+    return np.where(np.isnan(p), np.nan, corrected)
 
 
 def p_of_ranks(doubled_ranks: IntArray, positive: int) -> float:

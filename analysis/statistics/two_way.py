@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.special import fdtri
 
 from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
@@ -135,10 +136,9 @@ def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable 
         given: shape (subjects, conditions), where each subject and condition has a score.
         conditions: names.
     """
-    reached, linked = np.zeros(len(conditions), dtype=bool), np.arange(len(conditions)) == 0
-    while (linked > reached).any():
-        reached = linked
-        linked = reached | given[given[:, reached].any(axis=1)].any(axis=0)
+    compared = given.T.astype(np.intp) @ given  # by how many subjects each pair is
+    group = connected_components(compared, directed=False)[1]
+    linked = group == group[0]
     if linked.all():
         return None
     apart = ", ".join(np.array(conditions, dtype=object)[linked])

@@ -72,12 +72,9 @@ class Clock(Protocol):
 
     def utc(self) -> datetime:
         """Return the date and time, UTC."""
-        ...
 
     def monotonic_s(self) -> float:
         """Return a time in seconds that never decreases."""
-        ...
 
     def sleep(self, seconds: float) -> None:
         """Wait for `seconds` of this clock's time."""
-        ...

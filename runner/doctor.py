@@ -15,8 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from protocol.study.languages import built_in, built_in_codes
-from runner.displays.screen_list import listed_screens
 from runner.journal.database import SQLITE_VERSION, has_wal_reset_bug
+from runner.screen_list import listed_screens
 from runner.window.elements import first_font, missing_font
 
 PACKAGES = ("protocol", "device", "runner", "analysis", "touchbeam")
@@ -24,7 +24,7 @@ DEPENDENCIES = ("psychopy", "pyserial", "numpy", "scipy", "matplotlib", "pydanti
 LEAST_DISK_BYTES = 200e6
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """The result of one check."""
 
@@ -59,6 +59,16 @@ def findings(touchbeam: Sequence[str] = ("touchbeam",)) -> list[Finding]:
     ]
 
 
+def _required(what: str, value: str, hint: str, *, ok: bool) -> Finding:
+    """Return the finding on what every session needs; `hint` says what to do where it is not."""
+    return Finding(what, ok, value, "" if ok else hint)
+
+
+def _useful(what: str, value: str, hint: str, *, there: bool) -> Finding:
+    """Return the finding on what only some sessions need."""
+    return Finding(what, ok=True, value=value, hint="" if there else hint, missing=not there)
+
+
 def _origins() -> Iterator[Finding]:
     """Check that no other package hides one of ours, whose names are common words."""
     ours = Path(__file__).resolve().parent.parent
@@ -66,30 +76,20 @@ def _origins() -> Iterator[Finding]:
         # Not imported, because another package of this name would be executed.
         spec = find_spec(name)
         place = Path(spec.origin).resolve().parent if spec and spec.origin else None
-        ok = place == ours / name
-        yield Finding(
-            what=f"package {name}",
-            ok=ok,
-            value=str(place or "not found"),
-            hint="" if ok else f"expected {ours / name}; another package of this name hides it",
-        )
+        hint = f"expected {ours / name}; another package of this name hides it"
+        yield _required(f"package {name}", str(place or "not found"), hint, ok=place == ours / name)
 
 
 def _python() -> Finding:
     ok = (3, 11) <= sys.version_info < (3, 13)
-    return Finding(
-        what="python",
-        ok=ok,
-        value=platform.python_version(),
-        hint="" if ok else "PsychoPy needs 3.11 or 3.12",
-    )
+    return _required("python", platform.python_version(), "PsychoPy needs 3.11 or 3.12", ok=ok)
 
 
 def _dependency(name: str) -> Finding:
     try:
-        return Finding(what=name, ok=True, value=version(name))
+        return Finding(name, ok=True, value=version(name))
     except PackageNotFoundError:
-        return Finding(what=name, ok=False, value="missing", hint="run make demo once")
+        return Finding(name, ok=False, value="missing", hint="run make demo once")
 
 
 def _sqlite() -> Finding:
@@ -98,85 +98,57 @@ def _sqlite() -> Finding:
         "touchbeam lets none commit then, and compares the file with its log before the log is "
         "reset"
     )
-    return Finding(
-        what="SQLite",
-        ok=True,
-        value=SQLITE_VERSION,
-        hint=hint if has_wal_reset_bug(SQLITE_VERSION) else "",
-    )
+    shown = hint if has_wal_reset_bug(SQLITE_VERSION) else ""
+    return Finding("SQLite", ok=True, value=SQLITE_VERSION, hint=shown)
 
 
 def _disk() -> Finding:
     try:
         free = shutil.disk_usage(Path.cwd()).free
     except OSError as error:
-        return Finding(
-            what="disk", ok=False, value=f"unknown ({error})", hint="change to another folder"
-        )
-    ok = free > LEAST_DISK_BYTES
-    return Finding(
-        what="disk",
-        ok=ok,
-        value=f"{free / 1e9:.1f} GB free in this folder",
-        hint="" if ok else f"at least {LEAST_DISK_BYTES / 1e9:.1f} GB must be free; delete files",
-    )
+        return _required("disk", f"unknown ({error})", "change to another folder", ok=False)
+    hint = f"at least {LEAST_DISK_BYTES / 1e9:.1f} GB must be free; delete files"
+    value = f"{free / 1e9:.1f} GB free in this folder"
+    return _required("disk", value, hint, ok=free > LEAST_DISK_BYTES)
 
 
 def _ports() -> Finding:
     from device.link.port import described_ports
 
     names = [port["name"] for port in described_ports()]
-    return Finding(
-        what="serial ports",
-        ok=True,
-        value=", ".join(names) or "none",
-        missing=not names,
-        hint="" if names else "only the simulated device and network addresses are available",
-    )
+    hint = "only the simulated device and network addresses are available"
+    return _useful("serial ports", ", ".join(names) or "none", hint, there=bool(names))
 
 
 def _screens(touchbeam: Sequence[str]) -> Finding:
     """List the screens with their numbers, sizes, places and, where known, connectors."""
-    there = listed_screens(touchbeam)
-    return Finding(
-        what="screens",
-        ok=True,
-        value=", ".join(map(str, there)) or "none",
-        missing=not there,
-        hint="" if there else "use --ratings console",
-    )
+    screens = listed_screens(touchbeam)
+    value = ", ".join(map(str, screens)) or "none"
+    return _useful("screens", value, "use --ratings console", there=bool(screens))
 
 
 def _sound() -> Finding:
     """Check the libraries without which PsychoPy's keyboard falls back to a broken backend."""
     needed = ("asound", "jack") if sys.platform.startswith("linux") else ()
     missing = [name for name in needed if ctypes.util.find_library(name) is None]
-    return Finding(
-        what="sound libraries",
-        ok=True,
-        value=", ".join(missing) or "installed",
-        hint="install them with apt if the participant's window does not start" if missing else "",
-        missing=bool(missing),
-    )
+    hint = "install them with apt if the participant's window does not start"
+    value = ", ".join(missing) or "installed"
+    return _useful("sound libraries", value, hint, there=not missing)
 
 
 def _fonts() -> Finding:
     fc_list = shutil.which("fc-list")
     if fc_list is None:
-        return Finding(what="fonts", ok=True, value="fontconfig", hint="names fonts", missing=True)
+        return _useful("fonts", "fontconfig", "names fonts", there=False)
     names = subprocess.run([fc_list], capture_output=True, text=True, check=False).stdout
     languages = {code: built_in(code) for code in built_in_codes()}
     installed = {
         code: first_font(each.fonts, names.__contains__) for code, each in languages.items()
     }
-    lacking = [code for code, font in installed.items() if font is None]
-    return Finding(
-        what="fonts",
-        ok=True,
-        value=", ".join(f"{code}: {font or 'none'}" for code, font in installed.items()),
-        missing=bool(lacking),
-        hint="; ".join(
-            missing_font(code, languages[code].fonts, languages[code].font_package)
-            for code in lacking
-        ),
-    )
+    hints = [
+        missing_font(code, languages[code].fonts, languages[code].font_package)
+        for code, font in installed.items()
+        if font is None
+    ]
+    value = ", ".join(f"{code}: {font or 'none'}" for code, font in installed.items())
+    return _useful("fonts", value, "; ".join(hints), there=not hints)

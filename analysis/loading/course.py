@@ -42,6 +42,7 @@ from protocol.journal.events import (
     SessionIncluded,
     SessionOpened,
     SessionResumed,
+    SessionTerms,
     StoredEvent,
     TouchEnded,
     TouchRecorded,
@@ -165,7 +166,7 @@ class Course:
         self._under(event)
         self._incident("resumed")
 
-    def _under(self, event: SessionOpened | SessionResumed) -> None:
+    def _under(self, event: SessionTerms) -> None:
         """Continue with the study and the plan with which the session was opened or resumed."""
         # A resumption need not repeat what the session was opened with.
         self._session.virtual = event.virtual or self._session.virtual

@@ -11,8 +11,7 @@ import pandas as pd
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (
     Event,
-    SessionOpened,
-    SessionResumed,
+    SessionTerms,
     StudyAmended,
     StudyRegistered,
 )
@@ -97,7 +96,7 @@ def _run(session: Mapping[Any, Any]) -> SessionRun:
     )
 
 
-def rig_in_force(event: SessionOpened | SessionResumed) -> Calibration | None:
+def rig_in_force(event: SessionTerms) -> Calibration | None:
     """Return the rig under which a registered session predicts, None for any other session."""
     if event.registration is None:
         return None

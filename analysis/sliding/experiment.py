@@ -31,7 +31,7 @@ from protocol.journal.events import (
     DeviceArmed,
     ResonanceMeasured,
     SessionOpened,
-    SessionResumed,
+    SessionTerms,
     StoredEvent,
     TouchRecorded,
     TouchStarted,
@@ -343,8 +343,7 @@ def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
 
 def _slide(records: Sequence[object]) -> Slide:
     """Return what was drawn, from the study as it was when the session began or last resumed."""
-    kinds = SessionOpened | SessionResumed
-    text = [each.study_text for each in records if isinstance(each, kinds)][-1]
+    text = [each.study_text for each in records if isinstance(each, SessionTerms)][-1]
     assert text is not None, "every build that slides records the study"
     return parsed_study(text).slide
 

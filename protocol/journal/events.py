@@ -4,7 +4,7 @@ This is the contract between the sessions that write a journal and everything th
 and payload keys are written nowhere else; docs/journal.md is generated from this module.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
@@ -410,6 +410,8 @@ class ScoresImported(Event):
 
 Opening = SessionOpened | ScoresImported
 """The first event of a session."""
+SessionTerms = SessionOpened | SessionResumed
+"""What a session runs under from here on: study, plan, language, registration, calibration."""
 
 # A record becomes an event by being defined here: no list of them can be out of date.
 EVENTS: tuple[type[Event], ...] = tuple(Event.__subclasses__())
@@ -448,3 +450,12 @@ class StoredEvent:
             object.__setattr__(self, "_parsed", event_of(self.tag, self.payload))
         assert self._parsed is not None
         return self._parsed
+
+
+def terms_in(events: Iterable[StoredEvent]) -> Iterator[SessionTerms]:
+    """Yield what the session runs under: as opened, then as resumed; nothing that is erased."""
+    for event in events:
+        if event.tag in {SessionOpened.TAG, SessionResumed.TAG} and not event.erased:
+            record = event.record
+            assert isinstance(record, SessionTerms)
+            yield record

@@ -29,6 +29,7 @@ from protocol.journal.events import (
     TouchStarted,
     WatchdogTested,
     event_of,
+    terms_in,
 )
 from protocol.journal.records import CHANNELS, PlannedTrial
 from protocol.journal.state import NotAllowed, folded
@@ -131,11 +132,8 @@ def _stored(
 
 
 def _planned(events: Sequence[StoredEvent]) -> Iterator[PlannedTrial]:
-    for event in events:
-        if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
-            record = event.record
-            assert isinstance(record, SessionOpened | SessionResumed)
-            yield from record.trials
+    for terms in terms_in(events):
+        yield from terms.trials
 
 
 def _out_of_range(event: Event) -> str:

@@ -14,7 +14,7 @@ from protocol.errors import BadInput
 from protocol.journal.events import (
     SLIDE,
     SessionOpened,
-    SessionResumed,
+    SessionTerms,
     StoredEvent,
     StudyRegistered,
 )
@@ -273,7 +273,7 @@ def require_known(name: str, known: Iterable[str]) -> None:
 # The proof that orders follow from a digest: each session's plan is drawn again and compared.
 
 
-def order_problem(opened: SessionOpened, under: SessionOpened | SessionResumed) -> str:
+def order_problem(opened: SessionOpened, under: SessionTerms) -> str:
     """Return why the trials of a registered session are not those of its digest; '' if they are.
 
     The plan is drawn from the study file and the digest that the journal holds, so that a journal

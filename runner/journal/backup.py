@@ -35,15 +35,13 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
             # Read back from the file, because a backup that was never read is a hope.
             result = copy.lacking_triggers, verdicts(copy)
         with beside.open("rb+") as written:
-            # Before it gets its name: a name that survives a power cut must not lead to half a
-            # file.
+            # Before it gets its name, which must not lead to half a file after a power cut.
             os.fsync(written.fileno())
         _take_name(beside, file)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(file)) from error
     finally:
-        # What SQLite may have left beside the copy. After the renaming there is nothing of that
-        # name.
+        # What SQLite may have left beside the copy; once renamed, nothing has that name.
         for ending in ("", "-journal", "-wal", "-shm"):
             beside.with_name(f"{beside.name}{ending}").unlink(missing_ok=True)
     return result

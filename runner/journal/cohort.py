@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import SessionOpened, SessionResumed
+from protocol.journal.events import terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState, folded
 from protocol.plan.blocks import SlotState, next_slot
@@ -48,11 +48,8 @@ def planned_trials(journal: Journal, chain: str) -> list[PlannedTrial]:
         BadInput: no plan is known: the participant has withdrawn, or the scores are imported.
     """
     planned: dict[int, PlannedTrial] = {}
-    for event in readable_events(journal, chain):
-        if event.tag in {SessionOpened.TAG, SessionResumed.TAG} and not event.erased:
-            record = event.record
-            assert isinstance(record, SessionOpened | SessionResumed)
-            planned |= {trial.index: trial for trial in record.trials}
+    for terms in terms_in(readable_events(journal, chain)):
+        planned |= {trial.index: trial for trial in terms.trials}
     if not planned:
         raise BadInput(f"{chain} has no plan: withdrawn, or imported scores")
     return list(planned.values())

@@ -25,8 +25,7 @@ from runner.signals import raise_if_stopped, stops_deferred
 SQLITE_VERSION = sqlite3.sqlite_version
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
-# Of SQLite's virtual machine: few enough that Ctrl-C ends the reading of a damaged file, which may
-# never end by itself.
+# Of SQLite's virtual machine: Ctrl-C must end the reading of a damaged file, which may never end.
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
 _ATTEMPTS = 10
@@ -61,16 +60,14 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
     Raises:
         sqlite3.Error: it cannot be opened, or SQLite would reach a file elsewhere through it.
     """
-    # Before SQLite sees the file, because opening it is enough to make SQLite recover a rollback
-    # journal.
+    # Before SQLite sees the file: to recover a rollback journal it needs only to open it.
     _require_reaching_no_other(path)
     uri = f"{path.absolute().as_uri()}?{access}"
     connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
     with closed_on_error(connection):
         # Python runs the handlers of signals between two of its instructions: this is one.
         connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)
-        # Views and triggers of a stranger's file may then call no function that has effects outside
-        # it.
+        # A stranger's views and triggers may then call no function with effects outside the file.
         connection.execute("PRAGMA trusted_schema = OFF")
         # Damaged pages are noticed where they are read.
         connection.execute("PRAGMA cell_size_check = ON")
@@ -229,8 +226,7 @@ def _is_still(part: Path, copy: Path) -> bool:
             while block := then.read(_BLOCK):
                 if now.read(len(block)) != block:
                     return False
-            # What was added to the log meanwhile belongs to later transactions; a longer main file
-            # has changed.
+            # What was added to the log belongs to later transactions; a longer main file changed.
             return part.name.endswith("-wal") or not now.read(1)
     except FileNotFoundError:
         return part.exists() == copy.exists()
@@ -295,8 +291,7 @@ def checked_version(
 def _objects(connection: sqlite3.Connection) -> dict[tuple[str, str], tuple[object, ...]]:
     """Return table and SQL of each object of the schema by kind and name."""
     rows = connection.execute(
-        # A file from somebody else may have millions of tables. One too many is enough to refuse
-        # it.
+        # A stranger's file may have millions of tables; one too many is enough to refuse it.
         "SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT ?",
         (_MOST_OBJECTS,),
     )
@@ -310,8 +305,7 @@ def _plain(name: object) -> str:
 
 @cache
 def _expected(statements: tuple[str, ...]) -> dict[tuple[str, str], tuple[object, ...]]:
-    # SQLite keeps the text of a statement in a form of its own. Made by the same SQLite, both can
-    # be compared as texts.
+    # SQLite keeps statements in a form of its own; made by the same SQLite, both can be compared.
     with closing(sqlite3.connect(":memory:")) as own:
         for statement in statements:
             own.execute(statement)
@@ -347,8 +341,7 @@ def copied_log(connection: sqlite3.Connection, path: Path, tip: tuple[str, str] 
         ):
             return _passively_copied(other, path, _tips(connection), tip)
     except sqlite3.OperationalError as error:
-        # Another process that holds the lock is no error: the log goes on growing and is copied
-        # later.
+        # Another process that holds the lock is no error: the log grows and is copied later.
         if not _is_busy(error):
             raise
         return False
@@ -364,8 +357,7 @@ def _passively_copied(
     busy, frames, copied = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
     if busy or frames != copied:
         return False
-    # `immutable` makes SQLite read the main file without its log: what would be left if the log
-    # were lost.
+    # `immutable` makes SQLite read the main file without its log, as if the log were lost.
     with closing(connected(path, "immutable=1")) as main_file_alone:
         found = _tips(main_file_alone)
     if found != known or (tip is not None and found.get(tip[0], ("",))[-1] != tip[1]):
@@ -416,8 +408,7 @@ def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
         if _has_events(log_of(path)):
             with closing(connected(path, "mode=ro")) as last:
                 last.execute("PRAGMA user_version").fetchone()  # takes the lock of a reader
-                # Closed while `last` still reads, so that it is not the last connection and SQLite
-                # does not copy the log.
+                # While `last` reads: SQLite copies the log when the last connection is closed.
                 connection.close()
 
 
@@ -457,8 +448,7 @@ def _merged(path: Path) -> bool:
 
 def _close_without_removing(connection: sqlite3.Connection, path: Path) -> None:
     """Close the only connection to a file; SQLite does not find the log that it would remove."""
-    # If the process is killed between these lines, the log remains under this name, which every
-    # command reports.
+    # A process that is killed in between leaves the log here, as every command then reports.
     log_of(path).rename(log_aside(path))
     connection.close()
     log_aside(path).rename(log_of(path))

@@ -73,8 +73,7 @@ def chain_name(journal: Journal, participant: str, number: int, *, rehearsal: bo
     rehearsed_plain = is_rehearsal(journal, plain)
     if rehearsal:
         return plain if rehearsed_plain else f"{plain} ({REHEARSAL})"
-    # In journals of earlier versions the rehearsal has the plain name, and chains cannot be
-    # renamed: their hashes contain the name.
+    # Earlier versions gave the rehearsal the plain name, and a chain's hashes contain its name.
     apart = f"{plain} (participant)"
     return apart if rehearsed_plain or apart in journal.sessions() else plain
 

@@ -91,8 +91,7 @@ def journal_if_used(path: Path) -> Iterator[Journal]:
         with open_journal(path) as journal:
             yield journal
     except BaseException:
-        # A session that was refused before its first event leaves no empty journal, as if sessions
-        # had been recorded.
+        # A session that was refused before its first event leaves no empty journal.
         if not before and path.exists() and unused(path):
             for name in (f"{path.name}-wal", f"{path.name}-shm", path.name):
                 path.with_name(name).unlink(missing_ok=True)
@@ -165,8 +164,7 @@ def _access(path: Path) -> str:
     """
     if is_writable(path):
         return "mode=rw"
-    # Without a log no session is running, and SQLite then needs no files beside it, which it could
-    # not make.
+    # Without a log no session runs, and SQLite needs no files beside it, which it cannot make.
     return "mode=ro" if log_of(path).exists() else "immutable=1"
 
 
@@ -228,8 +226,7 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
     ) as connection:
         with transaction(connection):
             checked_version(connection, _SCHEMAS)
-        # Only after the schema was checked: this writes into the file, and a stranger's is left as
-        # it is.
+        # Only now that the schema was checked: this writes, and a stranger's file is left as it is.
         _log_ahead(connection)
         # In this order: a stored event outlasts a power cut; what a participant takes back is
         # overwritten; only `checkpoint` and the close move events into the file.

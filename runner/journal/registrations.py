@@ -1,16 +1,9 @@
 """The registrations in a journal, and the check that its sessions follow from them."""
 
-from collections.abc import Iterable
 from datetime import datetime
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    SLIDE,
-    SessionOpened,
-    SessionResumed,
-    StoredEvent,
-    StudyRegistered,
-)
+from protocol.journal.events import SLIDE, SessionOpened, StudyRegistered, terms_in
 from protocol.registration.registration import order_problem, registration_in
 from runner.journal.names import STUDY_CHAIN, chains_of, is_rehearsal, parsed_name
 from runner.journal.store import Journal
@@ -20,9 +13,7 @@ Registrations = list[tuple[datetime, StudyRegistered]]
 
 def registrations(journal: Journal) -> Registrations:
     """Return the registrations of the study, each with its UTC, the one in force last."""
-    events = [event for event in journal.events_of(StudyRegistered) if not event.erased]
-    records = [(event.utc, event.record) for event in events]
-    return [(utc, record) for utc, record in records if isinstance(record, StudyRegistered)]
+    return journal.records_of(StudyRegistered)
 
 
 def in_force(journal: Journal) -> StudyRegistered | None:
@@ -61,22 +52,17 @@ def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
     # A session that was opened before the registration cannot follow from it.
     if before and opened.registration is None and not is_rehearsal(journal, chain):
         return "it is not registered, although the study was registered before it"
-    problems = (_under_problem(opened, event, known) for event in events)
-    return next(filter(None, problems), "")
+    held = {None, *(record.registration for _, record in known)}
+    for under in terms_in(events):
+        # A journal made from exported data has sessions alone.
+        if known and under.registration not in held:
+            return "its registration is none that the journal holds"
+        if problem := order_problem(opened, under):
+            return problem
+    return ""
 
 
-def _under_problem(opened: SessionOpened, event: StoredEvent, known: Registrations) -> str:
-    if event.tag not in {SessionOpened.TAG, SessionResumed.TAG} or event.erased:
-        return ""
-    under = event.record
-    assert isinstance(under, SessionOpened | SessionResumed)
-    # A journal made from exported data has sessions alone.
-    if known and under.registration not in {None, *(record.registration for _, record in known)}:
-        return "its registration is none that the journal holds"
-    return order_problem(opened, under)
-
-
-def _registered_problem(known: Iterable[tuple[datetime, StudyRegistered]]) -> str:
+def _registered_problem(known: Registrations) -> str:
     for _, record in known:
         try:
             made = registration_in(record.text, "a registration in the journal")

@@ -26,9 +26,7 @@ class SessionLog:
 
     def of_all_sessions(self, kind: type[_Kind]) -> list[tuple[datetime, _Kind]]:
         """Return what the study's journal holds of one kind of event, each with its UTC."""
-        events = [event for event in self._journal.events_of(kind) if not event.erased]
-        records = [(event.utc, event.record) for event in events]
-        return [(utc, record) for utc, record in records if isinstance(record, kind)]
+        return self._journal.records_of(kind)
 
     def append(self, event: Event) -> None:
         """Store `event`; it is on the disk when this returns.

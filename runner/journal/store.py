@@ -16,7 +16,7 @@ from json.encoder import encode_basestring_ascii as _quoted
 from math import isfinite
 from pathlib import Path
 from types import NoneType, TracebackType
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
@@ -136,8 +136,7 @@ def payload_text(event: StoredEvent) -> str:
 
 def payload_digest(body: str, salt: bytes) -> str:
     """Return the digest of the stored payload `body` and its salt."""
-    # An edited journal may hold halves of characters, which must give a digest and no internal
-    # error.
+    # An edited journal may hold halves of characters, which must give a digest and no error.
     return hashlib.sha256(salt + body.encode("utf-8", "surrogatepass")).hexdigest()
 
 
@@ -157,8 +156,7 @@ def _hashed(previous: str, fields: tuple[Any, ...]) -> str:
     if type(seq) is int and type(monotonic_s) is float and isfinite(monotonic_s):
         texts = f"{_quoted(tag)}, {_quoted(utc)}, {monotonic_s!r}, {_quoted(digest)}"
         return f"[{_quoted(previous)}, {_quoted(session)}, {seq}, {texts}]"
-    # Infinity and other types occur only in an edited journal. Such a row must give a hash as well,
-    # even if a wrong one.
+    # Infinity and other types occur only in an edited journal, which must give a hash as well.
     return json.dumps([previous, *fields])
 
 
@@ -188,6 +186,7 @@ _UNSALTED = _Statements(
     f"{_EVENT}, payload_sha256, hash, x'' FROM event WHERE session = ? ORDER BY seq",
 )
 
+_Kind = TypeVar("_Kind", bound=Event)
 RandomBytes = Callable[[int], bytes]
 """Returns that number of random bytes."""
 
@@ -265,6 +264,12 @@ class Journal:
             rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
             return [stored_event(row) for row in rows]
 
+    def records_of(self, kind: type[_Kind]) -> list[tuple[datetime, _Kind]]:
+        """Return what all sessions hold of one kind of event, each with its UTC."""
+        events = [event for event in self.events_of(kind) if not event.erased]
+        records = [(event.utc, event.record) for event in events]
+        return [(utc, record) for utc, record in records if isinstance(record, kind)]
+
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with their hashes."""
         with self._errors_explained("read"):
@@ -298,8 +303,7 @@ class Journal:
             self._connection.execute(self._sql.append, (*fields, chained, *stored))
         if event.seq == 0:  # another process may have removed an unused journal: journal_if_used
             self._require_in_place()
-        # Set once SQLite has taken the event. One is enough, because a session appends to its own
-        # chain alone.
+        # Once SQLite has taken it; one is enough, since a session appends to its own chain alone.
         self._last_hashes = {(session, event.seq): chained}
 
     def erase_payloads(self, sessions: Iterable[str]) -> None:
@@ -331,8 +335,7 @@ class Journal:
             JournalError: it failed, or the main file alone lacks events afterwards.
         """
         self._require_in_place()
-        # The hash that this process wrote itself, so that a copy is not compared only with what
-        # SQLite says.
+        # The hash that this process wrote: not everything is compared with what SQLite says.
         last = [(session, chained) for (session, _), chained in self._last_hashes.items()]
         with self._errors_explained("written"):
             return copied_log(self._connection, self._path, last[0] if last else None)

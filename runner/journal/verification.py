@@ -10,9 +10,9 @@ from protocol.journal.events import (
     SLIDE,
     ScoresImported,
     SessionOpened,
-    SessionResumed,
     StoredEvent,
     Withdrawn,
+    terms_in,
 )
 from protocol.journal.state import NotAllowed, SessionState, folded, in_words
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name, session_name
@@ -135,13 +135,11 @@ def touchbeam_versions(events: Iterable[StoredEvent]) -> tuple[str, ...]:
 
 def _touchbeam_version(event: StoredEvent) -> str:
     """Return the version of touchbeam in `event`; '' if it has none or is damaged."""
-    if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
-        with suppress(*IMPOSSIBLE):
-            record = event.record
-            assert isinstance(record, SessionOpened | SessionResumed)
-            version = record.versions.get("touchbeam")
-            # It is printed on a terminal, and an edited journal may hold anything.
-            return version if isinstance(version, str) and version.isprintable() else ""
+    with suppress(*IMPOSSIBLE):
+        terms = next(terms_in([event]), None)
+        version = terms and terms.versions.get("touchbeam")
+        # It is printed on a terminal, and an edited journal may hold anything.
+        return version if isinstance(version, str) and version.isprintable() else ""
     return ""
 
 

@@ -1,10 +1,14 @@
-"""What a session is asked to be: its options, checked against the study and this machine."""
+"""What a session is asked to be: its options, checked against the study and this machine.
 
+What is more often a slip than meant is confirmed by the operator.
+"""
+
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from device.resonance import Resonance
 from protocol.address import SIMULATED
@@ -20,10 +24,15 @@ from protocol.study_file.loading import StudyError, located
 from runner.clock import Pace
 from runner.journal.cohort import states
 from runner.journal.location import checked_place, mounts_of_this_machine
-from runner.journal.names import chain_name, chains_of, parsed_name, session_name
+from runner.journal.names import (
+    chain_name,
+    chains_of,
+    is_rehearsal,
+    parsed_name,
+    session_name,
+)
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
-from runner.launch.confirmation import Confirm, nearly_the_same
 from runner.people.participant_console import require_typist
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
@@ -33,6 +42,10 @@ from runner.study.registered import registration_of
 
 if TYPE_CHECKING:
     from device.people.person import Population
+
+_T = TypeVar("_T")
+Confirm = Callable[[str, str], None]
+"""Asks whether a fact is meant; raises `BadInput`, with the option to give, if it is not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +205,13 @@ def require_meant(request: Request, confirm: Confirm) -> None:
             f"{why}: {request.name} will be a rehearsal, which no report counts",
             "add --rehearsal if that is meant; otherwise give the device with --device",
         )
-    if not options.new_name and (other := _resembling(request)):
+    if options.new_name:
+        return
+    other = recorded(
+        request,
+        lambda journal: nearly_the_same(journal, options.participant, rehearsal=request.rehearsal),
+    )
+    if other:
         confirm(
             f"{options.participant} resembles {other}, who has a session here, and is taken for "
             "somebody else",
@@ -200,31 +219,59 @@ def require_meant(request: Request, confirm: Confirm) -> None:
         )
 
 
+def refused(fact: str, option: str) -> None:
+    """Refuse what nobody can confirm."""
+    raise BadInput(f"{fact}; {option}")
+
+
+def recorded(request: Request, asked: Callable[[Journal], _T]) -> _T | None:
+    """Return what `asked` finds in the journal; None without one, or if it cannot be read."""
+    path = request.options.folder.journal
+    with suppress(JournalError):  # opening the journal for the session will tell
+        if path.exists():
+            with read_journal(path) as journal:
+                return asked(journal)
+    return None
+
+
 def _not_completed(request: Request) -> int | None:
     """Return which session must come before a new one; those that were excluded are over."""
-    options, path = request.options, request.options.folder.journal
+    options = request.options
     if request.rehearsal or options.extra or options.number == 1:
         return None
-    if not path.exists():
-        return 1
-    with suppress(JournalError), read_journal(path) as journal:  # opening it to write will tell
+
+    def first_lacking(journal: Journal) -> int | None:
         known = states(journal)
         own = chains_of(journal, options.participant, rehearsal=False)
         over = {parsed_name(chain).number for chain in own if known[chain].name not in UNFINISHED}
-        lacking = [number for number in range(1, options.number) if number not in over]
-        return lacking[0] if lacking and request.chain(journal) not in known else None
-    return None
+        lacking = (number for number in range(1, options.number) if number not in over)
+        return None if request.chain(journal) in known else next(lacking, None)
+
+    return recorded(request, first_lacking) if options.folder.journal.exists() else 1
 
 
-def _resembling(request: Request) -> str | None:
-    """Return another participant whose pseudonym is nearly the same, if there is one."""
-    path = request.options.folder.journal
-    with suppress(JournalError):  # the session's own attempt to open the journal will tell
-        if path.exists():
-            with read_journal(path) as journal:
-                participant = request.options.participant
-                return nearly_the_same(journal, participant, rehearsal=request.rehearsal)
-    return None
+def nearly_the_same(journal: Journal, participant: str, *, rehearsal: bool) -> str | None:
+    """Return who else has a pseudonym that differs only in capitals, zeros or separators.
+
+    Sessions are compared with sessions, rehearsals with rehearsals. None if there is nobody, or if
+    the study knows `participant` already.
+    """
+    alike = [
+        other
+        for chain in journal.sessions()
+        if _essence(other := parsed_name(chain).participant) == _essence(participant)
+        and is_rehearsal(journal, chain) == rehearsal
+    ]
+    return None if participant in alike else next(iter(alike), None)
+
+
+def _essence(pseudonym: str) -> str:
+    """Return what remains of a pseudonym without what people mistype.
+
+    >>> _essence("P08"), _essence("p-8"), _essence("P80")
+    ('p8', 'p8', 'p80')
+    """
+    return re.sub("(?<![0-9])0+(?=[0-9])", "", re.sub("[_-]", "", pseudonym.casefold()))
 
 
 def _wording(study: Study, code: str) -> Wording:
@@ -234,6 +281,6 @@ def _wording(study: Study, code: str) -> Wording:
             f"--language must be one of {', '.join(study_codes(study))}, got {code!r}; "
             "touchbeam translate begins the file of another one"
         )
-    for text in lacking(study, code):
+    if text := next(lacking(study, code), None):
         raise BadInput(f"--language {code}: this study lacks {text} in it")
     return study_wording(study, code)

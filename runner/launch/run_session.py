@@ -1,21 +1,34 @@
-"""A session from options to end: opens locks, window, rig, journal and people, in this order."""
+"""A session from options to end: opens locks, window, rig, journal and people, in this order.
+
+What the journal already knows of a session that is resumed comes from there: its person, its beam.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
+from device.friction.scenes import NOMINAL
 from device.resonance import Resonance
 from device.simulator.client import Friction
 from protocol.address import SIMULATED, AddressError
-from protocol.errors import BadInput, WorkFailed
+from protocol.errors import BadInput, Problem, WorkFailed
+from protocol.journal.events import SessionOpened
+from protocol.journal.records import RigCalibration, VirtualTruth
 from protocol.journal.state import SessionState
+from protocol.plan.plan import plan, slide_plan
+from protocol.plan.trials import Plan
+from protocol.proof.slide_checks import slide_plan_problems
+from protocol.proof.trial_checks import cohort_problems, cycle
+from protocol.registration.registration import locked
+from protocol.study.study import Study
 from runner.clock import Clock, SteppedClock, WallClock
+from runner.journal.cohort import slot_for, states
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
-from runner.launch.confirmation import Confirm, refused
 from runner.launch.device_access import (
     SessionRig,
     gauge_address,
@@ -24,21 +37,30 @@ from runner.launch.device_access import (
     stepped_rig,
 )
 from runner.launch.locks import real_address, rig_lock, session_lock
-from runner.launch.opened_session import as_begun, opened_session
-from runner.launch.participant_screen import participants_screen
-from runner.launch.participants import Say, participant_and_operator
-from runner.launch.request import Request, SessionOptions, requested, require_meant
+from runner.launch.participants import Say, participant_and_operator, participants_screen
+from runner.launch.request import (
+    Confirm,
+    Request,
+    SessionOptions,
+    recorded,
+    refused,
+    requested,
+    require_meant,
+)
 from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import UntouchedBeam
-from runner.session.loop import run
-from runner.session.session import SessionContext, versions
+from runner.session.loop import require_resumable, run
+from runner.session.session import Session, SessionContext, answer_order, versions
 from runner.signals import Stopped
-from runner.study.calibration import kept_calibration
+from runner.study.calibration import fitted_calibration, kept_calibration
+from runner.study.check import require_proved
+from runner.study.registered import require_registered
 from runner.window.client import WindowParticipant
 from runner.window.messages import Settings
 from runner.window.preflight import study_window
 
 if TYPE_CHECKING:
+    from device.people.person import Person
     from runner.people.virtual_participant import Finger
 
 
@@ -105,7 +127,11 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
         say(f"{options.participant} was a rehearsal before; this is the session itself.")
     if earlier and earlier[0] != (now := versions()["touchbeam"]):
         say(f"{name} was last recorded by touchbeam {earlier[0]} and continues with {now}.")
-    finger = _finger(request, rig, say, lambda: context.resonance_hz)
+
+    def resonance_hz() -> float:
+        return context.resonance_hz  # asked once the session runs, and measures it
+
+    finger = _finger(request, rig, say, resonance_hz)
     participant, operator = stack.enter_context(
         participant_and_operator(session, rig, clock, say, window, finger)
     )
@@ -190,3 +216,147 @@ def checkpointed(journal: Journal) -> Iterator[None]:
             journal.checkpoint()
         raise
     journal.checkpoint()
+
+
+def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
+    """Return the session to run, and open it in the journal if it is new.
+
+    A slot is taken by opening the session; choosing and opening must therefore not be separated.
+
+    Raises:
+        WrongPlan: its plan was drawn wrongly; nothing is opened.
+    """
+    options, registered = request.options, request.registration
+    digest = None if registered is None else registered.digest
+    study = request.study if digest is None else locked(request.study, digest)
+    with journal.alone():
+        require_registered(journal, registered, rehearsal=request.rehearsal)
+        sessions, chain = states(journal), request.chain(journal)
+        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind, chain)
+        # A sliding experiment predicts nothing, so that no calibration is in force.
+        rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
+        session = Session(
+            participant=options.participant,
+            number=options.number,
+            kind=request.kind,
+            study=study,
+            study_text=request.text,
+            plan=_proved_plan(request, study, slot),
+            language=request.wording.code,
+            answer_order=answer_order(study, slot, sessions.get(chain)),
+            consent=options.consent,
+            seed=request.seed,
+            virtual=_virtual_truth(request, sessions.get(chain)),
+            registration=digest,
+            calibration=RigCalibration(**vars(rig)) if rig.origin else None,
+        )
+        require_resumable(journal, session, sessions.get(chain), clock.utc())
+        if chain not in sessions:
+            SessionLog(journal, chain, clock).append(session.opening())
+    return session
+
+
+def _proved_plan(request: Request, study: Study, slot: int) -> Plan:
+    """Return the plan of a session if code that did not draw it finds that it is the study's.
+
+    Raises:
+        WrongPlan: it is not, so that nothing may be driven by it.
+    """
+    number = request.options.number
+    if request.options.slides:
+        drawn = slide_plan(study, number)
+        found = slide_plan_problems(study, drawn)
+    else:
+        # One order tells nothing about balance: all slots that balance each other are drawn.
+        together = cycle(study, slot)
+        plans = [plan(study, each, number) for each in together]
+        drawn = plans[together.index(slot)]
+        sessions = max(study.design.sessions, number)  # an extra one was asked for
+        design = study.design.model_copy(update={"sessions": sessions})
+        allowed = study.model_copy(update={"design": design})
+        found = cohort_problems(allowed, plans, together.start)
+    if drawn.session != number:
+        found.append(
+            Problem(where="plan", rule=f"must be of session {number}", value=str(drawn.session))
+        )
+    require_proved(request.name, found)
+    return drawn
+
+
+def as_begun(request: Request) -> Request:
+    """Return the request with the seed and the simulated beam of the session that it resumes.
+
+    The journal describes them where a virtual participant takes part.
+
+    Raises:
+        BadInput: an option gives another beam.
+    """
+    begun, options = _begun(request), request.options
+    truth = None if begun is None else begun.virtual
+    # The damping ratio is known of simulated beams alone.
+    if begun is None or truth is None or truth.damping_ratio is None or request.url != SIMULATED:
+        return request
+    kept: dict[str, Any] = {
+        "seed": request.seed if begun.seed is None else begun.seed,
+        "law": truth.law,
+        "rung": truth.rung,
+        "damping": truth.damping_ratio,
+    }
+    for name, value in kept.items():
+        if (given := vars(options)[name]) not in {None, value}:
+            raise BadInput(
+                f"--{name} {given} gives {request.name} another simulated beam than it began with, "
+                f"{name} {value}; resume it without --{name}, since the journal describes that beam"
+            )
+    return replace(request, options=replace(options, **kept))
+
+
+def _begun(request: Request) -> SessionOpened | None:
+    """Return how the session was opened, if it was and if the journal can be read."""
+    first = recorded(request, lambda journal: journal.events(request.chain(journal))[:1])
+    records = (event.record for event in first or () if not event.erased)
+    return next((it for it in records if isinstance(it, SessionOpened)), None)
+
+
+def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTruth | None:
+    """Return the true parameters of a virtual participant; None for a person or a block.
+
+    Those of the beam are known if it is simulated. `before` is the state of a resumed session.
+    """
+    options = request.options
+    if options.ratings != "virtual" or options.slides:
+        return None
+    from device.people.person import World, truth_of
+    from device.simulator.hardware.beam_and_finger import SimulatedBeam
+
+    person = _person(request, before)
+    if request.url != SIMULATED:
+        return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
+    chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
+    given: dict[str, Any] = {name: each for name, each in chosen.items() if each is not None}
+    return truth_of(person, SimulatedBeam(request.seed, **given).world)
+
+
+def _person(request: Request, before: SessionState | None) -> "Person":
+    """Return a virtual participant: the same one in each of the study's sessions.
+
+    A session is resumed by the person who began it, whom the journal describes.
+
+    Raises:
+        BadInput: `--people` describes somebody else.
+    """
+    from device.people.person import DEFAULT, drawn_person, person_name, person_of
+
+    options = request.options
+    name = person_name(request.seed, options.participant)
+    person = drawn_person(options.people or DEFAULT, name)
+    begun = before.opened if before else None
+    if not isinstance(begun, SessionOpened) or begun.virtual is None:
+        return person
+    kept = person_of(begun.virtual)
+    if options.people is not None and person != kept:
+        raise BadInput(
+            f"--people gives {request.name} another virtual person than began it; resume it "
+            "without --people, since the journal describes that person"
+        )
+    return kept

@@ -152,8 +152,7 @@ class OperatorKeys:
         means: a space is an emergency stop only in a line of nothing but spaces.
         """
         order = line.strip()
-        # Before `_key_of`, because the line is complete: the key `n` would wait for the text to be
-        # typed.
+        # Before `_key_of`: the key `n` would wait for a text that this complete line already has.
         if order[:1] in {"n", "N"}:
             self._note(order[4:] if order[:4].lower() == "note" else order[1:])
         elif (key := _key_of(line)) is not None:
@@ -232,7 +231,6 @@ class Display(Protocol):
 
     def show(self, frame: Frame) -> None:
         """Show `frame` until the next one."""
-        ...
 
 
 @dataclass
@@ -390,8 +388,7 @@ class OperatorConsole:
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._question))
-        # A whole line comes from a terminal that is shared or from a pipe. At a terminal of its
-        # own, each key comes at once.
+        # Whole lines come from a shared terminal or a pipe, single keys from one of its own.
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
                 self.notify(f"{characters.strip()!r} is not an order; :help lists the orders")

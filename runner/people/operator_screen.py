@@ -91,8 +91,7 @@ class LiveDisplay:
             raise self._error
         if self._frame is None or len(frame.messages) > len(self._frame.messages):
             self._said_s = time.monotonic()
-        # One assignment, so that the thread sees either the old frame or the new one and no lock is
-        # needed.
+        # One assignment: the thread sees either the old frame or the new one, without a lock.
         self._frame = frame
         self._wake.set()
 

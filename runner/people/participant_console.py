@@ -95,8 +95,7 @@ class TypedLines:
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):  # a closed terminal ends the input
             for line in self._source:
-                # A queue of its own: an emergency stop does not wait behind lines that nobody has
-                # read.
+                # A queue of its own: an emergency stop does not wait behind unread lines.
                 if line.startswith(OPERATOR_MARK):
                     self._orders.put(line.rstrip("\r\n") + "\n")
                 elif not (self.at_terminal and self._lines.full()):
@@ -220,8 +219,7 @@ class ConsoleParticipant:
 
     def _value(self, question: StudyQuestion, word: str) -> str:
         for number, label in enumerate(question.labels, start=1):
-            # A number means one answer only, because `check` refuses values and texts that are
-            # numbers.
+            # Unambiguous, because `check` refuses values and texts that are numbers.
             words = {str(number), str(label.value), label_text(label, self.wording).strip()}
             if word.casefold() in {each.casefold() for each in words}:
                 return str(label.value)

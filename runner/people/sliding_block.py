@@ -186,11 +186,9 @@ class MovingFinger(Protocol):
         self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
     ) -> float:
         """Put it down; it moves on in `direction` at its speed."""
-        ...
 
     def lift(self) -> None:
         """Take it off the beam."""
-        ...
 
 
 @dataclass

@@ -63,8 +63,7 @@ def said_in_background(say: Callable[[str], None]) -> Iterator[Callable[[str], N
         while (line := lines.get()) is not None:
             try:
                 say(line)
-            # Kept for the session, which learns of it at its next line. A thread's own exception
-            # would reach nobody.
+            # Raised at the session's next line: a thread's own exception would reach nobody.
             except Exception as error:
                 failed.append(error)
                 return
@@ -121,8 +120,7 @@ def _take_keys(terminal: int) -> None:
 
     tty.setcbreak(terminal)
     settings = termios.tcgetattr(terminal)
-    # Input modes. A display that Ctrl-S had stopped would look like a session in which nothing
-    # happens.
+    # Input modes. A display stopped by Ctrl-S would look as if nothing happened.
     settings[0] &= ~termios.IXON
     termios.tcsetattr(terminal, termios.TCSANOW, settings)
 

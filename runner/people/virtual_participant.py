@@ -75,11 +75,9 @@ class Finger(Protocol):
         self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
     ) -> float:
         """Put it down, moving on in `direction`; return the friction coefficient it feels."""
-        ...
 
     def lift(self) -> None:
         """Take it off the beam."""
-        ...
 
 
 class _Touch:
@@ -106,8 +104,7 @@ class _Touch:
             del self._friction[last:]
             places_m, speed_m_s = way.places_m(due)[0], float(way.speed_m_s[0])
             self._friction += [self._put(float(place_m), speed_m_s) for place_m in places_m]
-        # A finger that rests without trembling is already where it should be, with the force that
-        # it should have.
+        # A finger that rests without trembling is there already, as hard as it should press.
         if way.mark.slides or self._tremor:
             moves = float(way.speed_factor[0]) * part < 1
             place_m = float(way.places_m(np.array([part]))[0, 0])
@@ -358,7 +355,6 @@ class Keys(Participant, Protocol):
 
     def press(self, answer: str, reaction_time_s: float) -> None:
         """Let `answer` be chosen and confirmed once the screen was shown for that long."""
-        ...
 
 
 @dataclass

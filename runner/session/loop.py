@@ -56,8 +56,7 @@ def _run_trials(context: SessionContext) -> None:
     read_pages(context, "session")
     ask_due(context)
     block, last = None, None
-    # Asked anew each time, because a trial that is repeated or deferred stays pending, and the
-    # order may have changed.
+    # Asked anew each time: a repeated or deferred trial stays pending, and the order may change.
     while left := context.pending:
         # The journal's log grows with each event. It is copied between blocks only, because nobody
         # touches the beam then and nobody's reaction is timed.
@@ -73,8 +72,7 @@ def _run_trials(context: SessionContext) -> None:
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:
     """Run one trial; if it must be repeated, it remains pending."""
-    # Recorded before anything is shown, so that a session that is killed from here on is known to
-    # have been in this trial.
+    # Before anything is shown: a session killed from here on is known to have been in this trial.
     context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
     total = len(context.session.plan.trials)
     context.participant.progress(len(context.log.state.answered) + 1, total)
@@ -124,8 +122,7 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
                 part(context)
         except BaseException as error:
             doubt = error if isinstance(error, OutputUnknown) else None
-            # On every way out, also at an error of ours: whatever it was, a finger may lie on the
-            # beam.
+            # On every way out, even at an error of ours: a finger may lie on the beam.
             _turn_off(context, str(error) or type(error).__name__, doubt, stopped=True)
             error.add_note(_OFF)
             if not isinstance(error, BadInput):  # the same input would fail again
@@ -150,8 +147,7 @@ def _turn_off(
     With `doubt` the device has already failed to confirm it. One good answer after that does not
     count as a confirmation, so that the journal agrees with what the operator is told.
     """
-    # The device comes before the window and the journal, because a window that hangs or a full disk
-    # must not keep the output on.
+    # First the device: a window that hangs or a full disk must not keep the output on.
     unknown = doubt
     try:
         context.device.off()
@@ -191,12 +187,10 @@ def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:
     if trial.kind == "practice" or not made.missed or before >= allowed:
         return False
     place = (session.plan.session, session.plan.slot, trial.index, before)
-    # A stream of its own for each attempt, so that a draw does not depend on which were made before
-    # it.
+    # A stream for each attempt: a draw does not depend on those made before it.
     stream = Stream(session.study.study.seed, "again", *place)
     index, after = deferral(session.study, context.order, trial, state.beam, stream)
-    # Recorded before it is told: the state then has no running trial, so that `repeat` during the
-    # notice cannot repeat it, too.
+    # Before it is told: no trial runs then, which `repeat` during the notice could repeat, too.
     context.log.append(TrialDeferred(index=index, missed=made.missed, after=after))
     # The participant reads one reason at a time; the journal has all of them.
     context.participant.show(Notice(text=f"again.{made.missed[0]}"))
@@ -277,8 +271,7 @@ def _require_accepted_study(journal: Journal, session: Session) -> None:
 
 
 def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
-    # Compared trial by trial, because answers are stored by a trial's number: under another plan
-    # they would belong to other trials.
+    # Answers are stored by number: under another plan they would belong to other trials.
     planned, before = (
         [(trial.index, trial.kind, trial.condition) for trial in trials]
         for trials in (session.plan.trials, opened)
@@ -295,8 +288,7 @@ def _require_fresh(name: str, session: Session, last_event: datetime | None, now
     if last_event is None:
         return
     limit_h = session.study.session.resume_within_h
-    # A clock that was set back by less than the limit is tolerated, as an interruption of that
-    # length is.
+    # A clock may be set back by less than the limit, as an interruption may last that long.
     if last_event - now > timedelta(hours=limit_h):
         raise BadInput(
             f"{name} was interrupted at {last_event:%Y-%m-%d %H:%M} UTC, which lies in the future; "

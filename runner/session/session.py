@@ -90,8 +90,7 @@ class Session:
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
             answer_order=self.answer_order,
-            # Opening and resuming record the same, because all of it may differ when the session is
-            # resumed.
+            # Opening and resuming record the same, since all of it may change in between.
             **vars(self.resumption()),
         )
 
@@ -160,8 +159,7 @@ class SessionContext:
     @property
     def order(self) -> list[Trial]:
         """All trials in the order in which they are run; those that come again have moved."""
-        # Derived from the journal each time, so that nothing can disagree with it after an
-        # interruption.
+        # Derived from the journal, so that nothing can disagree with it after an interruption.
         return running_order(self.session.plan.trials, self.log.state.deferred)
 
     @property

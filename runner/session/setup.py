@@ -61,8 +61,7 @@ def tare(context: SessionContext) -> str:
     # A finger does not rest twice with the same force; a sensor that has moved stays where it is.
     again = before.doubted_n is not None and abs(_moved_n(measured_n, before.doubted_n)) <= usual_n
     if abs(moved_n) > TOUCHED_N + usual_n and not again:
-        # The zero before stays to be compared with the next one, but is not subtracted from this
-        # touch.
+        # The zero before stays to compare the next one with; this touch does without.
         context.zero = replace(before, doubted_n=measured_n)
         return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
     return told if abs(moved_n) > usual_n else ""
@@ -95,8 +94,7 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     if context.session.study.force_channel.rate_hz is None:
         return []
     samples = context.device.recorded()
-    # A wrong tare would shift all forces of the touch. Without one the analysis knows that it has
-    # none.
+    # A wrong tare would shift all forces; without one the analysis knows that it has none.
     tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
     told = {name: value for name, value in vars(samples).items() if name != "counts"}
     context.log.append(
@@ -247,6 +245,5 @@ def mount(context: SessionContext, beam: str | None) -> None:
     operator_answer(context)
     context.participant.show(Notice(text="wait.touch"))
     context.beam_in_doubt, context.zero = False, None  # beams differ in weight
-    # Recorded once the operator has confirmed it: the journal holds what was mounted, not what was
-    # asked for.
+    # Once it is confirmed: the journal holds what was mounted, not what was asked for.
     context.log.append(BeamMounted(beam=beam))

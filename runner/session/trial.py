@@ -152,8 +152,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     # Off before anything is shown or stored, because neither may keep it on.
     context.device.off()
     context.participant.show(Notice(text="touch.end"))
-    # Before `touch-ended`: if the session is killed between the two, the trial comes again and no
-    # samples are missing.
+    # Before `touch-ended`: a session killed between the two repeats the trial and loses no samples.
     warnings = end(context, number, moved_s)
     rules = context.session.study.as_instructed
     verdict = judged(stimulus.pacing, stimulus.samples, rules)
@@ -193,13 +192,11 @@ class _Stimulus:
         begin(context)
         before = lead_in(self.pacing, context.session.study.touch)
         moves_s = context.clock.monotonic_s() + before.seconds
-        # The participant puts the finger down while the output rises. The page is the same whatever
-        # is driven.
+        # The finger is put down while the output rises, on the same page whatever is driven.
         context.participant.show(before)
         update_view(context, device=context.device.drive(start))
         steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
-        # A slow soft start may take longer than the lead-in. A held drive is steady before the mark
-        # moves.
+        # A soft start may outlast the lead-in; a held drive is steady before the mark moves.
         moves_s = max(moves_s, steady_s)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
@@ -208,8 +205,7 @@ class _Stimulus:
         context.participant.show(self.pacing)
         self._sample_and_show()
         if self._ramps:
-            # A ramp begins with the mark and not with the lead-in, so that its course belongs to
-            # the path.
+            # A ramp begins with the mark, not with the lead-in: its course belongs to the path.
             self._drive_at(0.0)
         self._began_s = context.clock.monotonic_s()
         # A short sweep takes its steps more often than an ordinary tick comes.

@@ -124,8 +124,7 @@ def obey(context: SessionContext) -> None:
     """
     match context.operator.order():
         case "emergency stop":
-            # First, and without waiting for the port: nothing that is printed or recorded comes
-            # before it.
+            # First, without waiting for the port: nothing is printed or recorded before it.
             context.device.emergency_stop()
             context.operator.notify("emergency stop: off was sent")
             raise StoppedByOperator("emergency stop")
@@ -217,8 +216,7 @@ def tick(context: SessionContext, seconds: float) -> None:
         StoppedByOperator, RepeatTrial: the operator ordered it.
         Stopped: a signal arrived.
     """
-    # The exception of a signal can get lost in foreign code. Asked here, it takes effect at the
-    # next tick.
+    # A signal's exception can get lost in foreign code; asked here, it takes effect soon.
     raise_if_stopped()
     context.device.beat()
     obey(context)

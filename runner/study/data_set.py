@@ -11,8 +11,7 @@ from protocol.journal.events import (
     Event,
     QuestionAnswered,
     ScoresImported,
-    SessionOpened,
-    SessionResumed,
+    SessionTerms,
     StoredEvent,
     StudyRegistered,
     TouchStarted,
@@ -113,7 +112,7 @@ def _require_possible(source: str, session: SharedSession, known: Mapping[str, R
     ratings, trials = dict(known), dict[int, PlannedTrial]()
     for line, stored in enumerate(session.events, start=2):  # the first one has the place
         event = stored.record
-        if isinstance(event, SessionOpened | SessionResumed):
+        if isinstance(event, SessionTerms):
             trials.update({trial.index: trial for trial in event.trials})
             own = event.study_text
             # Each text is parsed once, because every session holds it.

@@ -177,8 +177,7 @@ class PsychopyCanvas:
         self._window.close()
 
     def _dot(self, dot: Dot) -> Any:
-        # One stimulus for all places: a dot moves with each frame, and to build one takes too long
-        # for that.
+        # One for all places: a dot moves with each frame, and building one takes too long for that.
         rest = Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)
         if rest not in self._drawn:
             radius = dot.radius * self._scale

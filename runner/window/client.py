@@ -25,7 +25,7 @@ from runner.window.messages import (
     settings_message,
     show_message,
 )
-from runner.window.questions.question_pages import inputs_for
+from runner.window.question_pages import inputs_for
 from runner.window.response import EARLY_S, PendingResponse
 
 SILENT_S = 2.0
@@ -46,11 +46,9 @@ class Peer(Protocol):
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Send `message`; raises `WindowGone` if the process has ended."""
-        ...
 
     def received(self) -> list[Mapping[str, Any]]:
         """Return the messages since the last call; raises `WindowGone` once it has ended."""
-        ...
 
 
 @dataclass
@@ -75,8 +73,7 @@ class WindowParticipant:
 
     def show(self, screen: Screen) -> None:
         """Send `screen`."""
-        # Numbers, so that an answer to the page before, which is still on its way, is not taken for
-        # this one's.
+        # A late answer to the page before is not taken for this one's.
         self._number += 1
         self._answer = self._shown_s = None
         self._screen, self._due = screen, []
@@ -125,8 +122,7 @@ class WindowParticipant:
     def linger(self, longest_s: float) -> None:
         """Wait until the last page is closed, or a signal; return at once on another page."""
         until_s = time.monotonic() + longest_s * self.is_at_end
-        # After a signal that has stopped the session the page stays all the same. One that comes
-        # during the wait ends it.
+        # A signal that stopped the session leaves the page; one during the wait ends it.
         before = is_stopping()
         with suppress(WindowGone):  # the session is recorded
             while time.monotonic() < until_s and self.poll() is None:

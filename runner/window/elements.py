@@ -210,8 +210,7 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
 
     fewest = len(lines(0))
     narrower = range(1, int(2 * width / size))
-    # Narrower boxes never need fewer lines, so that the narrowest with the same number can be
-    # searched by halves.
+    # Narrower boxes never need fewer lines, so that the narrowest can be searched by halves.
     return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
 
 

@@ -35,7 +35,7 @@ from runner.window.elements import (
     Target,
     Text,
 )
-from runner.window.questions.question_pages import (
+from runner.window.question_pages import (
     BUTTON,
     HINT,
     MIDDLE,

@@ -34,7 +34,7 @@ from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text, text_height, text_width, wrapped
 from runner.window.messages import Settings
 from runner.window.pages import page
-from runner.window.questions.question_pages import MOST_STEPS, PageState
+from runner.window.question_pages import MOST_STEPS, PageState
 
 _NOTICES = (
     "wait", "wait.beam", "wait.touch", "touch.end", "again.force", "again.place", "again.speed",

@@ -25,7 +25,7 @@ from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen
 from runner.window.elements import Input, Key, Page, Pressed
 from runner.window.messages import Settings, inputs_of, line_of, message_of, screen_of, settings_of
 from runner.window.pages import page, states, target_at, targets
-from runner.window.questions.question_pages import Button, PageState, look
+from runner.window.question_pages import Button, PageState, look
 from runner.window.response import PendingResponse
 
 # A screen while it is shown: its inputs, frame times and record.
@@ -191,27 +191,21 @@ class Canvas(Protocol):
 
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen."""
-        ...
 
     def draw(self, page: Page) -> None:
         """Draw into the back buffer."""
-        ...
 
     def prepare(self, page: Page) -> None:
         """Build the stimuli of `page` in advance."""
-        ...
 
     def flip(self) -> float:
         """Show the back buffer; return the time of the flip, s on the monotonic clock."""
-        ...
 
     def inputs(self) -> list[tuple[float, Input]]:
         """Return the inputs since the last call, each with its time."""
-        ...
 
     def press(self, given: Input) -> None:
         """Let `given` arrive as if a person had made it."""
-        ...
 
 
 Mailbox = queue.SimpleQueue[Mapping[str, Any]]
@@ -247,8 +241,7 @@ class WindowServer:
         # A page from the beginning: the session may need a while before it sends the first one.
         self._show(0, Notice(text="wait"))
         self._frame()
-        # Only after a frame was really drawn, so that the session does not begin with a window that
-        # cannot draw.
+        # After a frame was really drawn: no session begins with a window that cannot draw.
         self.send({"opened": self._display})
         self._learn_pace()
         coming = (
@@ -345,8 +338,7 @@ class WindowServer:
             self.send({"shown": self._standing.number, "at_s": flipped_s})
         if flipped_s - self._alive_s >= ALIVE_EVERY_S:
             self._alive_s = flipped_s
-            # Sent from here, so that it says that frames are drawn and not only that a process
-            # exists.
+            # Sent from here: it says that frames are drawn, not only that a process exists.
             self.send({"alive": flipped_s})
 
     def _page(self) -> Page:
@@ -382,8 +374,7 @@ def serve_window() -> None:
 
     settings = settings_of(message_of(sys.stdin.readline()))
     try:
-        # Here, because the import opens the display and fails without one. The session must be told
-        # in a message.
+        # Here: the import opens the display and fails without one, as a message must say.
         from runner.window.canvas import PsychopyCanvas
 
         canvas = PsychopyCanvas(settings)

@@ -19,8 +19,8 @@ from protocol.study_file.loading import parsed_study
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.launch.opened_session import opened_session
 from runner.launch.request import Request, SessionOptions
+from runner.launch.run_session import opened_session
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.people.virtual_participant import VirtualParticipant, VirtualParticipantLeft
 from runner.session.loop import run

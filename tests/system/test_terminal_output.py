@@ -289,5 +289,5 @@ def test_one_module_prints() -> None:
         for path in (ROOT / package).rglob("*.py")
         if any(_printing(ast.parse(path.read_text(encoding="utf-8"))))
     }
-    to_touchbeam = {"runner/window/server.py", "runner/displays/screen_list.py"}
+    to_touchbeam = {"runner/window/server.py", "runner/screen_list.py"}
     assert printing == {"touchbeam/cli/output.py", *to_touchbeam}

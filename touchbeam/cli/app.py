@@ -57,8 +57,7 @@ def main() -> None:
     debug = len(arguments) < len(sys.argv) - 1
     try:
         with signals_raise(), warnings_in_lines():
-            # Not standalone, because typer would then print errors in its own form and end the
-            # process.
+            # Not standalone: typer would print errors in its own form and end the process.
             code = app(arguments or ["--help"], prog_name="touchbeam", standalone_mode=False)
             _flush()
     except Exception as error:

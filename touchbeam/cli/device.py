@@ -30,7 +30,7 @@ app.add_typer(device_commands, name="device")
 @device_commands.command("list")
 def device_list(as_json: JsonOption = False) -> None:
     """List the serial ports without opening them."""
-    from runner.launch.probe import ports
+    from runner.launch.device_access import ports
 
     known = ports()
     if as_json:
@@ -48,9 +48,8 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
 
     Changes no setting; the device's output stays as it is.
     """
-    from runner.launch.device_access import touchbeam_command
+    from runner.launch.device_access import probed, touchbeam_command
     from runner.launch.locks import rig_lock
-    from runner.launch.probe import probed
 
     with rig_lock(url):
         # Under the lock: two programs that ask at one port would get each other's answers.
@@ -82,13 +81,11 @@ def device_sweep(
 
     Searches within 5% of --near, then turns the output off.
     """
-    from runner.launch.device_access import touchbeam_command
+    from runner.launch.device_access import kept, swept, touchbeam_command
     from runner.launch.locks import rig_lock
-    from runner.launch.probe import kept, swept
 
     with rig_lock(url):
-        # Under the lock, because this drives the beam, on which a participant's finger may lie in a
-        # session.
+        # Under the lock: this drives the beam, on which a participant's finger may lie.
         peak, idn = swept(url, near, dialect, touchbeam_command())
     file = kept(keep, peak, idn) if keep else None
     if as_json:
@@ -168,7 +165,7 @@ def doctor(as_json: JsonOption = False) -> None:
 def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -> None:
     """Print the screens as JSON, or show their numbers until the standard input ends."""
     _leave_folder()
-    from runner.displays.screen_list import print_screens, show_numbers
+    from runner.screen_list import print_screens, show_numbers
 
     (show_numbers if show else print_screens)()
 

@@ -181,12 +181,12 @@ def exclude(
     from runner.clock import WallClock
     from runner.journal.amendments import exclude_session, exclude_trial
 
-    with _decided(study, participant, session, rehearsal=rehearsal) as (journal, chain, name):
+    with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
         if trial is None:
             exclude_session(journal, WallClock(), chain, reason)
         else:
             exclude_trial(journal, WallClock(), chain, trial, reason)
-    say(f"{_place(name, trial)} is excluded: {reason}")
+    say(f"{where} is excluded: {reason}")
 
 
 @app.command()
@@ -205,19 +205,20 @@ def include(
     from runner.clock import WallClock
     from runner.journal.amendments import include_session, include_trial
 
-    with _decided(study, participant, session, rehearsal=rehearsal) as (journal, chain, name):
+    with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
         if trial is None:
             include_session(journal, WallClock(), chain, reason)
         else:
             include_trial(journal, WallClock(), chain, trial, reason)
-    say(f"{_place(name, trial)} is included again: {reason}")
+    say(f"{where} is included again: {reason}")
 
 
 @contextmanager
 def _decided(
-    study: Path, participant: str, number: int, *, rehearsal: bool
+    study: Path, participant: str, number: int, trial: int | None, rehearsal: bool
 ) -> "Iterator[tuple[Journal, str, str]]":
-    """Yield the journal, a chain that no process is adding to, and what people call its session."""
+    """Yield the journal, a chain that no process adds to, and what people call session or trial."""
+    from protocol.journal.events import SLIDE
     from runner.journal.names import existing_chain, session_name, spoken_name
     from runner.launch.locks import session_lock
     from runner.study.folder import StudyFolder
@@ -227,14 +228,9 @@ def _decided(
         session_lock(session_name(participant, number), study),
     ):
         chain = existing_chain(journal, participant, number, rehearsal=rehearsal)
-        yield journal, chain, spoken_name(journal, chain)
-
-
-def _place(name: str, trial: int | None) -> str:
-    from protocol.journal.events import SLIDE
-
-    unit = "pass" if name.startswith(f"{SLIDE}/") else "trial"
-    return name if trial is None else f"{name}, {unit} {trial}"
+        unit = "pass" if participant == SLIDE else "trial"
+        which = "" if trial is None else f", {unit} {trial}"
+        yield journal, chain, f"{spoken_name(journal, chain)}{which}"
 
 
 @app.command()
@@ -276,8 +272,8 @@ def withdraw(
     from runner.journal.amendments import sessions_of, unerased
     from runner.journal.amendments import withdraw as erase
     from runner.journal.names import chains_of, parsed_name, spoken_name
-    from runner.launch.confirmation import refused
     from runner.launch.locks import session_lock
+    from runner.launch.request import refused
     from runner.study.folder import StudyFolder
     from runner.study.kept_files import forget
     from runner.study.old_results import old_results

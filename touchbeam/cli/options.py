@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -24,56 +25,18 @@ Wire = Literal["pty", "tcp"]
 """Transport of the simulated device."""
 
 
-def _languages() -> Iterable[str]:
-    from protocol.study.languages import built_in_codes
-
-    return (*built_in_codes(), "CODE")
-
-
-def _templates() -> Iterable[str]:
-    from protocol.study_file.loading import TEMPLATES
-
-    return TEMPLATES
-
-
-def _simulated_dialects() -> Iterable[str]:
-    from device.simulator.device import dialects
-
-    return dialects()
-
-
-def _laws() -> Iterable[str]:
-    from device.friction.laws import LAWS
-
-    return LAWS
-
-
-def _overlaps() -> Iterable[str]:
-    from device.beam.eq15 import Overlap
-
-    return get_args(Overlap)
-
-
-def _answer_sources() -> Iterable[str]:
-    from runner.screens import AnswerSource
-
-    return get_args(AnswerSource)
-
-
-def _formats() -> Iterable[str]:
-    from analysis.export.formats import EXPORTS
-
-    return EXPORTS
+def _named(module: str, name: str) -> Any:
+    return getattr(import_module(module), name)
 
 
 _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
-    "language": _languages,
-    "template": _templates,
-    "dialect": _simulated_dialects,
-    "law": _laws,
-    "eq15_overlap": _overlaps,
-    "as_format": _formats,
-    "ratings": _answer_sources,
+    "language": lambda: (*_named("protocol.study.languages", "built_in_codes")(), "CODE"),
+    "template": lambda: _named("protocol.study_file.loading", "TEMPLATES"),
+    "dialect": lambda: tuple(_named("device.simulator.device", "dialects")()),
+    "law": lambda: _named("device.friction.laws", "LAWS"),
+    "eq15_overlap": lambda: get_args(_named("device.beam.eq15", "Overlap")),
+    "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
+    "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }
 """Choices by parameter. A look-up imports the module that defines them."""
 
@@ -84,8 +47,7 @@ class Choosing(TyperCommand):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         for parameter in self._choices():
-            # Typer asks for this text only if an option is missing, so that the choices are not
-            # looked up before.
+            # Typer asks for this text only if an option is missing; no choice is looked up before.
             vars(parameter)["get_missing_message"] = partial(_choose_from, parameter.name)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -227,9 +189,16 @@ UrlArgument = Annotated[
         metavar="URL", help="A serial port, socket://HOST:PORT, or sim.", callback=address
     ),
 ]
+DeviceOption = Annotated[
+    str | None,
+    typer.Option(
+        help="A serial port, socket://HOST:PORT, or sim. [default: the study's]", callback=address
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-
-
+RehearsalsOption = Annotated[
+    bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
+]
 ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
 SessionOption = Annotated[int, typer.Option(min=1)]
 TrialOption = Annotated[
@@ -249,8 +218,7 @@ def _reason(given: str) -> str | None:
 def _text(given: str | None) -> str | None:
     """Refuse text that is not valid UTF-8: the journal cannot store it."""
     try:
-        # An argument that is not UTF-8 comes from Python as halves of characters, which cannot be
-        # encoded.
+        # Python turns an argument that is not UTF-8 into halves of characters.
         return given if given is None else given.encode().decode()
     except UnicodeEncodeError:
         raise BadInput(f"text must be valid UTF-8, got {given!r}") from None

@@ -18,8 +18,7 @@ import typer
 from protocol.errors import BadInput, WorkFailed
 from runner.people.terminal import at_terminal, visible, visible_json
 
-# Columns for a table in a pipe: no cell is cut or wrapped, so that programs and searches find it
-# whole.
+# Columns of a table in a pipe: programs and searches find each cell whole.
 WIDE = 10_000
 _SHORT_WORD = 8
 
@@ -297,8 +296,7 @@ def _line(error: BaseException) -> tuple[str, int]:
             # A wrong path is the user's to correct; a full disk is not wrong input.
             code = BAD_INPUT if error.errno in _PATHS_GIVEN_WRONG else WORK_FAILED
             return f"{path}: {why}", code
-        # An error without a file name comes from the standard output, which may lead to a file on a
-        # full disk.
+        # Without a file name it is standard output's, which may lead to a file on a full disk.
         case OSError(errno=errno.ENOSPC | errno.EFBIG | errno.EDQUOT, strerror=str() as why):
             return f"cannot write to standard output ({why})", WORK_FAILED
     return (

@@ -15,6 +15,7 @@ from touchbeam.cli.options import (
     JsonOption,
     LawOption,
     OverlapOption,
+    RehearsalsOption,
     StudyArgument,
     named_folder,
     study_journal,
@@ -44,9 +45,7 @@ def report(
         Path | None,
         typer.Option(parser=named_folder, metavar="DIR", help="[default: STUDY/report]"),
     ] = None,
-    rehearsals: Annotated[
-        bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
-    ] = False,
+    rehearsals: RehearsalsOption = False,
     sections: Annotated[
         str | None,
         typer.Option(
@@ -212,8 +211,7 @@ def write_report(
     place = out or folder.report
     if place.exists() and not place.is_dir():
         raise BadInput(f"{place}: must be a folder for the report, got a file")
-    # A folder that the user named may be or contain a link; one in a study may come from a
-    # stranger.
+    # A folder that the user named may contain a link; one in a study may be a stranger's.
     own = None if out else folder.path
     write_files(made.files, place, replaced=made.figure_files, study=own)
     if as_json:
@@ -254,8 +252,7 @@ def _kept_report(
     def make() -> Written:
         made = _made(folder, rehearsals=rehearsals, named=named, figures=figures, alone=alone)
         too_large = sum(map(len, made.files.values())) > _MOST_KEPT
-        # A session went on meanwhile: the report belongs to another state of the journal than
-        # `before`.
+        # A session went on meanwhile: the report is of another state of the journal.
         if too_large or journal_digest(folder.journal) != before:
             raise _NotToKeep(made)
         return made

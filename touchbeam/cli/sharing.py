@@ -12,6 +12,7 @@ from protocol.errors import BadInput
 from touchbeam.cli.options import (
     Choosing,
     FormatOption,
+    RehearsalsOption,
     StudyArgument,
     named_folder,
     study_journal,
@@ -90,9 +91,7 @@ def export(
         Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
     ],
     as_format: FormatOption,
-    rehearsals: Annotated[
-        bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
-    ] = False,
+    rehearsals: RehearsalsOption = False,
     participant: Annotated[
         str | None, typer.Option(help="Export the data of this participant alone.")
     ] = None,

@@ -10,11 +10,11 @@ from protocol.errors import BadInput
 from runner.clock import Pace
 from touchbeam.cli.options import (
     Choosing,
+    DeviceOption,
     JsonOption,
     SimulatedLawOption,
     SimulatedRungOption,
     StudyArgument,
-    address,
     study_journal,
 )
 from touchbeam.cli.output import complain, print_json, say
@@ -28,13 +28,7 @@ app = typer.Typer()
 @app.command(cls=Choosing)
 def slide(
     study: StudyArgument,
-    device: Annotated[
-        str | None,
-        typer.Option(
-            help="A serial port, socket://HOST:PORT, or sim. [default: the study's]",
-            callback=address,
-        ),
-    ] = None,
+    device: DeviceOption = None,
     session: Annotated[
         int | None, typer.Option(min=1, help="[default: the last one, 1 if there is none]")
     ] = None,

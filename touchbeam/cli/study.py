@@ -10,6 +10,7 @@ from runner.clock import Pace
 from touchbeam.cli.options import (
     Choosing,
     ConsentOption,
+    DeviceOption,
     JsonOption,
     LanguageOption,
     PeopleOption,
@@ -19,7 +20,6 @@ from touchbeam.cli.options import (
     SimulatedRungOption,
     StudyArgument,
     TemplateOption,
-    address,
     people_in_file,
 )
 from touchbeam.cli.output import (
@@ -61,8 +61,7 @@ def demo(
     # If the demo fails before its first session, its folder is removed again.
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
-    # Rehearsals, because a simulated device makes them so, and without them there is nothing to
-    # report.
+    # Rehearsals: a simulated device makes nothing else.
     write_report(folder, None, rehearsals=True, as_json=False)
     sessions = "the session" if participants == 1 else f"each of {participants} sessions"
     say(f"Device off, read back after {sessions}.")
@@ -140,13 +139,7 @@ def run(
     study: StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
     session: Annotated[int, typer.Option(min=1, help="Number of the participant's session.")] = 1,
-    device: Annotated[
-        str | None,
-        typer.Option(
-            help="A serial port, socket://HOST:PORT, or sim. [default: the study's]",
-            callback=address,
-        ),
-    ] = None,
+    device: DeviceOption = None,
     ratings: RatingsOption = "window",
     pace: Annotated[
         Pace | None,

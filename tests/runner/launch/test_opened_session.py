@@ -149,7 +149,7 @@ def test_a_wrong_plan_is_refused_before_anything_is_driven(
         made = drawn(study, slot, session)
         return wrong(made) if slot == 0 else made
 
-    monkeypatch.setattr("runner.launch.opened_session.plan", plan)
+    monkeypatch.setattr("runner.launch.run_session.plan", plan)
     text = template("extended").replace("[design]", "[design]\nsessions = 2", 1)
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     before = everything(tmp_path)
@@ -200,7 +200,7 @@ def test_a_wrong_sliding_experiment_is_refused_as_well(
 ) -> None:
     wrong, message = WRONG_PASSES[name]
     monkeypatch.setattr(
-        "runner.launch.opened_session.slide_plan",
+        "runner.launch.run_session.slide_plan",
         lambda study, session: wrong(slides_drawn(study, session)),
     )
     (tmp_path / "study.toml").write_text(template("paper"), encoding="utf-8")
@@ -237,7 +237,7 @@ def test_a_session_that_would_be_resumed_wrongly_keeps_its_events(
         context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
         before = [event for name in journal.sessions() for event in journal.events(name)]
     monkeypatch.setattr(
-        "runner.launch.opened_session.plan",
+        "runner.launch.run_session.plan",
         lambda *given: with_one("trial", voltage_v=201.0)(drawn(*given)),
     )
     assert run(tmp_path) == 1

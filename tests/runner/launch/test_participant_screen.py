@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from protocol.errors import BadInput
-from runner.displays.screen_list import ScreenPlace
-from runner.launch import participant_screen
-from runner.launch.participant_screen import choice_file, participants_screen
+from runner.launch import participants
+from runner.launch.participants import choice_file, participants_screen
+from runner.screen_list import ScreenPlace
 
 LEFT = ScreenPlace(number=0, x=0, y=0, width=1280, height=720, name="eDP-1")
 RIGHT = ScreenPlace(number=1, x=1280, y=0, width=1920, height=1080, name="HDMI-1")
@@ -31,9 +31,9 @@ def choose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Choose:
         windowed: bool = False,
     ) -> tuple[int, list[str]]:
         said: list[str] = []
-        monkeypatch.setattr(participant_screen, "listed_screens", lambda _: there)
-        monkeypatch.setattr(participant_screen, "numbered_screens", lambda _: nullcontext())
-        monkeypatch.setattr(participant_screen, "at_terminal", lambda *_: typed is not None)
+        monkeypatch.setattr(participants, "listed_screens", lambda _: there)
+        monkeypatch.setattr(participants, "numbered_screens", lambda _: nullcontext())
+        monkeypatch.setattr(participants, "at_terminal", lambda *_: typed is not None)
         monkeypatch.setattr("sys.stdin", io.StringIO(typed or ""))
         screen = participants_screen(["touchbeam"], wanted, said.append, windowed=windowed)
         return screen, said

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from runner.journal.opening import open_journal
-from runner.launch.confirmation import nearly_the_same
-from runner.launch.request import SessionOptions, requested, require_meant
+from runner.launch.request import SessionOptions, nearly_the_same, requested, require_meant
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context

@@ -36,7 +36,7 @@ from runner.window.elements import Text, text_width, wrapped
 from runner.window.messages import Settings
 from runner.window.pages import page
 from runner.window.preflight import foreseen
-from runner.window.questions.question_pages import PageState
+from runner.window.question_pages import PageState
 from tests.protocol.studies import OWN_QUESTIONS
 
 Shown = tuple[str, Screen, PageState]

@@ -30,7 +30,7 @@ from runner.screens import (
 from runner.window.elements import CANVAS, Dot, Outline, Text
 from runner.window.pages import beam_x, fingers, page, targets
 from runner.window.preflight import fit_problems, foreseen, require_fit
-from runner.window.questions.question_pages import (
+from runner.window.question_pages import (
     SCALE_BOX,
     PageState,
     labelled,

@@ -18,7 +18,7 @@ from runner.screens import Ask, Instruction, Notice, Pacing, Screen, Welcome, as
 from runner.window.elements import Dragged, Input, Key, Pressed, Released, Text, Typed
 from runner.window.pages import page, targets
 from runner.window.preflight import fits
-from runner.window.questions.question_pages import PageState, inputs_for, score_x
+from runner.window.question_pages import PageState, inputs_for, score_x
 from runner.window.response import EARLY_S, PendingResponse
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeClock

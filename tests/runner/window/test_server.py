@@ -14,7 +14,7 @@ from runner.screens import Instruction, Notice, Pacing, ask_score
 from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
-from runner.window.questions.question_pages import Button, PageState
+from runner.window.question_pages import Button, PageState
 from runner.window.server import ORPHANED_S, FrameTimes, Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60

@@ -34,9 +34,8 @@ from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
 from runner.journal.session_log import SessionLog
 from runner.launch.locks import session_lock
-from runner.launch.opened_session import opened_session
 from runner.launch.request import Request, SessionOptions
-from runner.launch.run_session import checkpointed
+from runner.launch.run_session import checkpointed, opened_session
 from runner.people.operator_console import OperatorConsole, PlainDisplay
 from runner.session.loop import run
 from runner.session.session import SessionContext

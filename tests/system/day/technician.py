@@ -17,7 +17,7 @@ from device.rig import Rig
 from device.simulator.in_process import InProcessClock
 from device.simulator.models.scpi import ScpiError
 from protocol.study.touch import Touch
-from runner.launch.probe import probed
+from runner.launch.device_access import probed
 from tests.system.day.invariants import require
 from tests.system.day.lab import MORNING, PORT, Lab
 from tests.system.day.watch import LEAK
@@ -272,7 +272,7 @@ def asked(lab: Lab) -> None:
     if not lab.watch.thermometer:
         return  # nor is there an answer to one of the questions
     with patch(
-        "runner.launch.probe.open_link", lambda _: Link(lab.device.port(), lab.device.now_s)
+        "runner.launch.device_access.open_link", lambda _: Link(lab.device.port(), lab.device.now_s)
     ):
         said = probed(PORT, ())
     require(11, said["dialect"] == lab.watch.rig.dialect, f"another dialect: {said}")

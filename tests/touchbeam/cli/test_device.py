@@ -17,8 +17,7 @@ from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
 from protocol.study_file.loading import template
-from runner.launch.device_access import session_rig
-from runner.launch.probe import answered, probed, swept
+from runner.launch.device_access import answered, probed, session_rig, swept
 from runner.study.calibration import keep_calibration, kept_calibration
 from tests.device.rigs import DRIVE, TOUCHBEAM, opened
 from tests.device.scripted import ScriptedPort, ticking

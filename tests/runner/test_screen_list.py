@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from PIL import ImageGrab
 
-from runner.displays.screen_list import ScreenPlace, connectors, listed_screens, numbered_screens
+from runner.screen_list import ScreenPlace, connectors, listed_screens, numbered_screens
 from tests.runner.command_line import TOUCHBEAM
 from tests.runner.window.person import virtual_display
 

@@ -68,8 +68,7 @@ def numbered_screens(touchbeam: Sequence[str]) -> Iterator[None]:
             yield
         finally:
             assert process.stdin is not None
-            # The process shows its numbers until its input ends, so that it also ends if the
-            # session is killed.
+            # The process shows its numbers until then, so that a killed session ends it, too.
             process.stdin.close()
             try:
                 process.wait(_WITHIN_S)

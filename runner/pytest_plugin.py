@@ -3,9 +3,9 @@
 Imports are inside the fixtures, so that the tests of other projects are not slowed down.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import pytest
 
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from runner.launch.device_access import SessionRig
     from runner.launch.rehearsal import Rehearsal
     from runner.people.virtual_participant import VirtualParticipant
+    from runner.study.folder import StudyFolder
 
-
+_T = TypeVar("_T")
 STUDY_FILE = "study.toml"
 UNUSABLE = "the study cannot be used:"
 _REPORTED = pytest.StashKey[set[str]]()
@@ -47,11 +48,16 @@ def pytest_runtest_makereport(
 @pytest.fixture(scope="module")
 def study_text(request: pytest.FixtureRequest) -> str:
     """Return the text of the study file beside the test."""
+    return _usable(request, lambda folder: folder.text())
+
+
+def _usable(request: pytest.FixtureRequest, read: "Callable[[StudyFolder], _T]") -> _T:
+    """Return what `read` finds in the folder of the test; fail with one line if it cannot."""
     from protocol.errors import BadInput
     from runner.study.folder import StudyFolder
 
     try:
-        return StudyFolder(path=Path(str(request.path)).parent).text()
+        return read(StudyFolder(path=Path(str(request.path)).parent))
     except BadInput as error:
         found = str(error)
     # Outside of `except`, or pytest would show the exception that led to it.
@@ -74,15 +80,9 @@ def study(study_text: str) -> "Study":
 @pytest.fixture(scope="module")
 def registration(request: pytest.FixtureRequest) -> "Registration | None":
     """Return the registration beside the test, None if the study is not registered."""
-    from protocol.errors import BadInput
-    from runner.study.folder import StudyFolder
     from runner.study.registered import checked_registration
 
-    try:
-        return checked_registration(StudyFolder(path=Path(str(request.path)).parent))
-    except BadInput as error:
-        found = str(error)
-    pytest.fail(f"{UNUSABLE} {found}", pytrace=False)  # outside of `except` as above
+    return _usable(request, checked_registration)
 
 
 @pytest.fixture(scope="module")

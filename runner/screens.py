@@ -350,7 +350,10 @@ class Device(Protocol):
 
 
 class Participant(Protocol):
-    """The person who touches the beam and answers, or a simulation. No method blocks."""
+    """The person who touches the beam and answers, or a simulation. No method blocks.
+
+    A participant that inherits from this does nothing where it defines nothing.
+    """
 
     def show(self, screen: Screen) -> None:
         """Show `screen` to the participant."""

@@ -49,7 +49,8 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
     log = _log(journal, clock, session)
     planned = log.state.planned
     if index not in planned:
-        raise BadInput(f"{session} has no trial {index}; it has {_span(planned)}")
+        span = f"trials {min(planned)} to {max(planned)}" if planned else "no trials"
+        raise BadInput(f"{session} has no trial {index}; it has {span}")
     if index in log.state.excluded:
         why = log.state.excluded[index]
         raise BadInput(f"trial {index} of {session} is already excluded: {why}")
@@ -96,10 +97,7 @@ def include_session(journal: Journal, clock: Clock, session: str, reason: str) -
 
 
 def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> StudyRegistered | None:
-    """Accept a study file that has changed since the last session.
-
-    Returns:
-        The registration whose lock this breaks, if there is one.
+    """Accept a study file that has changed; return the registration whose lock this breaks.
 
     Raises:
         BadInput: the study file has not changed.
@@ -189,7 +187,3 @@ def _append(log: SessionLog, session: str, decision: Event) -> None:
 
 def _state(log: SessionLog) -> str:
     return in_words(log.state.name, running=False)  # a running one was refused before
-
-
-def _span(indices: set[int]) -> str:
-    return f"trials {min(indices)} to {max(indices)}" if indices else "no trials"

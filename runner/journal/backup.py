@@ -13,10 +13,8 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
     """Copy the journal at `path` into the new file `file`.
 
     Events that are appended meanwhile are not in the copy. It is on the disk when this returns; a
-    failure leaves nothing behind.
-
-    Returns:
-        The triggers that the copy lacks, and a verdict on each of its chains.
+    failure leaves nothing behind. Return the triggers that the copy lacks, and a verdict on each of
+    its chains.
 
     Raises:
         BadInput: `file` exists.

@@ -13,7 +13,6 @@ from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
 from runner.journal.verification import readable_events
 
-_FINISHED = {"completed"}
 _GONE = {*EXCLUDED, "withdrawn"}
 
 
@@ -87,14 +86,12 @@ def slot_for(
 
 def _slot_state(state: SessionState, before: SlotState) -> SlotState:
     """Return the state of a session's slot; a finished session settles it for good."""
-    if before == "done" or state.name in _FINISHED or _finished_before_exclusion(state):
+    gone = state.name in _GONE
+    # Of a session that is gone the order was used as planned, whatever is thought of its data.
+    used = gone and 0 < len(state.planned) <= len(state.answered)
+    if before == "done" or state.name == "completed" or used:
         return "done"
-    return "dropped" if state.name in _GONE else "running"
-
-
-def _finished_before_exclusion(state: SessionState) -> bool:
-    # Its order was used as planned, whatever is thought of its data later.
-    return state.name in _GONE and 0 < len(state.planned) <= len(state.answered)
+    return "dropped" if gone else "running"
 
 
 def _summary(name: str, state: SessionState) -> SessionSummary:

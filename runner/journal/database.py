@@ -248,12 +248,8 @@ def checked_version(
 ) -> int:
     """Return the version of the schema, after comparing all of it; 0 for a file without tables.
 
-    The body of one transaction, so that all of it is read from the same state.
-
-    Args:
-        connection: to the file.
-        schemas: the versions that this build can use.
-        lacking: if given, missing triggers are no error; their names are added here.
+    The body of one transaction, so that all of it is read from the same state. If there is a list
+    `lacking`, missing triggers are no error, and their names are added to it.
 
     Raises:
         sqlite3.DatabaseError: the schema is another one.
@@ -318,15 +314,9 @@ def _expected(statements: tuple[str, ...]) -> dict[tuple[str, str], tuple[object
 def copied_log(connection: sqlite3.Connection, path: Path, tip: tuple[str, str] | None) -> bool:
     """Copy the log into the main file while no process can commit, and compare both.
 
-    The next commit may then start the log from its beginning.
-
-    Args:
-        connection: to the journal, outside a transaction.
-        path: of the journal.
-        tip: a chain and its last hash, as written by this process.
-
-    Returns:
-        False if a reader needs a part of the log, or another process holds the write lock.
+    The next commit may then start the log from its beginning. Return False if a reader needs a part
+    of it, or another process holds the write lock. `tip` is a chain and its last hash, as written
+    by this process.
 
     Raises:
         LogNotCopiedError: the main file lacks events; the log is copied to a file beside it.
@@ -379,10 +369,7 @@ def _tips(connection: sqlite3.Connection) -> Tips:
 def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None:
     """Close a connection; the last one to leave the file also merges and removes its log.
 
-    Args:
-        connection: to the journal.
-        path: of the journal.
-        patience_s: how long to wait for other connections to leave, s.
+    Others are waited for `patience_s` long.
 
     Raises:
         LogNotCopiedError: the merged file lacks events; the log is kept beside it.

@@ -206,11 +206,8 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
     """Return the journal at `path` opened for writing; create it if missing.
 
     Events go to the write-ahead log. Only `Journal.checkpoint` and the close copy them into the
-    main file, so that a copy of it is consistent at any moment.
-
-    Args:
-        path: the file.
-        random_bytes: the source of the salts, which must be unpredictable.
+    main file, so that a copy of it is consistent at any moment. `random_bytes` is the source of the
+    salts, which must be unpredictable.
 
     Raises:
         JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.

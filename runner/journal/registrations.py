@@ -36,10 +36,7 @@ def real_sessions(journal: Journal) -> list[str]:
 def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
     """Return why the session of `chain` does not follow from its registration; '' if it does.
 
-    Args:
-        journal: its journal.
-        chain: the session's name; its events can be read.
-        known: `registrations(journal)`.
+    Its events can be read; `known` are the `registrations` of the journal.
     """
     events = journal.events(chain)
     if chain == STUDY_CHAIN:

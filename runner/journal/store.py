@@ -319,7 +319,11 @@ class Journal:
         """
         with self._errors_explained("written"):
             self._connection.execute("VACUUM")  # free pages still hold erased payloads
-        if not (self.checkpoint() and self._emptied_log()):  # and so does the write-ahead log
+            busy = not self.checkpoint()  # the write-ahead log holds them, too
+            # A log that is only started anew still has the old pages behind its new beginning.
+            if not busy:
+                busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        if busy:
             raise JournalError(
                 f"{self._path}: erased, but an old copy remains while another program reads it; "
                 "end that program and repeat the command"
@@ -328,8 +332,7 @@ class Journal:
     def checkpoint(self) -> bool:
         """Copy the write-ahead log into the main file; the next event starts the log anew.
 
-        Returns:
-            False if a reader or another process prevents it; the log then goes on growing.
+        Return False if a reader or another process prevents it; the log then goes on growing.
 
         Raises:
             JournalError: it failed, or the main file alone lacks events afterwards.
@@ -348,12 +351,6 @@ class Journal:
         """
         with self._errors_explained(f"copied to {new.parent}"):
             copy_database(self._connection, new)
-
-    def _emptied_log(self) -> bool:
-        with self._errors_explained("written"):
-            # A log that is only started anew still holds the old pages behind its new beginning.
-            busy, _, _ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
-            return not busy
 
     def _require_in_place(self) -> None:
         """Require that the open files are still the ones at their paths.

@@ -206,10 +206,7 @@ def _has_beginning(events: Sequence[StoredEvent]) -> bool:
 def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
     """Return whether each event's hash follows from the previous one and its payload is unchanged.
 
-    Args:
-        name: the session.
-        chain: its events with digests and hashes.
-        erased: whether payloads may be missing because the participant has withdrawn.
+    In a chain that is `erased`, because the participant has withdrawn, payloads may be missing.
     """
     previous = FIRST_HASH
     chain = list(chain)
@@ -217,15 +214,16 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
         fields = event_fields(name, link.event, link.payload_sha256)
         if link.event.seq != seq or chain_hash(previous, fields) != link.hash:
             return False
-        if not (erased if link.payload is None else _matches_digest(link.payload, link)):
+        if link.payload is None:
+            intact = erased
+        else:
+            digest = link.salt is not None and payload_digest(link.payload, link.salt)
+            intact = digest == link.payload_sha256
+        if not intact:
             return False
         previous = link.hash
     # A chain without events proves nothing.
     return bool(chain)
-
-
-def _matches_digest(stored: str, link: ChainLink) -> bool:
-    return link.salt is not None and payload_digest(stored, link.salt) == link.payload_sha256
 
 
 def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:

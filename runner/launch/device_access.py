@@ -23,9 +23,7 @@ from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
-from runner.clock import WallClock
 from runner.signals import stops_deferred
-from runner.study.calibration import keep_calibration
 
 _SIMULATED_SERIAL = "SIM"
 """The serial number in the answer to `*IDN?` of each simulated device, and of no real one."""
@@ -85,15 +83,9 @@ def session_rig(
 ) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
-    Args:
-        url: `sim` or the address of a device.
-        settings: the study's rig, whose limits the driver enforces.
-        touchbeam: the command that starts touchbeam, for the simulated device.
-        seed: seed of the simulated device's hidden properties.
-        calibration: the rig's resonance, for a device that cannot measure it.
-        force_channel: the study's, whose gauge is opened as well; that of a simulated device is
-            simulated.
-        friction: law, rung and damping of the simulated beam.
+    The driver enforces the limits in `settings`. The command `touchbeam` starts a simulated device,
+    whose hidden properties follow from `seed` and `friction`. The gauge of `force_channel` is
+    opened, too; a device that cannot measure its resonance has that of the `calibration`.
 
     Raises:
         AddressError: `url` is not the address of a device, or that of the gauge of none.
@@ -232,8 +224,3 @@ def swept(
         sleep = rig.control.advance if rig.control is not None else time.sleep
         identity = rig.device.arm()
         return rig.device.resonance(near_hz, sleep), identity.idn
-
-
-def kept(folder: Path, found: Resonance, idn: str) -> Path:
-    """Store a resonance as the calibration of the study in `folder`; return the file."""
-    return keep_calibration(folder, found, idn, WallClock().utc().isoformat(timespec="seconds"))

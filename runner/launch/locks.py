@@ -43,11 +43,8 @@ class UnsafeFolder(WorkFailed):
 def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
     """Lock the rig, identified by its real device or host address, while the body runs.
 
-    The simulated rig needs no lock: each session has its own.
-
-    Args:
-        url: a serial port's path or URL.
-        common: a folder that every process of this user finds.
+    The simulated rig needs no lock: each session has its own. Every process of this user finds the
+    folder `common`.
 
     Raises:
         RigInUse: another process holds the rig; the message gives its command.

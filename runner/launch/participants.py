@@ -56,13 +56,8 @@ def participant_and_operator(
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
-    Args:
-        session: gives the study and the language.
-        rig: the rig whose simulated beam is swapped and touched, if it is simulated.
-        clock: the session's clock.
-        say: prints a line.
-        window: the participant's window, None if there is none.
-        finger: what a virtual participant feels with; None if the participant is a person.
+    A simulated `rig` has its beam swapped and touched. `finger` is what a virtual participant feels
+    with, None if the participant is a person.
     """
     watched = (lambda: rig.device.reading, lambda: rig.device.forces)
     swap = _swap(session, rig, finger)
@@ -213,11 +208,8 @@ def participants_screen(
 ) -> int:
     """Return the number of the participant's screen.
 
-    Args:
-        touchbeam: touchbeam's own command.
-        wanted: the number that the operator gave, if any.
-        say: prints a line for the operator.
-        windowed: whether the window leaves a part of the screen free.
+    The operator may have given the number `wanted`. A window that is `windowed` covers only a part
+    of the screen.
 
     Raises:
         BadInput: there are several screens, and nobody can be asked which it is.

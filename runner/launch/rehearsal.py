@@ -77,12 +77,8 @@ def rehearse(
 ) -> Rehearsal:
     """Run a rehearsal of the study in a temporary folder and return it.
 
-    Args:
-        study_text: the text of the study file.
-        plan: the plan of the first slot, to compare the events with.
-        seed: seed of the virtual participant and the simulated device.
-        calibration: the rig's resonance, for a device that cannot measure it.
-        registration: of the study, if it is registered; it seeds the orders.
+    Its events will be compared with `plan`, that of the first slot. All that is simulated follows
+    from `seed`; a device that cannot measure its resonance has that of the `calibration`.
 
     Raises:
         StudyError: the study cannot be used.
@@ -121,14 +117,8 @@ def rehearse_cohort(
 ) -> None:
     """Run one session for each of `participants` virtual participants, from P01 on.
 
-    Args:
-        folder: the study's folder, with its study file.
-        participants: the number of participants.
-        seed: seed of the participants and the simulated device.
-        touchbeam: the command that starts touchbeam.
-        after_each: called after each session.
-        people: whom the participants are drawn from; the default population without it. One who
-            drops out leaves the session unfinished.
+    They are drawn from `people`, by default from the default population; one who drops out leaves
+    the session unfinished. `after_each` is called after each session.
     """
     from runner.people.virtual_participant import VirtualParticipantLeft
 

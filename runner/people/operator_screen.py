@@ -334,7 +334,8 @@ class Scale:
 
 def _facts(view: OperatorView, moment: Moment) -> list[Text]:
     until = f"until {moment.until}" if view.left_s > 0 else ""
-    course = [view.progress(), until, f"{_clock(moment.elapsed_s)} so far"]
+    minutes, seconds = divmod(int(moment.elapsed_s), 60)
+    course = [view.progress(), until, f"{minutes}:{seconds:02d} so far"]
     if view.beam:
         course.append(f"beam '{visible(view.beam)}'")
     device = [
@@ -343,10 +344,6 @@ def _facts(view: OperatorView, moment: Moment) -> list[Text]:
         f"watchdog {view.rig.watchdog_s:g} s" if view.has_watchdog else "no watchdog",
     ]
     return [Text(" " + "   ".join(filter(None, facts))) for facts in (course, device)]
-
-
-def _clock(seconds: float) -> str:
-    return f"{int(seconds // 60)}:{int(seconds % 60):02d}"
 
 
 def _plan_and_log(frame: Frame, width: int, rows: int) -> list[Text]:

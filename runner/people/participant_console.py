@@ -19,8 +19,8 @@ from runner.screens import (
     Instruction,
     LeadIn,
     Notice,
-    OwnFinger,
     Pacing,
+    Participant,
     Response,
     Screen,
     Welcome,
@@ -104,7 +104,7 @@ class TypedLines:
 
 
 @dataclass
-class ConsoleParticipant:
+class ConsoleParticipant(Participant):
     """Prints texts, takes typed answers, and asks again after an invalid one."""
 
     typed: TypedLines
@@ -131,12 +131,6 @@ class ConsoleParticipant:
     def progress(self, number: int, total: int) -> None:
         """Print which trial comes next."""
         self.say(self._texts["progress"].format(number=number, total=total))
-
-    def felt(self, finger: OwnFinger) -> None:
-        """Nothing is drawn at a terminal."""
-
-    def saved(self) -> None:
-        """Print nothing: the next line follows at once."""
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen once it has been typed."""
@@ -182,17 +176,13 @@ class ConsoleParticipant:
         try:
             value = question.answer(answer)
         except ValueError:
-            self._ask_again(line, self._possible(question))
+            for text in (f"{line!r}: {self._texts['console.again']}", *self._possible(question)):
+                self.say(text)
+            # An operator who forgot the colon would think that the stop was on its way.
+            if (order := line.lower()) in ORDERS:
+                self.say(f"(For the operator: an order begins with a colon, such as :{order})")
             return None
         return "" if value is None else answer if question.values else str(value)
-
-    def _ask_again(self, line: str, possible: list[str]) -> None:
-        self.say(f"{line!r}: {self._texts['console.again']}")
-        for text in possible:
-            self.say(text)
-        # An operator who forgot the colon would think that the stop was on its way.
-        if line.lower() in ORDERS:
-            self.say(f"(For the operator: an order begins with a colon, such as :{line.lower()})")
 
     def _possible(self, question: StudyQuestion) -> list[str]:
         """Return the possible answers: the first two of a scale, which show its step, and the last.

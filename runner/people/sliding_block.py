@@ -19,8 +19,8 @@ from runner.screens import (
     LeadIn,
     Notice,
     Operator,
-    OwnFinger,
     Pacing,
+    Participant,
     Response,
     Screen,
     Welcome,
@@ -192,17 +192,11 @@ class MovingFinger(Protocol):
 
 
 @dataclass
-class SlidingBlock:
+class SlidingBlock(Participant):
     """The block, which is put on the beam, drawn along with the mark, and lifted.
 
-    Args:
-        operator: is asked to put the block on the beam, and told what was measured.
-        forces: returns the newest forces, None while nothing is recorded.
-        clock: the session's clock.
-        plan: the passes.
-        load_n: weight of the block.
-        plot: shows what is measured.
-        finger: draws the block on a simulated device; None where the operator does.
+    The `operator` puts it on the beam, and draws it unless a `finger` does, on a simulated device.
+    `forces` returns the newest ones, None while nothing is recorded.
     """
 
     operator: Operator
@@ -224,19 +218,16 @@ class SlidingBlock:
         self._screen, self._asked_s = screen, self.clock.monotonic_s()
         match screen:
             case Instruction(touch=FingerPath() as path) if self.finger is None:
-                self.operator.confirm(self._placed(path))
+                end = "left" if path.start_m < path.end_m else "right"
+                self.operator.confirm(
+                    f"Put the block ({self.load_n:g} N) on the beam at the {end} end of its way, "
+                    f"its right edge at {1e3 * path.start_m:g} mm, then press Enter."
+                )
             case LeadIn() | Pacing():
                 self._draw(screen)
             # A session that is stopped in the middle of a pass shows no end of the touch.
             case Notice(text="touch.end" | "stopped"):
                 self._lift()
-
-    def _placed(self, path: FingerPath) -> str:
-        end = "left" if path.start_m < path.end_m else "right"
-        return (
-            f"Put the block ({self.load_n:g} N) on the beam at the {end} end of its way, its right "
-            f"edge at {1e3 * path.start_m:g} mm, then press Enter."
-        )
 
     def _draw(self, screen: LeadIn | Pacing) -> None:
         """Begin a pass, or with a lead-in the wait before it."""
@@ -268,12 +259,6 @@ class SlidingBlock:
         """Note which pass comes next: they are made in the order of the plan."""
         assert total == len(self.plan.trials), "every trial is a pass"
         self._pass = self.plan.trials[number - 1]
-
-    def saved(self) -> None:
-        """Do nothing: the operator sees what is done."""
-
-    def felt(self, finger: OwnFinger) -> None:
-        """Do nothing: the plot shows where the block is."""
 
     def poll(self) -> Response | None:
         """Return that the block is ready once it is on the beam; take what is measured meanwhile.

@@ -124,7 +124,7 @@ class _Touch:
 
 
 @dataclass
-class VirtualParticipant:
+class VirtualParticipant(Participant):
     """A participant who answers at once.
 
     A touch for which `slips` returns True is pressed twice as hard as instructed. `name` determines
@@ -166,12 +166,6 @@ class VirtualParticipant:
     def progress(self, number: int, total: int) -> None:  # noqa: ARG002 - it counts itself
         """Forget the touches of a trial that is begun anew."""
         self._touches.clear()
-
-    def felt(self, finger: OwnFinger) -> None:
-        """A virtual finger needs no picture of itself."""
-
-    def saved(self) -> None:
-        """Do nothing, because a virtual participant needs no confirmation."""
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen; while touching, move the finger.
@@ -358,7 +352,7 @@ class Keys(Participant, Protocol):
 
 
 @dataclass
-class VirtualAtWindow:
+class VirtualAtWindow(Participant):
     """A virtual `person` who touches and answers as ever, but gives each answer in the `window`.
 
     The window says what was answered and when, as it does for people.

@@ -216,13 +216,7 @@ def renew_practice(context: SessionContext) -> None:
 def require_resumable(
     journal: Journal, session: Session, before: SessionState | None, now: datetime
 ) -> None:
-    """Refuse a session that cannot start or resume as requested.
-
-    Args:
-        journal: the study's journal.
-        session: the session as it would run now.
-        before: the state recorded so far, None for a new session.
-        now: the current date and time, UTC.
+    """Refuse a session that cannot start, or resume from the state `before`, as requested.
 
     Raises:
         BadInput: the session cannot run; the message gives the reason and the remedy.

@@ -56,7 +56,9 @@ def tare(context: SessionContext) -> str:
     # The first zero on a beam cannot be compared with one before it: beams differ in weight.
     if before is None:
         return ""
-    moved_n, usual_n = _moved_n(measured_n, before.forces_n), _drift_n(now_s - before.at_s)
+    moved_n = _moved_n(measured_n, before.forces_n)
+    # The limit holds for a minute and grows with the time, as a drift does.
+    usual_n = DRIFT_N * max((now_s - before.at_s) / 60, 1.0)
     told = f"the zero of the force channel moved by {1e3 * moved_n:+.0f} mN"
     # A finger does not rest twice with the same force; a sensor that has moved stays where it is.
     again = before.doubted_n is not None and abs(_moved_n(measured_n, before.doubted_n)) <= usual_n
@@ -65,11 +67,6 @@ def tare(context: SessionContext) -> str:
         context.zero = replace(before, doubted_n=measured_n)
         return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
     return told if abs(moved_n) > usual_n else ""
-
-
-def _drift_n(passed_s: float) -> float:
-    # The limit holds for a minute and grows with the time, as a drift does.
-    return DRIFT_N * max(passed_s / 60, 1.0)
 
 
 def _moved_n(now_n: tuple[float, float], before_n: tuple[float, float]) -> float:
@@ -86,10 +83,7 @@ def begin(context: SessionContext) -> None:
 def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> list[str]:
     """Stop recording and store what `touch` recorded; return what the operator must know.
 
-    Args:
-        context: the running session; the output is off.
-        touch: its number in its trial.
-        moved_s: when the mark began to move, and when the touch was over.
+    The output is off. `moved_s` is when the mark began to move, and when the touch was over.
     """
     if context.session.study.force_channel.rate_hz is None:
         return []
@@ -118,9 +112,7 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
 def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, float] | None:
     """Return the mean tangential and normal force, N; None without samples.
 
-    Args:
-        samples: what was recorded.
-        within_s: begin and end on the session's clock; everything without them.
+    Begin and end are `within_s` on the session's clock; without them everything counts.
     """
     # Counts come least byte first, which the array reads as this computer orders bytes.
     counts = array("h", samples.counts)

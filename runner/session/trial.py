@@ -52,12 +52,6 @@ def asked(context: SessionContext, screen: Ask) -> tuple[Answer, Response]:
     return screen.question.answer(given.answer), given
 
 
-def asked_after(context: SessionContext, trial: Trial) -> tuple[QuestionAnswer, ...]:
-    """Ask the study's own questions about `trial`; return the answers."""
-    questions = context.session.study.questions_after(trial.condition)
-    return tuple(_asked(context, question) for question in questions)
-
-
 def ask_due(context: SessionContext) -> None:
     """Ask and record what is due between trials and has not been answered yet."""
     # Each answer is stored by itself, so that a session that is interrupted asks only what is left.
@@ -164,8 +158,10 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
             judged=verdict,
         )
     )
-    warnings = [drifted, *warnings, _warning(verdict)]
-    update_view(context, warning="; ".join(filter(None, warnings)))
+    if verdict.missed:
+        missed = " and ".join(verdict.missed)
+        warnings.append(f"the touch did not follow the instruction: {missed}")
+    update_view(context, warning="; ".join(filter(None, [drifted, *warnings])))
     return verdict
 
 
@@ -288,20 +284,10 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
     )
 
 
-def _warning(verdict: Compliance) -> str:
-    missed = verdict.missed
-    return f"the touch did not follow the instruction: {' and '.join(missed)}" if missed else ""
-
-
 def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> Answered:
-    """Ask the questions of `trial` and return the event that records the answers.
-
-    Args:
-        context: the running session.
-        trial: the trial whose touches have just been made.
-        judged: the compliance of each touch.
-    """
+    """Ask about `trial`, whose touches are `judged`; return the event with the answers."""
     change, score, given = _answers(context, trial)
+    questions = context.session.study.questions_after(trial.condition)
     return Answered(
         index=trial.index,
         kind=trial.kind,
@@ -314,7 +300,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> 
         reaction_time_s=tuple(entry.reaction_time_s for entry in given),
         traces=tuple(entry.trace for entry in given),
         judged=tuple(judged),
-        questions=asked_after(context, trial),
+        questions=tuple(_asked(context, question) for question in questions),
     )
 
 

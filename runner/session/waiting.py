@@ -37,7 +37,9 @@ def update_view(
             plan=tuple(
                 PlanLine(
                     label=f"trial {number}" if blind else _label(trial),
-                    answer=_answer(context, trial, blind=blind),
+                    answer="answer given"
+                    if blind and trial.index in state.answers
+                    else state.answers.get(trial.index),
                     running=trial is running,
                 )
                 for number, trial in enumerate(trials, start=1)
@@ -86,11 +88,6 @@ def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
         for trial in left
     ]
     return remaining_s(study, ahead, state.beam or study.touch.beam)
-
-
-def _answer(context: SessionContext, trial: Trial, *, blind: bool) -> str | None:
-    answer = context.log.state.answers.get(trial.index)
-    return "answer given" if blind and answer is not None else answer
 
 
 def _label(trial: Trial) -> str:

@@ -119,16 +119,14 @@ class PsychopyCanvas:
         if element not in self._drawn:
             if len(self._drawn) > MOST_KEPT:  # a countdown needs a new text each second
                 del self._drawn[next(iter(self._drawn))]
-            self._drawn[element] = self._built(element)
+            match element:
+                case Text():
+                    self._drawn[element] = self._text(element)
+                case Picture():
+                    self._drawn[element] = [self._picture(element)]
+                case Outline():
+                    self._drawn[element] = [self._outline(element)]
         return self._drawn[element]
-
-    def _built(self, element: Text | Outline | Picture) -> list[Any]:
-        match element:
-            case Text():
-                return self._text(element)
-            case Picture():
-                return [self._picture(element)]
-        return [self._outline(element)]
 
     def _picture(self, picture: Picture) -> Any:
         image = visual.ImageStim(

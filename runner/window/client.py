@@ -293,13 +293,7 @@ def participant_window(
     monotonic_s: Callable[[], float] = time.monotonic,
     say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[WindowParticipant]:
-    """Open the window and yield its participant; leave the last page up for reading.
-
-    Args:
-        command: command line of the window's process.
-        settings: screen and language of the window.
-        monotonic_s: the session's clock, s.
-        say: prints a line for the operator.
+    """Run `command`, which opens the window; yield its participant; leave the last page up.
 
     Raises:
         WorkFailed: the display, the screen or a font is missing, or the window does not open.

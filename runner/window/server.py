@@ -130,13 +130,7 @@ class ShownScreen:
     def answer(
         self, past: list[dict[str, Any]], display: dict[str, Any], wording: Wording
     ) -> dict[str, Any]:
-        """Return the message with the answer and its trace.
-
-        Args:
-            past: records of the screens shown since the last answer.
-            display: properties of the display, for the journal.
-            wording: language of the scale's labels.
-        """
+        """Return the message with the answer, and with all screens since the last one in `past`."""
         screens = [*past, self.record()]
         trace = {**self.pending.trace(), "screens": screens, "display": display}
         if isinstance(self.screen, Ask) and self.screen.question.kind in {"scale", "analogue"}:

@@ -81,13 +81,16 @@ def device_sweep(
 
     Searches within 5% of --near, then turns the output off.
     """
-    from runner.launch.device_access import kept, swept, touchbeam_command
+    from runner.clock import WallClock
+    from runner.launch.device_access import swept, touchbeam_command
     from runner.launch.locks import rig_lock
+    from runner.study.calibration import keep_calibration
 
     with rig_lock(url):
         # Under the lock: this drives the beam, on which a participant's finger may lie.
         peak, idn = swept(url, near, dialect, touchbeam_command())
-    file = kept(keep, peak, idn) if keep else None
+    now = WallClock().utc().isoformat(timespec="seconds")
+    file = keep_calibration(keep, peak, idn, now) if keep else None
     if as_json:
         print_json(
             {

@@ -51,12 +51,14 @@ def _require_new(file: Path) -> None:
 
 
 def _take_name(written: Path, file: Path) -> None:
-    """Rename `written` to `file`, which must not exist, and put the new name on the disk."""
+    """Name `written` also `file`, which must not exist, and put the new name on the disk."""
     try:
-        os.close(os.open(file, os.O_CREAT | os.O_EXCL, 0o600))  # a rename alone would replace it
+        file.hardlink_to(written)  # a renaming would replace a file that was made meanwhile
     except FileExistsError:
         _require_new(file)
-    written.replace(file)
+    except OSError:  # a memory stick has no links: there a kill at this moment leaves an empty file
+        os.close(os.open(file, os.O_CREAT | os.O_EXCL, 0o600))
+        written.replace(file)
     # Windows cannot open folders.
     if hasattr(os, "O_DIRECTORY"):
         folder = os.open(file.parent, os.O_DIRECTORY)

@@ -111,6 +111,33 @@ def test_a_name_that_is_taken_meanwhile_is_refused_too(
     assert sorted(file.name for file in study.iterdir()) == ["copy.db", "study.db", "study.toml"]
 
 
+def test_a_backup_never_has_its_name_without_its_content(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whenever the process is killed, no empty file stands where people look for a backup."""
+    copy, close = study / "copy.db", os.close
+
+    def closing_none(number: int) -> None:
+        assert not copy.exists() or copy.stat().st_size > 0
+        close(number)
+
+    monkeypatch.setattr(os, "close", closing_none)
+    backed_up(study / "study.db", copy)
+    assert sorted(file.name for file in study.iterdir()) == ["copy.db", "study.db", "study.toml"]
+
+
+def test_a_backup_can_be_made_where_there_are_no_links(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "hardlink_to", refused)
+    _, (verdict,) = backed_up(study / "study.db", study / "copy.db")
+    assert verdict.ok
+    assert sorted(file.name for file in study.iterdir()) == ["copy.db", "study.db", "study.toml"]
+
+
 def test_a_journal_that_lacks_a_trigger_can_be_backed_up(study: Path) -> None:
     with closing(sqlite3.connect(study / "study.db")) as other:
         other.execute("DROP TRIGGER event_is_not_deleted")

@@ -45,13 +45,19 @@ class ScreenPlace:
 def listed_screens(touchbeam: Sequence[str]) -> tuple[ScreenPlace, ...]:
     """Return the screens of the display; none if there is no display that answers."""
     # A computer without screens can still run sessions at the console, so that nothing fails here.
-    with suppress(OSError, subprocess.SubprocessError, ValueError):
-        command = [*touchbeam, "participant-screens"]
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=True, timeout=_WITHIN_S
-        )
-        return tuple(ScreenPlace(**screen) for screen in json.loads(done.stdout))
+    with suppress(ValueError):
+        listed = json.loads(_printed([*touchbeam, "participant-screens"], _WITHIN_S))
+        return tuple(ScreenPlace(**screen) for screen in listed)
     return ()
+
+
+def _printed(command: Sequence[str], within_s: float) -> str:
+    """Return what `command` prints; nothing if it fails or takes too long."""
+    with suppress(OSError, subprocess.SubprocessError):
+        return subprocess.run(
+            command, capture_output=True, text=True, check=True, timeout=within_s
+        ).stdout
+    return ""
 
 
 @contextmanager
@@ -103,20 +109,10 @@ def connectors(listed: str) -> dict[Place, str]:
     }
 
 
-def _connectors() -> dict[Place, str]:
-    # Without xrandr the screens are known by place and size alone.
-    with suppress(OSError, subprocess.SubprocessError):
-        command = ["xrandr", "--listmonitors"]
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=True, timeout=_XRANDR_WITHIN_S
-        )
-        return connectors(done.stdout)
-    return {}
-
-
 def print_screens() -> None:
     """Print the screens of the display as JSON."""
-    names = _connectors()
+    # Without xrandr the screens are known by place and size alone.
+    names = connectors(_printed(["xrandr", "--listmonitors"], _XRANDR_WITHIN_S))
     screens = [
         asdict(ScreenPlace(number=number, x=x, y=y, width=width, height=height, name=name))
         for number, screen in enumerate(_screens())

@@ -41,11 +41,7 @@ def accepted_digests(journal: Journal) -> list[str]:
 
 
 def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
-    """Exclude a trial from the analysis.
-
-    Raises:
-        BadInput: there is no such session or trial, or it is already excluded.
-    """
+    """Exclude a trial; raises `BadInput` if there is none, or if it is excluded already."""
     log = _log(journal, clock, session)
     planned = log.state.planned
     if index not in planned:
@@ -59,11 +55,7 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
 
 
 def include_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
-    """Take the exclusion of a trial back.
-
-    Raises:
-        BadInput: the trial is not excluded by itself.
-    """
+    """Take the exclusion of a trial back; raises `BadInput` if it is not excluded by itself."""
     log = _log(journal, clock, session)
     if index not in log.state.excluded:
         known = ", ".join(map(str, log.state.excluded)) or "none"
@@ -97,11 +89,7 @@ def include_session(journal: Journal, clock: Clock, session: str, reason: str) -
 
 
 def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> StudyRegistered | None:
-    """Accept a study file that has changed; return the registration whose lock this breaks.
-
-    Raises:
-        BadInput: the study file has not changed.
-    """
+    """Accept a changed study file, or raise `BadInput`; return the registration that it breaks."""
     digest = text_digest(study_text)
     accepted = accepted_digests(journal)
     if accepted and digest == accepted[-1]:

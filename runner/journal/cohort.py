@@ -41,11 +41,7 @@ def states(journal: Journal) -> dict[str, SessionState]:
 
 
 def planned_trials(journal: Journal, chain: str) -> list[PlannedTrial]:
-    """Return the trials of a session as last planned.
-
-    Raises:
-        BadInput: no plan is known: the participant has withdrawn, or the scores are imported.
-    """
+    """Return the trials as last planned; raises `BadInput` if withdrawn or imported."""
     planned: dict[int, PlannedTrial] = {}
     for terms in terms_in(readable_events(journal, chain)):
         planned |= {trial.index: trial for trial in terms.trials}

@@ -19,11 +19,7 @@ Mount = tuple[str, str]
 
 
 def checked_place(folder: Path, mounts: Iterable[Mount]) -> Path:
-    """Return the absolute path of `folder` if a journal may be kept there.
-
-    Raises:
-        BadInput: the folder is on a network or synchronised by a cloud service.
-    """
+    """Return the absolute path of `folder`; raises `BadInput` on a network or in a cloud folder."""
     # A link in a local folder may lead to a network.
     absolute = folder.resolve()
     for part in absolute.parts:

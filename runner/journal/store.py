@@ -73,11 +73,7 @@ _LINK_TYPES = {(*event, *hashes) for event in _EVENT_TYPES for hashes in _HASH_T
 
 
 def stored_event(row: tuple[Any, ...]) -> StoredEvent:
-    """Return the event in a row of number, tag, UTC time, monotonic seconds and payload.
-
-    Raises:
-        DamagedError: touchbeam cannot have written the row.
-    """
+    """Return the event in a row (number, tag, UTC, seconds, payload), or raise `DamagedError`."""
     if tuple(map(type, row)) not in _EVENT_TYPES:  # a damaged file can hold other types
         raise DamagedError(f"event {row[0]!a} is damaged: a column has another type")
     return _event(*row)
@@ -344,11 +340,7 @@ class Journal:
             return copied_log(self._connection, self._path, last[0] if last else None)
 
     def copy_to(self, new: Path) -> None:
-        """Copy the journal as it is now into the empty file `new`.
-
-        Raises:
-            JournalError: it cannot be copied.
-        """
+        """Copy the journal as it is now into the empty file `new`, or raise `JournalError`."""
         with self._errors_explained(f"copied to {new.parent}"):
             copy_database(self._connection, new)
 

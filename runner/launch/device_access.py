@@ -120,11 +120,7 @@ def require_real(idn: str, url: str) -> None:
 
 
 def gauge_address(force_channel: ForceChannel, url: str) -> str | None:
-    """Return the address of the gauge beside the device at `url`, None if none is needed.
-
-    Raises:
-        AddressError: a simulated one beside a device that is not.
-    """
+    """Return the address of the gauge beside `url`, if any; refuse one that is simulated alone."""
     gauge = force_channel.gauge if force_channel.rate_hz else None
     if gauge == SIMULATED and url != SIMULATED:
         raise AddressError(

@@ -213,11 +213,7 @@ def _folder(common: Path) -> Path:
 
 
 def _own_folder(path: Path) -> Path:
-    """Return the folder `path`, created if missing, after checking that only this user can open it.
-
-    Raises:
-        UnsafeFolder: it is not a folder, or others can open it.
-    """
+    """Return the folder `path`, made if missing; raises `UnsafeFolder` if others can open it."""
     with suppress(FileExistsError):
         path.mkdir(mode=0o700)
     if found := _unsafe(path):

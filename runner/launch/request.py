@@ -142,12 +142,7 @@ def requested(options: SessionOptions) -> Request:
 
 
 def _pace(options: SessionOptions, url: str) -> Pace:
-    """Return the requested pace, or the default for the kind of ratings.
-
-    Raises:
-        BadInput: pace, device, its law, rung or damping, people, window and ratings do not go
-            together.
-    """
+    """Return the pace; raises `BadInput` if options do not go together."""
     simulated = url == SIMULATED
     if not simulated and (options.law or options.rung or options.damping is not None):
         raise BadInput(f"--law, --rung and --damping are for --device sim, got {url}")
@@ -165,11 +160,7 @@ def _pace(options: SessionOptions, url: str) -> Pace:
 
 
 def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
-    """Return the kind of the session.
-
-    Raises:
-        BadInput: the study requires a consent and none is given.
-    """
+    """Return the kind of the session; raises `BadInput` if a required consent is not given."""
     if options.rehearsal or url == SIMULATED or options.ratings == "virtual":
         return "rehearsal"
     if options.slides:

@@ -257,11 +257,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
 
 
 def _proved_plan(request: Request, study: Study, slot: int) -> Plan:
-    """Return the plan of a session if code that did not draw it finds that it is the study's.
-
-    Raises:
-        WrongPlan: it is not, so that nothing may be driven by it.
-    """
+    """Return the plan; raises `WrongPlan` if code that did not draw it finds a fault in it."""
     number = request.options.number
     if request.options.slides:
         drawn = slide_plan(study, number)

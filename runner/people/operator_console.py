@@ -248,7 +248,11 @@ class PlainDisplay:
 
     def show(self, frame: Frame) -> None:
         """Print what has changed."""
-        view = _without_stimulus(frame.view) if self.shared else frame.view
+        view = frame.view
+        if self.shared:  # no label or figure of the drive may stand before the participant's eyes
+            numbered = enumerate(view.plan, start=1)
+            plan = tuple(replace(line, label=f"trial {number}") for number, line in numbered)
+            view = replace(view, plan=plan, blind=True)
         if view.kind == "rehearsal" and not any(self._last):
             self.say(DRY_RUN)
         line = f"{view.place}; {view.progress()}; output {view.output()}"
@@ -264,13 +268,6 @@ class PlainDisplay:
             self._helped = frame.help
             for text in line_help(view.unit):
                 self.say(text)
-
-
-def _without_stimulus(view: OperatorView) -> OperatorView:
-    """Return what may stand before the eyes of the participant."""
-    numbered = enumerate(view.plan, start=1)
-    plan = tuple(replace(line, label=f"trial {number}") for number, line in numbered)
-    return replace(view, plan=plan, blind=True)
 
 
 def line_help(unit: PlanUnit = "trial") -> list[str]:
@@ -396,17 +393,14 @@ class OperatorConsole:
             self._keys.feed(characters)
             self._redraw()
         while (wish := self._keys.wish()) is not None:
-            self._grant(wish)
-
-    def _grant(self, wish: str) -> None:
-        if wish == "help":
-            self._help = not self._help
-            self._redraw()
-        elif wish == "unknown key":
-            self.notify("that key does nothing here; ? shows the keys")
-        else:
-            calls, self._calls = self._calls, 0
-            self.notify("you answered the participant's call" if calls else "nobody is calling")
+            if wish == "help":
+                self._help = not self._help
+                self._redraw()
+            elif wish == "unknown key":
+                self.notify("that key does nothing here; ? shows the keys")
+            else:
+                calls, self._calls = self._calls, 0
+                self.notify("you answered the participant's call" if calls else "nobody is calling")
 
     def _redraw(self) -> None:
         # Before the first view there is nothing to show.

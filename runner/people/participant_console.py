@@ -35,11 +35,7 @@ class ParticipantGone(WorkFailed):
 
 
 def require_typist(source: TextIO | None) -> TextIO:
-    """Return `source`, the session's standard input.
-
-    Raises:
-        BadInput: standard input is closed.
-    """
+    """Return the standard input `source`; raises `BadInput` if it is closed."""
     if source is None:
         raise BadInput("standard input must be open, got a closed one; use a terminal or a pipe")
     return source
@@ -66,11 +62,7 @@ class TypedLines:
         threading.Thread(target=self._read, name="typed lines", daemon=True).start()
 
     def take(self) -> str | None:
-        """Return the participant's next line without its line ending, None if there is none yet.
-
-        Raises:
-            ParticipantGone: the input has ended.
-        """
+        """Return the next line, None before it; raises `ParticipantGone` once the input ended."""
         try:
             line = self._lines.get_nowait() if not self._ended else None
         except queue.Empty:

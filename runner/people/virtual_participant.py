@@ -191,9 +191,8 @@ class VirtualParticipant(Participant):
         return None
 
     def _answer(self, question: StudyQuestion) -> Response:
-        for change in QUESTIONS:
-            if question.name == change:
-                return self._change(change)
+        if change := next((each for each in QUESTIONS if each == question.name), None):
+            return self._change(change)
         if question.name == SCORE:
             score, seconds = self._answering.score()
             lowest, highest, _ = question.scale

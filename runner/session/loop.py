@@ -225,8 +225,13 @@ def require_resumable(
     name = session_name(session.participant, session.number)
     rehearsal = session.kind == "rehearsal"
     chain = chain_name(journal, session.participant, session.number, rehearsal=rehearsal)
-    # A new session, too, must follow the study file of the others.
-    _require_accepted_study(journal, session)
+    # A new session, too, must follow the study file of the others, or its latest amendment.
+    accepted = accepted_digests(journal)
+    if accepted and text_digest(session.study_text) != accepted[-1]:
+        raise BadInput(
+            "study.toml has changed since the last session; restore it, its pictures and language "
+            "files, or accept the change with touchbeam amend --reason TEXT"
+        )
     if before is None:
         return
     # Payloads may be missing here, because a withdrawn session is refused below for that reason.
@@ -252,16 +257,6 @@ def _instead(session: Session) -> str:
             f"{session.participant}"
         )
     return "choose another participant or --session"
-
-
-def _require_accepted_study(journal: Journal, session: Session) -> None:
-    """Require the study file of the earlier sessions, or its latest amendment."""
-    accepted = accepted_digests(journal)
-    if accepted and text_digest(session.study_text) != accepted[-1]:
-        raise BadInput(
-            "study.toml has changed since the last session; restore it, its pictures and language "
-            "files, or accept the change with touchbeam amend --reason TEXT"
-        )
 
 
 def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:

@@ -205,8 +205,8 @@ def prepare(context: SessionContext) -> None:
     context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
     # The study was checked at the nominal resonance. Drives are relative to the measured one, so
     # that limits of frequency, slew rate and current are looked at again.
-    for problem in problems_at(study, hz, sliding=context.session.slides):
-        raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problem}")
+    if problems := problems_at(study, hz, sliding=context.session.slides):
+        raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problems[0]}")
     context.resonance_hz = hz
     update_view(context, warning=tare(context))  # nobody touches the beam yet
     context.participant.show(Welcome(consent=context.session.consent))

@@ -39,11 +39,7 @@ Due = tuple[When, int | None, StudyQuestion]
 
 
 def asked(context: SessionContext, screen: Ask) -> tuple[Answer, Response]:
-    """Ask a question; return what the answer means, and the response that gave it.
-
-    Raises:
-        ValueError: the question does not allow the answer.
-    """
+    """Return what the answer means, and the response; raises `ValueError` if it is not allowed."""
     # Only what is shown is turned, so that answers keep their names and the data stay the same.
     turned = context.session.answer_order == "reversed" and screen.question.values
     shown = replace(screen, question=screen.question.reversed()) if turned else screen

@@ -106,11 +106,7 @@ class WindowParticipant:
         self._due = [(chosen_s, chosen), (max(chosen_s, earliest_s), (Key(name="enter"),))]
 
     def poll(self) -> Response | None:
-        """Return the answer to the last screen, or None.
-
-        Raises:
-            WindowGone: the window was closed, has ended, or has been silent for too long.
-        """
+        """Return the answer, if any; raises `WindowGone` if it is closed, gone or silent."""
         messages = self.peer.received()
         for message in messages:
             self._take(message)
@@ -201,11 +197,7 @@ class WindowProcess:
         threading.Thread(target=self._read, name="window", daemon=True).start()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Write `message` to the process.
-
-        Raises:
-            WindowGone: the process has ended.
-        """
+        """Write `message` to the process; raises `WindowGone` if it has ended."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(line_of(message))
@@ -215,12 +207,7 @@ class WindowProcess:
             raise self._gone() from None
 
     def received(self) -> list[Mapping[str, Any]]:
-        """Return the messages since the last call.
-
-        Raises:
-            WindowGone: the process has ended and all its messages have been returned, or it sent
-                something else than messages.
-        """
+        """Return the messages since the last call; raises `WindowGone` once none will come."""
         messages: list[Mapping[str, Any]] = []
         while not self._messages.empty():
             message = self._messages.get()
@@ -299,7 +286,10 @@ def participant_window(
         WorkFailed: the display, the screen or a font is missing, or the window does not open.
     """
     # Before anything is started, because the message then names the remedy.
-    _require_display()
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise WorkFailed(
+            "the participant's window needs a display (DISPLAY is not set); use --ratings console"
+        )
     # A file and no pipe, because nobody reads it meanwhile and a full pipe would stop the window.
     with tempfile.TemporaryFile() as complaints:
         peer = _started(command, complaints)
@@ -339,13 +329,6 @@ def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
     return WindowProcess(process, complaints)
-
-
-def _require_display() -> None:
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        raise WorkFailed(
-            "the participant's window needs a display (DISPLAY is not set); use --ratings console"
-        )
 
 
 def _await_opening(peer: WindowProcess, until_s: float) -> None:

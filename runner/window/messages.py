@@ -51,11 +51,7 @@ def line_of(message: Mapping[str, Any]) -> str:
 
 
 def message_of(line: str) -> dict[str, Any]:
-    """Return the message in `line`.
-
-    Raises:
-        ValueError: `line` is not a JSON object.
-    """
+    """Return the message in `line`; raises `ValueError` if it is not a JSON object."""
     try:
         return dict(json.loads(line))
     except (TypeError, ValueError):
@@ -88,11 +84,7 @@ def show_message(number: int, screen: Screen) -> dict[str, Any]:
 
 
 def screen_of(message: Mapping[str, Any]) -> Screen:
-    """Return the screen in a `show` message.
-
-    Raises:
-        ValueError: the kind of screen is unknown.
-    """
+    """Return the screen in a `show` message; raises `ValueError` if there is no such kind."""
     values = {key: value for key, value in message.items() if key not in {"show", "screen"}}
     if message["screen"] not in _SCREENS:
         raise ValueError(f"a screen must be one of {', '.join(_SCREENS)}, got {message['screen']}")

@@ -147,12 +147,9 @@ def fit_problems(study: Study) -> Iterator[Problem]:
 
 
 def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
-    """Check that every text of a session fits its place.
-
-    Raises:
-        BadInput: a text or the consent reference does not fit its place.
-    """
-    for text, hint in misfits(foreseen(study, consent), wording):
+    """Raise `BadInput` if a text of the session or its consent reference does not fit its place."""
+    if misfit := next(misfits(foreseen(study, consent), wording), None):
+        text, hint = misfit
         raise BadInput(
             f"a text must fit its place on the participant's screen, got {text!r}; {hint}"
         )
@@ -188,11 +185,7 @@ def study_window(
     consent: str | None,
     say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
-    """Return the context of the window, to be entered before the device is driven.
-
-    Raises:
-        BadInput: a text does not fit its place.
-    """
+    """Return the window, to be entered before any drive; raises `BadInput` if a text misfits."""
     # The consent's reference is known only now, so that it could not be checked with the study.
     require_fit(study, settings.wording, consent)
     screens, readable_s = foreseen(study, consent), study.timing.readable_s

@@ -151,7 +151,15 @@ def scale(
         Outline(points=((x, _LINE_Y - 10), (x, _LINE_Y + 10)), edge=INK, width=3)
         for x in (score_x(place, question) for place in marked(question, bands))
     ]
-    numbers = [_number(place, question) for place in labelled(question, bands)]
+    width = _room(question) - 2
+    numbers = [
+        Text(
+            text=_shown(place),
+            box=Box(x=score_x(place, question), y=_LINE_Y - 34, width=width, height=34),
+            size=LABEL_SIZE,
+        )
+        for place in labelled(question, bands)
+    ]
     names = [_name(label, question, wording) for label in question.labels]
     brackets = [element for band in bands for element in _band(band, question, wording)]
     return (line, *ticks, *numbers, *names, *brackets, *mark)
@@ -234,12 +242,6 @@ def look(
 def _shown(place: float) -> str:
     # Steps of 0.1 add up to 0.30000000000000004, which nobody should read.
     return f"{place:.10g}"
-
-
-def _number(place: float, question: StudyQuestion) -> Text:
-    x, width = score_x(place, question), _room(question) - 2
-    box = Box(x=x, y=_LINE_Y - 34, width=width, height=34)
-    return Text(text=_shown(place), box=box, size=LABEL_SIZE)
 
 
 def _name(label: Label, question: StudyQuestion, wording: Wording) -> Text:
@@ -374,19 +376,17 @@ def _entry(screen: Ask, typed: str) -> Page:
     shown = f"{typed}_{unit}"
     while text_width(shown, _ENTRY_SIZE) > room and len(shown) > 1:
         shown = shown[1:]  # the end, which is typed now, stays in view
-    keys = [element for key in _keys(screen) for element in _key(key)]
+    names = {SPACE: "", BACKSPACE: "←"}
+    keys: list[Element] = []
+    for key in _keys(screen):
+        keys.append(Outline(points=key.box.corners, fill=WHITE, edge=FAINT, width=1))
+        if text := names.get(key.name, key.name):
+            keys.append(Text(text=text, box=key.box, size=_KEY_SIZE))
     return (
         Outline(points=_ENTRY.corners, fill=WHITE, edge=INK),
         Text(text=shown, box=_ENTRY, size=_ENTRY_SIZE),
         *keys,
     )
-
-
-def _key(key: Target) -> Page:
-    names = {SPACE: "", BACKSPACE: "←"}
-    text = names.get(key.name, key.name)
-    frame = Outline(points=key.box.corners, fill=WHITE, edge=FAINT, width=1)
-    return (frame, Text(text=text, box=key.box, size=_KEY_SIZE)) if text else (frame,)
 
 
 def _keys(screen: Ask) -> Iterator[Target]:
@@ -455,7 +455,9 @@ def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
         case "choice":
             return Choice(chosen=target)
         case "several":
-            return Choice(chosen=_turned(question, now.chosen, target))
+            marked = set(now.chosen.split(BETWEEN)) if now.chosen else set()
+            turned = (value for value in question.values if value in marked ^ {target})
+            return Choice(chosen=BETWEEN.join(turned) or None)
     if target == BACKSPACE:
         return _typed(question, now.typed[:-1])
     return _longer(question, now, " " if target == SPACE else target)
@@ -515,12 +517,6 @@ def _label_by_key(question: StudyQuestion, chosen: str | None, name: str) -> str
     at = None if chosen is None else values.index(chosen)
     moved = _stepped(at, step, len(values) - 1)
     return None if moved is None else values[moved]
-
-
-def _turned(question: StudyQuestion, chosen: str | None, label: str) -> str | None:
-    """Return the chosen labels with one more or less, in the order of the question."""
-    now = set(chosen.split(BETWEEN)) if chosen else set()
-    return BETWEEN.join(value for value in question.values if value in now ^ {label}) or None
 
 
 def _place_by_key(question: StudyQuestion, now: Choice, name: str, start: float) -> Choice:

@@ -233,11 +233,7 @@ ReasonOption = Annotated[
 
 
 def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
-    """Open the journal of the study in `folder`.
-
-    Raises:
-        BadInput: nothing has been recorded yet.
-    """
+    """Open the journal of the study; raises `BadInput` if nothing has been recorded yet."""
     from runner.journal.opening import open_journal, read_journal
 
     path = folder.existing_journal()

@@ -22,7 +22,6 @@ from touchbeam.cli.results import warn_of_broken
 from touchbeam.study import made_report
 
 if TYPE_CHECKING:
-    from analysis.export.dataset import Dataset
     from runner.study.folder import StudyFolder
 
 app = typer.Typer()
@@ -134,7 +133,9 @@ def export(
     files = {name: text.encode() for name, text in texts.items()} | RECORDINGS[as_format](data)
     if as_format == "rocrate":
         files |= _report_in_crate(source, files, broken, rehearsals=rehearsals)
-        files |= _crate_metadata(data, files)
+        from analysis.export.rocrate import METADATA, crate_metadata
+
+        files[METADATA] = crate_metadata(data, files, datetime.now(UTC).date()).encode()
     write_new_folder(files, folder)
     say(f"Written: {folder}, {data.summary()}")
 
@@ -168,12 +169,6 @@ def _report_in_crate(
     return {
         f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()
     }
-
-
-def _crate_metadata(data: "Dataset", files: Mapping[str, bytes]) -> dict[str, bytes]:
-    from analysis.export.rocrate import METADATA, crate_metadata
-
-    return {METADATA: crate_metadata(data, files, datetime.now(UTC).date()).encode()}
 
 
 def _require_known(participant: str | None, sessions: Sequence[str]) -> None:

@@ -36,11 +36,6 @@ class Notice:
 
     text: str
 
-    @property
-    def is_last(self) -> bool:
-        """Whether nothing follows."""
-        return self.text in LAST_NOTICES
-
 
 @dataclass(frozen=True, kw_only=True)
 class Welcome:
@@ -138,6 +133,11 @@ def ask_score(rating: Rating) -> Ask:
 
 
 Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask
+
+
+def is_last(screen: Screen) -> bool:
+    """Return whether no screen follows."""
+    return isinstance(screen, Notice) and screen.text in LAST_NOTICES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,7 +352,7 @@ class Device(Protocol):
 class Participant(Protocol):
     """The person who touches the beam and answers, or a simulation. No method blocks.
 
-    A participant that inherits from this does nothing where it defines nothing.
+    Who inherits from this needs neither `saved` nor `felt`.
     """
 
     def show(self, screen: Screen) -> None:
@@ -363,9 +363,11 @@ class Participant(Protocol):
 
     def saved(self) -> None:
         """Tell the participant that the journal has the answer to the current screen."""
+        return
 
-    def felt(self, finger: OwnFinger) -> None:
+    def felt(self, finger: OwnFinger) -> None:  # noqa: ARG002 - some draw nothing
         """Show the participant their own finger during a touch."""
+        return
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen, None before it is given."""

@@ -23,9 +23,9 @@ from protocol.journal.state import NotAllowed, folded, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of
-from runner.journal.registrations import in_force
 from runner.journal.session_log import SessionLog, close_interrupted
 from runner.journal.store import Journal
+from runner.journal.verification import in_force
 
 
 def accepted_digests(journal: Journal) -> list[str]:

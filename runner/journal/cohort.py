@@ -52,7 +52,22 @@ def planned_trials(journal: Journal, chain: str) -> list[PlannedTrial]:
 
 def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSummary]:
     """Return a summary of each session, in the order in which they were opened."""
-    return [_summary(name, state) for name, state in sessions.items()]
+    summaries = []
+    for name, state in sessions.items():
+        named, opened = parsed_name(name), state.opened
+        summaries.append(
+            SessionSummary(
+                participant=named.participant,
+                session=named.number,
+                kind=named.kind or ("unknown" if opened is None else opened.kind),
+                state=state.shown_name,
+                slot=None if opened is None else opened.slot,
+                answered=len(state.answered),
+                planned=len(state.planned),
+                excluded_trials=len(state.excluded),
+            )
+        )
+    return summaries
 
 
 def slot_for(
@@ -88,17 +103,3 @@ def _slot_state(state: SessionState, before: SlotState) -> SlotState:
     if before == "done" or state.name == "completed" or used:
         return "done"
     return "dropped" if gone else "running"
-
-
-def _summary(name: str, state: SessionState) -> SessionSummary:
-    named, opened = parsed_name(name), state.opened
-    return SessionSummary(
-        participant=named.participant,
-        session=named.number,
-        kind=named.kind or ("unknown" if opened is None else opened.kind),
-        state=state.shown_name,
-        slot=None if opened is None else opened.slot,
-        answered=len(state.answered),
-        planned=len(state.planned),
-        excluded_trials=len(state.excluded),
-    )

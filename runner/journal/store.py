@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from json.encoder import encode_basestring_ascii as _quoted
 from math import isfinite
 from pathlib import Path
-from types import NoneType, TracebackType
+from types import NoneType
 from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 from protocol.errors import WorkFailed
@@ -224,12 +224,7 @@ class Journal:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         # An error of the body takes precedence; the log keeps every event.
         if self._is_copy:
             self._connection.close()

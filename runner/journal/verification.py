@@ -3,20 +3,23 @@
 from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from itertools import groupby
 from typing import Any
 
+from protocol.errors import BadInput
 from protocol.journal.events import (
     SLIDE,
     ScoresImported,
     SessionOpened,
     StoredEvent,
+    StudyRegistered,
     Withdrawn,
     terms_in,
 )
 from protocol.journal.state import NotAllowed, SessionState, folded, in_words
-from runner.journal.names import REHEARSAL, STUDY_CHAIN, parsed_name, session_name
-from runner.journal.registrations import Registrations, registrations, session_problem
+from protocol.registration.registration import order_problem, registration_in
+from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
 from runner.journal.store import (
     FIRST_HASH,
     ChainLink,
@@ -91,7 +94,7 @@ def verdicts(journal: Journal) -> list[SessionVerdict]:
     return [_verdict(journal, name, known) for name in journal.sessions()]
 
 
-def _verdict(journal: Journal, name: str, known: Registrations) -> SessionVerdict:
+def _verdict(journal: Journal, name: str, known: "Registrations") -> SessionVerdict:
     try:
         verdict = session_verdict(name, list(journal.chain(name)))
     except JournalError as error:
@@ -236,3 +239,56 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:
     if state.name == "withdrawn" and not all(link.event.erased and not link.salt for link in chain):
         return state, planned, "withdrawn but not erased; run touchbeam withdraw again"
     return state, planned, ""
+
+
+# The registrations in a journal, and the check that its sessions follow from them.
+
+Registrations = list[tuple[datetime, StudyRegistered]]
+
+
+def registrations(journal: Journal) -> Registrations:
+    """Return the registrations of the study, each with its UTC, the one in force last."""
+    return journal.records_of(StudyRegistered)
+
+
+def in_force(journal: Journal) -> StudyRegistered | None:
+    """Return the registration that sessions follow now, None if the study is not registered."""
+    # The latest one replaces those before it, which the journal keeps.
+    return next((record for _, record in reversed(registrations(journal))), None)
+
+
+def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
+    """Return why the session of `chain` does not follow from its registration; '' if it does.
+
+    Its events can be read; `known` are the `registrations` of the journal.
+    """
+    events = journal.events(chain)
+    if chain == STUDY_CHAIN:
+        return _registered_problem(known)
+    opened = events[0].record if events and not events[0].erased else None
+    # Imported scores have no plan, and a withdrawn session tells none.
+    if not isinstance(opened, SessionOpened):
+        return ""
+    before = any(utc <= events[0].utc for utc, _ in known)
+    # A session that was opened before the registration cannot follow from it.
+    if before and opened.registration is None and not is_rehearsal(journal, chain):
+        return "it is not registered, although the study was registered before it"
+    held = {None, *(record.registration for _, record in known)}
+    for under in terms_in(events):
+        # A journal made from exported data has sessions alone.
+        if known and under.registration not in held:
+            return "its registration is none that the journal holds"
+        if problem := order_problem(opened, under):
+            return problem
+    return ""
+
+
+def _registered_problem(known: Registrations) -> str:
+    for _, record in known:
+        try:
+            made = registration_in(record.text, "a registration in the journal")
+        except BadInput as error:
+            return str(error)
+        if (made.digest, made.study_sha256) != (record.registration, record.study_sha256):
+            return "a registration in the journal does not have its digest"
+    return ""

@@ -141,10 +141,7 @@ def _virtual_participant(
 
 
 def _operator_by_lines(
-    lines: TypedLines,
-    display: PlainDisplay,
-    swap: Callable[[str], None],
-    unit: PlanUnit = "trial",
+    lines: TypedLines, display: PlainDisplay, swap: Callable[[str], None], unit: PlanUnit = "trial"
 ) -> OperatorConsole:
     """Return an operator who types lines, or whose lines come from a file or a program."""
     for line in line_help(unit):

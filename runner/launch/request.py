@@ -24,13 +24,7 @@ from protocol.study_file.loading import StudyError, located
 from runner.clock import Pace
 from runner.journal.cohort import states
 from runner.journal.location import checked_place, mounts_of_this_machine
-from runner.journal.names import (
-    chain_name,
-    chains_of,
-    is_rehearsal,
-    parsed_name,
-    session_name,
-)
+from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
 from runner.people.participant_console import require_typist

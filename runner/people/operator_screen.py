@@ -45,10 +45,8 @@ _MEASURE = Console(file=io.StringIO())
 class LiveDisplay:
     """The terminal's whole screen.
 
-    Args:
-        reading: returns what the device said last, without asking it.
-        forces: likewise the newest forces, None while nothing is recorded.
-        picture: draws what stands in the place of bars, plan and log, None where they do.
+    `reading` and `forces` return what the device said last, without asking it. A `picture` stands
+    in the place of bars, plan and log.
     """
 
     def __init__(

@@ -53,6 +53,7 @@ from runner.screens import (
     Response,
     Screen,
     Welcome,
+    is_last,
 )
 
 _SKIPPED, _CHOSEN = 0.1, 0.4
@@ -279,17 +280,12 @@ _FREQUENCY_DIGITS = 4
 class UntouchedBeam:
     """The finger of a virtual participant on a beam that is driven, and that nobody touches.
 
-    Args:
-        study: gives the beams, and how the finger touches.
-        reading: returns what the device has said last.
-        resonance_hz: returns the resonance of the mounted beam, 0 before it is known.
+    `reading` returns what the device has said last, and `resonance_hz` the resonance of the mounted
+    beam, 0 before it is known.
     """
 
     def __init__(
-        self,
-        study: Study,
-        reading: Callable[[], Reading | None],
-        resonance_hz: Callable[[], float],
+        self, study: Study, reading: Callable[[], Reading | None], resonance_hz: Callable[[], float]
     ) -> None:
         self._study = study
         self._reading = reading
@@ -368,7 +364,7 @@ class VirtualAtWindow(Participant):
         self._screen, self._meant = screen, None
         self.window.show(screen)
         self.person.show(screen)
-        if isinstance(screen, Notice) and screen.is_last:
+        if is_last(screen):
             # Nobody is there to close the last page.
             self.window.press("ready", CLOSES_AFTER_S)
 

@@ -134,11 +134,7 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
 
 
 def _turn_off(
-    context: SessionContext,
-    why: str,
-    doubt: OutputUnknown | None = None,
-    *,
-    stopped: bool = False,
+    context: SessionContext, why: str, doubt: OutputUnknown | None = None, *, stopped: bool = False
 ) -> None:
     """Turn the output off and record it; an unknown output is always reported first.
 

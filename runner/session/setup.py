@@ -92,13 +92,7 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
     told = {name: value for name, value in vars(samples).items() if name != "counts"}
     context.log.append(
-        TouchRecorded.packed(
-            samples.counts,
-            touch=touch,
-            moved_s=moved_s,
-            tare_n=tare_n,
-            **told,
-        )
+        TouchRecorded.packed(samples.counts, touch=touch, moved_s=moved_s, tare_n=tare_n, **told)
     )
     felt = means(samples, moved_s)
     warnings = []

@@ -105,10 +105,7 @@ def _asked(context: SessionContext, question: StudyQuestion) -> QuestionAnswer:
     letters = language(context.session.study, context.session.language).letters
     answer, given = asked(context, Ask(question=question, letters=letters))
     return QuestionAnswer(
-        name=question.name,
-        answer=answer,
-        reaction_time_s=given.reaction_time_s,
-        trace=given.trace,
+        name=question.name, answer=answer, reaction_time_s=given.reaction_time_s, trace=given.trace
     )
 
 

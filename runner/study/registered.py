@@ -28,11 +28,11 @@ from protocol.study_file.loading import parsed_study, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 from runner.clock import Clock
 from runner.journal.amendments import accepted_digests
-from runner.journal.names import STUDY_CHAIN
+from runner.journal.names import STUDY_CHAIN, real_sessions
 from runner.journal.opening import journal_if_used, read_journal
-from runner.journal.registrations import in_force, real_sessions
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
+from runner.journal.verification import in_force
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration
 from runner.study.files import bytes_of, own_file, require_no_link, text_of, write_whole

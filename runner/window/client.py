@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
-from runner.screens import Ask, Notice, OwnFinger, Response, Screen
+from runner.screens import Ask, OwnFinger, Response, Screen, is_last
 from runner.signals import Stopped, is_stopping
 from runner.window.elements import Input, Key
 from runner.window.messages import (
@@ -77,7 +77,7 @@ class WindowParticipant:
         self._number += 1
         self._answer = self._shown_s = None
         self._screen, self._due = screen, []
-        self.is_at_end = isinstance(screen, Notice) and screen.is_last
+        self.is_at_end = is_last(screen)
         self.peer.send(show_message(self._number, screen))
 
     def progress(self, number: int, total: int) -> None:

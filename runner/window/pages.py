@@ -15,11 +15,11 @@ from runner.screens import (
     FingerPath,
     Instruction,
     LeadIn,
-    Notice,
     OwnFinger,
     Pacing,
     Screen,
     Welcome,
+    is_last,
 )
 from runner.window.elements import (
     ACCENT,
@@ -183,7 +183,7 @@ _BANNER = Box(x=0, y=-273, width=780, height=50)
 def page(screen: Screen, view: PageState, wording: Wording) -> Page:
     """Return the page of `screen` in the state `view`."""
     texts = wording.texts
-    around = () if _is_last(screen) else _around(screen, view, texts)
+    around = () if is_last(screen) else _around(screen, view, texts)
     return (*_page(screen, view, wording, texts), *around)
 
 
@@ -209,11 +209,7 @@ def targets(screen: Screen) -> tuple[Target, ...]:
             return (ready, call)
         case Ask():
             return (*question_targets(screen), call)
-    return (ready,) if _is_last(screen) else (call,)
-
-
-def _is_last(screen: Screen) -> bool:
-    return isinstance(screen, Notice) and screen.is_last
+    return (ready,) if is_last(screen) else (call,)
 
 
 def target_at(screen: Screen, x: float, y: float) -> Target | None:
@@ -231,7 +227,7 @@ def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str,
             return _touch(screen, view, texts)
         case Ask():
             return question_page(screen, view, wording)
-    closing = button("button.close", view, texts) if _is_last(screen) else ()
+    closing = button("button.close", view, texts) if is_last(screen) else ()
     return (Text(text=texts[screen.text], box=MIDDLE, size=TITLE_SIZE), *closing)
 
 

@@ -21,7 +21,7 @@ from typing import Any, Protocol, TextIO
 from protocol.errors import WorkFailed
 from protocol.study.participant_texts import Wording
 from protocol.study.study_question import SCORE
-from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen
+from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen, is_last
 from runner.window.elements import Input, Key, Page, Pressed
 from runner.window.messages import Settings, inputs_of, line_of, message_of, screen_of, settings_of
 from runner.window.pages import page, states, target_at, targets
@@ -305,7 +305,7 @@ class WindowServer:
     def _end(self, *, lost: bool) -> None:
         """End; if the session is lost, let the last page stand for a while, unless it stood."""
         screen, self._ends_s = self._standing.screen, self.now_s()
-        if lost and not (isinstance(screen, Notice) and screen.is_last):
+        if lost and not is_last(screen):
             self._show(self._standing.number + 1, Notice(text="stopped"))
             self._ends_s += ORPHANED_S
 

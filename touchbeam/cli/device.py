@@ -68,8 +68,7 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
 def device_sweep(
     url: UrlArgument,
     near: Annotated[
-        float,
-        typer.Option(min=100, max=95_000, metavar="HZ", help="Expected resonance."),
+        float, typer.Option(min=100, max=95_000, metavar="HZ", help="Expected resonance.")
     ] = 24_221.0,
     dialect: DialectOption = "board",
     keep: Annotated[

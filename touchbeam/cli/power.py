@@ -127,10 +127,7 @@ def power(
     )
     kind: Kind = "tested" if tests_only else "fitted"
     to_do = {
-        design: (
-            tasks(design, kind, studies),
-            tasks(design, "null", null_studies or 2 * studies),
-        )
+        design: (tasks(design, kind, studies), tasks(design, "null", null_studies or 2 * studies))
         for design in wanted
     }
     place = PowerFolder(study=folder.path, digest=job.digest, key=own_key())

@@ -36,12 +36,10 @@ def slide(
         bool, typer.Option("--analyse", help="Draw nothing; analyse what has been drawn.")
     ] = False,
     calibrate: Annotated[
-        bool,
-        typer.Option("--calibrate", help="Keep the fitted values as the rig's calibration."),
+        bool, typer.Option("--calibrate", help="Keep the fitted values as the rig's calibration.")
     ] = False,
     pace: Annotated[
-        Pace | None,
-        typer.Option(help="[default: stepped if the device is simulated, else wall]"),
+        Pace | None, typer.Option(help="[default: stepped if the device is simulated, else wall]")
     ] = None,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Keep the session apart, as a rehearsal.")

@@ -93,3 +93,8 @@ class Record(BaseModel):
 
     # An unknown key is refused, because a misspelt limit would otherwise be no limit.
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+def setting(default: Any, meaning: str, **limits: Any) -> Any:
+    """Return a key of a record that may be left out: its value then, its meaning, its limits."""
+    return Field(default, description=meaning, **limits)

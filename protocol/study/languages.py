@@ -12,7 +12,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from protocol.study.fields import Line, Name, Record, known_as, require_printable
+from protocol.study.fields import Line, Name, Record, known_as, require_printable, setting
 
 REFERENCE = "en"
 """The language whose texts say which keys there are, and with which fields in braces."""
@@ -53,9 +53,7 @@ class Language(Record):
         tuple[_Shown, ...],
         Field(min_length=1, description="families that show it; the first one there is taken"),
     ]
-    font_package: Annotated[
-        _Shown | None, Field(description="what brings the first font on Debian and Ubuntu")
-    ] = None
+    font_package: _Shown | None = setting(None, "what brings the first font on Debian and Ubuntu")
     letters: Annotated[
         str,
         Field(max_length=36, pattern=r"^\w*$"),

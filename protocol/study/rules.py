@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole
+from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole, setting
 from protocol.study.languages import KnownCode
 
 Hand = Literal["left", "right"]
@@ -15,51 +15,38 @@ OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleani
 class SessionRules(Record):
     """What a session is read in, what it asks of the operator, and when it may be resumed."""
 
-    languages: Annotated[
-        tuple[KnownCode, ...],
-        Field(
-            min_length=1, description="languages in which every text for participants must be given"
-        ),
-    ] = ("en", "zh")
-    hand: Annotated[Hand, Field(description="the hand that touches; the texts name it")] = "left"
-    finger: Annotated[
-        Finger,
-        Field(description="the finger of that hand, if one finger touches; the texts name it"),
-    ] = "index"
-    language: Annotated[
-        KnownCode, Field(description="language of the texts unless `--language` names another")
-    ] = "en"
-    answer_order: Annotated[
-        Literal["fixed", "counterbalanced"],
-        Field(
-            description="`counterbalanced`: every other participant sees the answers of choices "
-            "from last to first"
-        ),
-    ] = "fixed"
-    operator_asks: Annotated[
-        tuple[OperatorQuestion, ...],
-        Field(
-            description="what the operator notes before the first trial: the skin is dry, normal "
-            "or moist, the temperature 0 to 50 °C, the humidity 0 to 100%; Enter skips a question"
-        ),
-    ] = ()
-    blind_operator: Annotated[
-        bool,
-        Field(
-            strict=True,
-            description="hide conditions, levels, drives and answers from the operator until the "
-            "session ends; whether the output is on, alarms and limits stay",
-        ),
-    ] = False
-    consent_required: Annotated[
-        bool, Field(strict=True, description="refuse a session without a reference to the consent")
-    ] = False
-    resume_within_h: Annotated[
-        Positive, Field(le=720, description="an interrupted session older than this is not resumed")
-    ] = 24.0
-    practise_again: Annotated[
-        Literal["never", "on resume"], Field(description="whether a resumed session practises")
-    ] = "never"
+    languages: tuple[KnownCode, ...] = setting(
+        ("en", "zh"), "languages in which every text for participants must be given", min_length=1
+    )
+    hand: Hand = setting("left", "the hand that touches; the texts name it")
+    finger: Finger = setting(
+        "index", "the finger of that hand, if one finger touches; the texts name it"
+    )
+    language: KnownCode = setting("en", "language of the texts unless `--language` names another")
+    answer_order: Literal["fixed", "counterbalanced"] = setting(
+        "fixed",
+        "`counterbalanced`: every other participant sees the answers of choices from last to first",
+    )
+    operator_asks: tuple[OperatorQuestion, ...] = setting(
+        (),
+        "what the operator notes before the first trial: the skin is dry, normal "
+        "or moist, the temperature 0 to 50 °C, the humidity 0 to 100%; Enter skips a question",
+    )
+    blind_operator: bool = setting(
+        False,
+        "hide conditions, levels, drives and answers from the operator until the "
+        "session ends; whether the output is on, alarms and limits stay",
+        strict=True,
+    )
+    consent_required: bool = setting(
+        False, "refuse a session without a reference to the consent", strict=True
+    )
+    resume_within_h: Positive = setting(
+        24.0, "an interrupted session older than this is not resumed", le=720
+    )
+    practise_again: Literal["never", "on resume"] = setting(
+        "never", "whether a resumed session practises"
+    )
 
 
 class TouchRules(Record):
@@ -68,57 +55,42 @@ class TouchRules(Record):
     Force and position must be measured: on a rig without sensors no touch is judged.
     """
 
-    force_within: Annotated[
-        Positive,
-        Field(
-            le=10,
-            description="largest deviation of the median force, relative to the instructed one",
-        ),
-    ] = 0.5  # people do not press evenly
-    place_within_m: Annotated[
-        Positive,
-        Field(le=0.1, description="largest distance of the finger from the place to touch"),
-    ] = 0.005  # half the length of a finger's contact
-    path_within: Annotated[
-        Positive,
-        Field(le=10, description="largest deviation of the distance slid, relative to the path"),
-    ] = 0.5
-    speed_within: Annotated[
-        Positive | None,
-        Field(
-            le=10,
-            description="largest deviation of the median speed of a slide, relative to the "
-            "mark's; not judged without this",
-        ),
-    ] = None
-    retries: Annotated[
-        Whole,
-        Field(
-            le=20,
-            description="how often a trial comes again, later in its block, if one of its touches "
-            "was not as instructed; the last attempt counts in any case",
-        ),
-    ] = 0
-    feedback: Annotated[
-        Literal["never", "practice", "always"],
-        Field(description="in which trials participants see their own force and movement"),
-    ] = "never"
-    practise_until: Annotated[
-        Whole,
-        Field(
-            le=100,
-            description="practice is repeated until this many of the last `practise_of` touches "
-            "were as instructed; 0: practice comes once",
-        ),
-    ] = 0
-    practise_of: Annotated[Count, Field(le=100, description="see `practise_until`")] = 1
-    practice_rounds: Annotated[
-        Count,
-        Field(
-            le=20,
-            description="largest number of times that practice comes, the first time included",
-        ),
-    ] = 3
+    # people do not press evenly
+    force_within: Positive = setting(
+        0.5, "largest deviation of the median force, relative to the instructed one", le=10
+    )
+    # half the length of a finger's contact
+    place_within_m: Positive = setting(
+        0.005, "largest distance of the finger from the place to touch", le=0.1
+    )
+    path_within: Positive = setting(
+        0.5, "largest deviation of the distance slid, relative to the path", le=10
+    )
+    speed_within: Positive | None = setting(
+        None,
+        "largest deviation of the median speed of a slide, relative to the "
+        "mark's; not judged without this",
+        le=10,
+    )
+    retries: Whole = setting(
+        0,
+        "how often a trial comes again, later in its block, if one of its touches "
+        "was not as instructed; the last attempt counts in any case",
+        le=20,
+    )
+    feedback: Literal["never", "practice", "always"] = setting(
+        "never", "in which trials participants see their own force and movement"
+    )
+    practise_until: Whole = setting(
+        0,
+        "practice is repeated until this many of the last `practise_of` touches "
+        "were as instructed; 0: practice comes once",
+        le=100,
+    )
+    practise_of: Count = setting(1, "see `practise_until`", le=100)
+    practice_rounds: Count = setting(
+        3, "largest number of times that practice comes, the first time included", le=20
+    )
 
     @model_validator(mode="after")
     def _enough_touches_are_looked_at(self) -> Self:
@@ -133,28 +105,19 @@ class TouchRules(Record):
 class Exclusions(Record):
     """Rules that were settled beforehand; the report applies them and says whom they met."""
 
-    max_false_alarms: Annotated[
-        Share | None,
-        Field(
-            description="a participant who reports a change on a larger share of catch trials "
-            "is left out"
-        ),
-    ] = None
-    max_missing_scores: Annotated[
-        Share | None,
-        Field(description="a participant with a larger share of missing scores is left out"),
-    ] = None
+    max_false_alarms: Share | None = setting(
+        None, "a participant who reports a change on a larger share of catch trials is left out"
+    )
+    max_missing_scores: Share | None = setting(
+        None, "a participant with a larger share of missing scores is left out"
+    )
     # A limit of more than half a minute would leave out everybody: it is in ms.
-    min_reaction_s: Annotated[
-        Positive | None, Field(le=30, description="a trial answered sooner is left out")
-    ] = None
+    min_reaction_s: Positive | None = setting(None, "a trial answered sooner is left out", le=30)
     # Nobody answers within 0.1 s, and 600 s leave out nobody.
-    max_reaction_s: Annotated[
-        Positive | None, Field(ge=0.1, le=600, description="a trial answered later is left out")
-    ] = None
-    min_trials: Annotated[
-        Count | None, Field(description="a participant with fewer valid trials is left out")
-    ] = None
+    max_reaction_s: Positive | None = setting(
+        None, "a trial answered later is left out", ge=0.1, le=600
+    )
+    min_trials: Count | None = setting(None, "a participant with fewer valid trials is left out")
 
     @model_validator(mode="after")
     def _some_time_is_left(self) -> Self:
@@ -183,74 +146,48 @@ LongPause = Annotated[NotNegative, Field(le=3_600)]
 class Design(Record):
     """Which trials there are and how they are ordered over the cohort."""
 
-    order: Annotated[
-        Order,
-        Field(
-            description="`williams`: balanced over the cohort; `blocks`: every block a random "
-            "order of all conditions; `random`: all trials shuffled, as many to a block as there "
-            "are conditions; `fixed`: as in the file"
-        ),
-    ] = "williams"
-    repeats: Annotated[
-        Count,
-        Field(
-            le=MOST_REPEATS, description="how often a participant gets each condition, per session"
-        ),
-    ] = 1
-    max_alike_in_row: Annotated[
-        Count,
-        Field(description="largest number of scored trials of one condition in a row"),
-    ] = 2
-    practice_trials: Annotated[
-        Whole,
-        Field(
-            le=20,
-            description="number of trials before the first block, of conditions on the study's own "
-            "beam, at the last of their levels; never analysed",
-        ),
-    ] = 0
-    catch_trials: Annotated[
-        Whole,
-        Field(
-            le=50,
-            description="number of trials at 0 V among the others, in which nothing changes; of "
-            "any condition on the mounted beam, also the one that was just felt",
-        ),
-    ] = 0
-    catch_apart: Annotated[
-        Count, Field(description="smallest number of other trials between two catch trials")
-    ] = 1
-    opposite_repeats: Annotated[
-        Whole,
-        Field(
-            description="number of repeats of a condition in which the touches come in the "
-            "opposite order, so that the opposite answer is expected"
-        ),
-    ] = 0
-    group_by_beam: Annotated[
-        Grouping,
-        Field(
-            description="whether trials with the same beam come together, within each block or "
-            "over the session; carry-over is then not balanced"
-        ),
-    ] = "no"
-    max_beam_swaps: Annotated[
-        Whole | None,
-        Field(
-            description="largest number per session; trials are grouped further if this is "
-            "necessary"
-        ),
-    ] = None
-    break_every_blocks: Annotated[
-        Whole, Field(description="number of blocks between two breaks; 0: no break")
-    ] = 0
-    break_s: Annotated[LongPause, Field(description="shortest duration of a break")] = 60.0
-    sessions: Annotated[
-        Count, Field(le=50, description="number of sessions of each participant")
-    ] = 1
-    participants: Annotated[
-        Count | None, Field(le=10_000, description="planned size of the cohort")
-    ] = None
+    order: Order = setting(
+        "williams",
+        "`williams`: balanced over the cohort; `blocks`: every block a random "
+        "order of all conditions; `random`: all trials shuffled, as many to a block as there "
+        "are conditions; `fixed`: as in the file",
+    )
+    repeats: Count = setting(
+        1, "how often a participant gets each condition, per session", le=MOST_REPEATS
+    )
+    max_alike_in_row: Count = setting(
+        2, "largest number of scored trials of one condition in a row"
+    )
+    practice_trials: Whole = setting(
+        0,
+        "number of trials before the first block, of conditions on the study's own "
+        "beam, at the last of their levels; never analysed",
+        le=20,
+    )
+    catch_trials: Whole = setting(
+        0,
+        "number of trials at 0 V among the others, in which nothing changes; of "
+        "any condition on the mounted beam, also the one that was just felt",
+        le=50,
+    )
+    catch_apart: Count = setting(1, "smallest number of other trials between two catch trials")
+    opposite_repeats: Whole = setting(
+        0,
+        "number of repeats of a condition in which the touches come in the "
+        "opposite order, so that the opposite answer is expected",
+    )
+    group_by_beam: Grouping = setting(
+        "no",
+        "whether trials with the same beam come together, within each block or "
+        "over the session; carry-over is then not balanced",
+    )
+    max_beam_swaps: Whole | None = setting(
+        None, "largest number per session; trials are grouped further if this is necessary"
+    )
+    break_every_blocks: Whole = setting(0, "number of blocks between two breaks; 0: no break")
+    break_s: LongPause = setting(60.0, "shortest duration of a break")
+    sessions: Count = setting(1, "number of sessions of each participant", le=50)
+    participants: Count | None = setting(None, "planned size of the cohort", le=10_000)
 
     @model_validator(mode="after")
     def _some_repeats_are_not_opposite(self) -> Self:
@@ -270,39 +207,29 @@ class Timing(Record):
     on it.
     """
 
-    between_touches_s: Annotated[Pause, Field(description="pause within a trial")] = 1.0
-    inter_trial_s: Annotated[Pause, Field(description="pause before a trial")] = 2.0
-    readable_s: Annotated[
-        ReadableTime, Field(description="how long a page is shown before its button works")
-    ] = 1.0
-    reading_s: Annotated[Pause, Field(description="assumed time to read an instruction")] = 4.0
-    answer_s: Annotated[Pause, Field(description="assumed time to answer a question")] = 5.0
-    score_s: Annotated[Pause, Field(description="assumed time to give a score")] = 5.0
-    beam_swap_s: Annotated[LongPause, Field(description="assumed time to mount another beam")] = (
-        60.0
-    )
-    max_session_s: Annotated[
-        Positive, Field(le=14_400, description="longest session that may be planned")
-    ] = 5_400.0
+    between_touches_s: Pause = setting(1.0, "pause within a trial")
+    inter_trial_s: Pause = setting(2.0, "pause before a trial")
+    readable_s: ReadableTime = setting(1.0, "how long a page is shown before its button works")
+    reading_s: Pause = setting(4.0, "assumed time to read an instruction")
+    answer_s: Pause = setting(5.0, "assumed time to answer a question")
+    score_s: Pause = setting(5.0, "assumed time to give a score")
+    beam_swap_s: LongPause = setting(60.0, "assumed time to mount another beam")
+    max_session_s: Positive = setting(5_400.0, "longest session that may be planned", le=14_400)
 
 
 class Publication(Record):
     """Facts that only the study's author knows, for exported data; none is ever invented."""
 
-    title: Annotated[Line | None, Field(description="title of the data set")] = None
-    authors: Annotated[tuple[Line, ...], Field(description="authors in the order of citation")] = ()
-    licence: Annotated[Line | None, Field(description="such as `CC0`")] = None
-    institution: Annotated[Line | None, Field(description="where the study was done")] = None
-    institution_address: Annotated[Line | None, Field(description="address of the institution")] = (
-        None
-    )
-    ethics_approvals: Annotated[
-        tuple[Line, ...], Field(description="committee and reference number")
-    ] = ()
-    funding: Annotated[tuple[Line, ...], Field(description="grants")] = ()
-    references: Annotated[tuple[Line, ...], Field(description="what to read and cite")] = ()
-    doi: Annotated[Line | None, Field(description="DOI of the data set")] = None
-    keywords: Annotated[tuple[Line, ...], Field(description="keywords of the data set")] = ()
+    title: Line | None = setting(None, "title of the data set")
+    authors: tuple[Line, ...] = setting((), "authors in the order of citation")
+    licence: Line | None = setting(None, "such as `CC0`")
+    institution: Line | None = setting(None, "where the study was done")
+    institution_address: Line | None = setting(None, "address of the institution")
+    ethics_approvals: tuple[Line, ...] = setting((), "committee and reference number")
+    funding: tuple[Line, ...] = setting((), "grants")
+    references: tuple[Line, ...] = setting((), "what to read and cite")
+    doi: Line | None = setting(None, "DOI of the data set")
+    keywords: tuple[Line, ...] = setting((), "keywords of the data set")
 
 
 # The scale of scores: its ends, its ticks and its bands; and the spread expected of scores.
@@ -341,18 +268,13 @@ PAPERS_BANDS = {
 class Rating(Record):
     """When and on which scale the effect is scored, and how the scores are named."""
 
-    score_when: Annotated[
-        Literal["agrees", "always"],
-        Field(description="ask for the score only if the answer agrees with the expectation"),
-    ] = "agrees"
-    minimum: Annotated[Score, Field(description="lowest score")] = 0
-    maximum: Annotated[Score, Field(description="highest score, above the lowest")] = 10
-    ticks: Annotated[
-        Literal["all", "bands", "ends"], Field(description="which scores are marked on the scale")
-    ] = "all"
-    bands: Annotated[
-        tuple[Band, ...], Field(description="names of ranges, which together cover the scale")
-    ] = ()
+    score_when: Literal["agrees", "always"] = setting(
+        "agrees", "ask for the score only if the answer agrees with the expectation"
+    )
+    minimum: Score = setting(0, "lowest score")
+    maximum: Score = setting(10, "highest score, above the lowest")
+    ticks: Literal["all", "bands", "ends"] = setting("all", "which scores are marked on the scale")
+    bands: tuple[Band, ...] = setting((), "names of ranges, which together cover the scale")
 
     @model_validator(mode="after")
     def _ends_are_apart(self) -> Self:
@@ -395,19 +317,15 @@ class Forecast(Record):
     `residual_sd` is that about each person's own line (27 df); the others are M2's medians.
     """
 
-    residual_sd: Annotated[
-        Positive,
-        Field(le=10, description="SD of a score about the participant's own line, points"),
-    ] = 1.48
-    off_the_line_sd: Annotated[
-        NotNegative,
-        Field(
-            le=10,
-            description="SD between conditions of what they add for everybody beside the "
-            "predicted contrast, points",
-        ),
-    ] = 1.8
-    gain_sd: Annotated[
-        NotNegative,
-        Field(le=1000, description="SD of gains between people, points per unit of contrast"),
-    ] = 4.1
+    residual_sd: Positive = setting(
+        1.48, "SD of a score about the participant's own line, points", le=10
+    )
+    off_the_line_sd: NotNegative = setting(
+        1.8,
+        "SD between conditions of what they add for everybody beside the "
+        "predicted contrast, points",
+        le=10,
+    )
+    gain_sd: NotNegative = setting(
+        4.1, "SD of gains between people, points per unit of contrast", le=1000
+    )

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole
+from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.rules import (
@@ -33,12 +33,8 @@ Spacing = Annotated[NotNegative, Field(le=0.05)]
 class Item(Record):
     """Something to touch and, unless `question` is missing, to answer."""
 
-    question: Annotated[
-        Question | None, Field(description="what is asked after the last touch")
-    ] = None
-    expected: Annotated[
-        str | None, Field(description="the answer that agrees with the expectation")
-    ] = None
+    question: Question | None = setting(None, "what is asked after the last touch")
+    expected: str | None = setting(None, "the answer that agrees with the expectation")
     touches: Annotated[
         tuple[Touch, ...],
         Field(
@@ -75,25 +71,21 @@ class Condition(Item):
     name: Annotated[Name, Field(description="name in tables and reports")]
     question: Annotated[Question, Field(description="what is asked after the last touch")]
     expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
-    levels: Annotated[
-        tuple[Level, ...],
-        Field(
-            min_length=1,
-            max_length=20,
-            description="the repeats take these levels in random order; a level multiplies every "
-            "amplitude of its trial, so that predicted contrasts are spread",
-        ),
-    ] = (1.0,)
+    levels: tuple[Level, ...] = setting(
+        (1.0,),
+        "the repeats take these levels in random order; a level multiplies every "
+        "amplitude of its trial, so that predicted contrasts are spread",
+        min_length=1,
+        max_length=20,
+    )
 
 
 class Header(Record):
     """Which study this is."""
 
-    schema_version: Annotated[
-        Literal[1], Field(alias="schema", description="version of this file's format")
-    ] = 1
+    schema_version: Literal[1] = setting(1, "version of this file's format", alias="schema")
     name: Annotated[Name, Field(description="name of the study")]
-    seed: Annotated[Whole, Field(description="decides every random choice of the design")] = 1
+    seed: Whole = setting(1, "decides every random choice of the design")
 
 
 class Study(Record):
@@ -101,16 +93,13 @@ class Study(Record):
 
     study: Annotated[Header, Field(description="Which study this is.")]
     # Records are frozen, so that a default can be one record that all studies share.
-    rig: Annotated[Rig, Field(description="The device, and limits that no trial may exceed.")] = (
-        Rig()
+    rig: Rig = setting(Rig(), "The device, and limits that no trial may exceed.")
+    force_channel: ForceChannel = setting(
+        ForceChannel(), "Forces and position, recorded at a high rate during each touch."
     )
-    force_channel: Annotated[
-        ForceChannel,
-        Field(description="Forces and position, recorded at a high rate during each touch."),
-    ] = ForceChannel()
-    touch: Annotated[
-        TouchDefaults, Field(description="How the finger touches unless a trial says otherwise.")
-    ] = TouchDefaults()
+    touch: TouchDefaults = setting(
+        TouchDefaults(), "How the finger touches unless a trial says otherwise."
+    )
     beams: Annotated[
         dict[Name, Spacing],
         Field(
@@ -118,44 +107,31 @@ class Study(Record):
             "at most 0.05; 0 means none."
         ),
     ] = Field(default_factory=dict)
-    slide: Annotated[
-        Slide,
-        Field(
-            description="The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
-            "without a participant."
-        ),
-    ] = Slide()
-    design: Annotated[Design, Field(description="Which trials there are, and their order.")] = (
-        Design()
+    slide: Slide = setting(
+        Slide(),
+        "The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
+        "without a participant.",
     )
-    timing: Annotated[
-        Timing, Field(description="Pauses, and assumptions about how long people take.")
-    ] = Timing()
-    rating: Annotated[Rating, Field(description="When and how the effect is scored.")] = Rating()
-    forecast: Annotated[
-        Forecast,
-        Field(
-            description="What `touchbeam check` assumes about ratings when it forecasts precision. "
-            "The numbers are for a scale of 0 to 10, also if the study has another one."
-        ),
-    ] = Forecast()
-    session: Annotated[
-        SessionRules, Field(description="How a session is conducted and resumed.")
-    ] = SessionRules()
-    as_instructed: Annotated[
-        TouchRules,
-        Field(
-            description="When a touch was made as instructed, and what follows if it was not. A "
-            "rig without sensors of force and position judges no touch."
-        ),
-    ] = TouchRules()
-    exclusions: Annotated[
-        Exclusions,
-        Field(description="Rules, decided before the data, on who and what is left out."),
-    ] = Exclusions()
-    publication: Annotated[
-        Publication, Field(description="Facts for exported data that only the author knows.")
-    ] = Publication()
+    design: Design = setting(Design(), "Which trials there are, and their order.")
+    timing: Timing = setting(Timing(), "Pauses, and assumptions about how long people take.")
+    rating: Rating = setting(Rating(), "When and how the effect is scored.")
+    forecast: Forecast = setting(
+        Forecast(),
+        "What `touchbeam check` assumes about ratings when it forecasts precision. "
+        "The numbers are for a scale of 0 to 10, also if the study has another one.",
+    )
+    session: SessionRules = setting(SessionRules(), "How a session is conducted and resumed.")
+    as_instructed: TouchRules = setting(
+        TouchRules(),
+        "When a touch was made as instructed, and what follows if it was not. A "
+        "rig without sensors of force and position judges no touch.",
+    )
+    exclusions: Exclusions = setting(
+        Exclusions(), "Rules, decided before the data, on who and what is left out."
+    )
+    publication: Publication = setting(
+        Publication(), "Facts for exported data that only the author knows."
+    )
     # Any name will do for a key, because a touch may name one as its instruction. What is neither
     # that nor built in is refused by `text_checks`.
     texts: Annotated[
@@ -169,14 +145,10 @@ class Study(Record):
             "`texts/CODE.toml` beside the study file."
         ),
     ] = Field(default_factory=dict)
-    question: Annotated[
-        tuple[StudyQuestion, ...],
-        Field(max_length=40, description="Questions of the study's own, in the order of asking."),
-    ] = ()
-    page: Annotated[
-        tuple[InstructionPage, ...],
-        Field(max_length=40, description="Pages to read, in their order."),
-    ] = ()
+    question: tuple[StudyQuestion, ...] = setting(
+        (), "Questions of the study's own, in the order of asking.", max_length=40
+    )
+    page: tuple[InstructionPage, ...] = setting((), "Pages to read, in their order.", max_length=40)
     pictures: Annotated[
         dict[str, Line],
         Field(
@@ -184,9 +156,7 @@ class Study(Record):
             "and adds them to the study, so that a changed picture is a changed study."
         ),
     ] = Field(default_factory=dict)
-    opening: Annotated[
-        tuple[Opening, ...], Field(description="Trials that begin every session, not scored.")
-    ] = ()
+    opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
     condition: Annotated[
         tuple[Condition, ...],
         Field(min_length=1, max_length=24, description="What is changed, and scored."),

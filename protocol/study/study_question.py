@@ -13,7 +13,16 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field
 
-from protocol.study.fields import Count, Line, Name, Positive, Record, Whole, require_printable
+from protocol.study.fields import (
+    Count,
+    Line,
+    Name,
+    Positive,
+    Record,
+    Whole,
+    require_printable,
+    setting,
+)
 from protocol.study.languages import KnownCode
 from protocol.study.rules import Rating
 
@@ -149,12 +158,8 @@ class Label(Record):
         str, Annotated[Line, Field(description="what is read in that language, such as `en`")]
     ] = Field(init=False)
 
-    value: Annotated[
-        Name | None, Field(description="what is recorded, for `choice` and `several`")
-    ] = None
-    at: Annotated[
-        Place | None, Field(description="the place, for `scale` and `analogue` (0 or 100)")
-    ] = None
+    value: Name | None = setting(None, "what is recorded, for `choice` and `several`")
+    at: Place | None = setting(None, "the place, for `scale` and `analogue` (0 or 100)")
 
     @property
     def names(self) -> dict[str, str]:
@@ -176,55 +181,35 @@ class StudyQuestion(Record):
             "`text`"
         ),
     ]
-    when: Annotated[
-        When,
-        Field(
-            description="`trial`: after the trials of conditions, also practice and catch trials; "
-            "`block`: after each block; `before` the first trial or `after` the last one"
-        ),
-    ] = "trial"
-    conditions: Annotated[
-        tuple[Name, ...],
-        Field(description='for `when = "trial"`: only after trials of these; none: after all'),
-    ] = ()
-    sessions: Annotated[
-        Literal["every", "first"],
-        Field(description="whether it is asked in every session of a participant"),
-    ] = "every"
-    required: Annotated[
-        bool,
-        Field(strict=True, description="whether it must be answered; if not, it may be skipped"),
-    ] = True
+    when: When = setting(
+        "trial",
+        "`trial`: after the trials of conditions, also practice and catch trials; "
+        "`block`: after each block; `before` the first trial or `after` the last one",
+    )
+    conditions: tuple[Name, ...] = setting(
+        (), 'for `when = "trial"`: only after trials of these; none: after all'
+    )
+    sessions: Literal["every", "first"] = setting(
+        "every", "whether it is asked in every session of a participant"
+    )
+    required: bool = setting(
+        True, "whether it must be answered; if not, it may be skipped", strict=True
+    )
     text: Annotated[
         dict[KnownCode, _Shown], Field(description="the question, by the language's code")
     ] = Field(default_factory=dict)
-    labels: Annotated[
-        tuple[Label, ...], Field(description="answers, or labels of a scale; a table each")
-    ] = ()
-    minimum: Annotated[
-        Place | None, Field(description="lowest place on a `scale`, or smallest `number`")
-    ] = None
-    maximum: Annotated[
-        Place | None, Field(description="highest place on a `scale`, or largest `number`")
-    ] = None
-    step: Annotated[
-        Positive | None,
-        Field(le=1e6, description="distance between places of a `scale`; by default 1"),
-    ] = None
-    ticks: Annotated[
-        Literal["all", "labels", "ends"],
-        Field(description="which places are marked on a `scale`"),
-    ] = "all"
-    decimals: Annotated[
-        Whole | None,
-        Field(le=6, description="largest number of decimals of a `number`; by default 0"),
-    ] = None
-    unit: Annotated[
-        _Shown | None, Field(description="unit of a `number`, shown beside it and in exported data")
-    ] = None
-    max_length: Annotated[
-        Count | None, Field(le=200, description="longest `text`, in characters; by default 60")
-    ] = None
+    labels: tuple[Label, ...] = setting((), "answers, or labels of a scale; a table each")
+    minimum: Place | None = setting(None, "lowest place on a `scale`, or smallest `number`")
+    maximum: Place | None = setting(None, "highest place on a `scale`, or largest `number`")
+    step: Positive | None = setting(
+        None, "distance between places of a `scale`; by default 1", le=1e6
+    )
+    ticks: Literal["all", "labels", "ends"] = setting("all", "which places are marked on a `scale`")
+    decimals: Whole | None = setting(
+        None, "largest number of decimals of a `number`; by default 0", le=6
+    )
+    unit: _Shown | None = setting(None, "unit of a `number`, shown beside it and in exported data")
+    max_length: Count | None = setting(None, "longest `text`, in characters; by default 60", le=200)
 
     @property
     def values(self) -> tuple[str, ...]:
@@ -338,19 +323,13 @@ def plain_number(number: float) -> int | float:
 class InstructionPage(Record):
     """A page to read, with a picture if wanted, until the participant goes on."""
 
-    before: Annotated[
-        Literal["session", "practice", "block"], Field(description="what the page introduces")
-    ] = "session"
-    block: Annotated[
-        Count | None, Field(description="number of the block, from 1; none: every block")
-    ] = None
+    before: Literal["session", "practice", "block"] = setting("session", "what the page introduces")
+    block: Count | None = setting(None, "number of the block, from 1; none: every block")
     text: Annotated[
         dict[KnownCode, LongText],
         Field(description="the text, by the language's code; a line feed begins a new line"),
     ] = Field(default_factory=dict)
-    picture: Annotated[
-        Filename | None, Field(description="a PNG or JPEG file in the study's folder")
-    ] = None
+    picture: Filename | None = setting(None, "a PNG or JPEG file in the study's folder")
 
 
 SCORE = "score"

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Whole
+from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.rig_settings import Rig
 
 Direction = Literal["right", "left"]
@@ -36,43 +36,31 @@ class TouchDefaults(Record):
     """How the finger touches unless a trial says otherwise."""
 
     # Touch is studied at 0.1 to 5 N; 10 N is a finger that carries 1 kg, 0.01 N hardly a touch.
-    force_n: Annotated[
-        Positive, Field(ge=0.01, le=10, description="force of the finger on the beam")
-    ] = 0.5
+    force_n: Positive = setting(0.5, "force of the finger on the beam", ge=0.01, le=10)
     # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
-    contact_m: Annotated[
-        Positive, Field(ge=0.001, le=0.1, description="length of beam under one finger")
-    ] = 0.010
+    contact_m: Positive = setting(0.010, "length of beam under one finger", ge=0.001, le=0.1)
     # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
-    sliding_speed_m_s: Annotated[
-        Positive, Field(ge=0.001, le=1, description="speed of the mark that paces the finger")
-    ] = 0.04
-    path_m: Annotated[
-        Way,
-        Field(
-            description="the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
-        ),
-    ] = (0.010, 0.081)
-    smooth_place_m: Annotated[
-        OnBeam, Field(description="the place to touch without sliding, right edge of the finger")
-    ] = 0.0414
-    hold_s: Annotated[TouchTime, Field(description="how long this place is touched")] = 2.0
+    sliding_speed_m_s: Positive = setting(
+        0.04, "speed of the mark that paces the finger", ge=0.001, le=1
+    )
+    path_m: Way = setting(
+        (0.010, 0.081), "the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
+    )
+    smooth_place_m: OnBeam = setting(
+        0.0414, "the place to touch without sliding, right edge of the finger"
+    )
+    hold_s: TouchTime = setting(2.0, "how long this place is touched")
     # The finger is put on the beam meanwhile; after a minute nobody remembers the instruction.
-    lead_in_s: Annotated[
-        NotNegative,
-        Field(
-            le=60,
-            description="how long the mark rests before a touch, with the first drive on; longer "
-            "if the soft start takes longer",
-        ),
-    ] = 3.0
-    countdown: Annotated[
-        bool, Field(strict=True, description="whether 3, 2, 1 is shown during `lead_in_s`")
-    ] = True
-    beam: Annotated[
-        Name | None,
-        Field(description="the beam that is mounted unless a touch names another one of `[beams]`"),
-    ] = None
+    lead_in_s: NotNegative = setting(
+        3.0,
+        "how long the mark rests before a touch, with the first drive on; longer "
+        "if the soft start takes longer",
+        le=60,
+    )
+    countdown: bool = setting(True, "whether 3, 2, 1 is shown during `lead_in_s`", strict=True)
+    beam: Name | None = setting(
+        None, "the beam that is mounted unless a touch names another one of `[beams]`"
+    )
 
 
 class Touch(Record):
@@ -86,31 +74,19 @@ class Touch(Record):
         Place, Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`")
     ]
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
-    ramp_to_v: Annotated[
-        NotNegative | None, Field(description="amplitude (peak) at the end of a ramp")
-    ] = None
-    frequency: Annotated[
-        Relative, Field(description="frequency of the drive, relative to the measured resonance")
-    ] = 1.0
-    sweep_to: Annotated[
-        Relative | None, Field(description="frequency at the end of a sweep, likewise relative")
-    ] = None
-    direction: Annotated[Direction, Field(description="direction of the sliding finger")] = "right"
-    coverage: Annotated[
-        Coverage, Field(description="one finger, or several that cover the beam")
-    ] = "local"
-    press: Annotated[
-        Relative, Field(description="touch force, relative to `touch.force_n`; above 1 is harder")
-    ] = 1.0
-    beam: Annotated[
-        Name | None, Field(description="one of `[beams]`; the operator mounts it first")
-    ] = None
-    duration_s: Annotated[
-        TouchTime | None, Field(description="instead of `touch.hold_s` or the time the path takes")
-    ] = None
-    instruction: Annotated[
-        Name | None, Field(description="key of the text that replaces the built-in instruction")
-    ] = None
+    ramp_to_v: NotNegative | None = setting(None, "amplitude (peak) at the end of a ramp")
+    frequency: Relative = setting(1.0, "frequency of the drive, relative to the measured resonance")
+    sweep_to: Relative | None = setting(None, "frequency at the end of a sweep, likewise relative")
+    direction: Direction = setting("right", "direction of the sliding finger")
+    coverage: Coverage = setting("local", "one finger, or several that cover the beam")
+    press: Relative = setting(1.0, "touch force, relative to `touch.force_n`; above 1 is harder")
+    beam: Name | None = setting(None, "one of `[beams]`; the operator mounts it first")
+    duration_s: TouchTime | None = setting(
+        None, "instead of `touch.hold_s` or the time the path takes"
+    )
+    instruction: Name | None = setting(
+        None, "key of the text that replaces the built-in instruction"
+    )
 
     @property
     def end_voltage_v(self) -> float:
@@ -248,64 +224,40 @@ class Slide(Record):
     """
 
     # A block of 1 g hardly touches; the scale of the force ends at 10 N.
-    load_n: Annotated[
-        Positive, Field(ge=0.01, le=10, description="weight of the block and of what lies on it")
-    ] = 0.56
-    contact_m: Annotated[
-        Positive, Field(ge=0.001, le=0.1, description="length of beam under the block")
-    ] = 0.010
-    voltage_v: Annotated[Positive, Field(description="amplitude (peak) of every driven pass")] = (
-        100.0
-    )
+    load_n: Positive = setting(0.56, "weight of the block and of what lies on it", ge=0.01, le=10)
+    contact_m: Positive = setting(0.010, "length of beam under the block", ge=0.001, le=0.1)
+    voltage_v: Positive = setting(100.0, "amplitude (peak) of every driven pass")
     # Friction at 23,200 Hz, the paper's only drive, hardly depends on the damping: a fit needs
     # passes on both sides of the resonance.
-    frequencies: Annotated[
-        tuple[Relative, ...],
-        Field(
-            max_length=50,
-            description="frequencies of the drives, relative to the measured resonance",
-        ),
-    ] = _AROUND_RESONANCE
-    frequencies_hz: Annotated[
-        tuple[Annotated[Positive, Field(ge=1_000, le=100_000)], ...],
-        Field(max_length=50, description="fixed frequencies of further drives, in Hz"),
-    ] = (23_200.0,)
-    references: Annotated[
-        Whole,
-        Field(
-            le=50,
-            description="how often the block is drawn without a drive (0 V), spread from first to "
-            "last",
-        ),
-    ] = 3
-    repeats: Annotated[
-        Count,
-        Field(
-            le=20,
-            description="how often each driven pass is made; all come once before one comes again",
-        ),
-    ] = 1
-    directions: Annotated[
-        tuple[Direction, ...],
-        Field(min_length=1, max_length=2, description="directions of the block"),
-    ] = ("right",)
-    # A hand keeps no lower speed, and at 1 m/s a pass is over at once.
-    speeds_m_s: Annotated[
-        tuple[Annotated[Positive, Field(ge=0.001, le=1)], ...],
-        Field(min_length=1, max_length=10, description="speeds of the mark that paces the block"),
-    ] = (0.005,)
-    paths_m: Annotated[
-        tuple[Way, ...],
-        Field(
-            min_length=1,
-            max_length=20,
-            description="where the block is drawn (its right edge, clamp at 0): the whole way, or "
-            "parts around places of interest",
-        ),
-    ] = ((0.010, 0.081),)
-    beam: Annotated[Name | None, Field(description="one of `[beams]`, instead of `touch.beam`")] = (
-        None
+    frequencies: tuple[Relative, ...] = setting(
+        _AROUND_RESONANCE,
+        "frequencies of the drives, relative to the measured resonance",
+        max_length=50,
     )
+    frequencies_hz: tuple[Annotated[Positive, Field(ge=1_000, le=100_000)], ...] = setting(
+        (23_200.0,), "fixed frequencies of further drives, in Hz", max_length=50
+    )
+    references: Whole = setting(
+        3, "how often the block is drawn without a drive (0 V), spread from first to last", le=50
+    )
+    repeats: Count = setting(
+        1, "how often each driven pass is made; all come once before one comes again", le=20
+    )
+    directions: tuple[Direction, ...] = setting(
+        ("right",), "directions of the block", min_length=1, max_length=2
+    )
+    # A hand keeps no lower speed, and at 1 m/s a pass is over at once.
+    speeds_m_s: tuple[Annotated[Positive, Field(ge=0.001, le=1)], ...] = setting(
+        (0.005,), "speeds of the mark that paces the block", min_length=1, max_length=10
+    )
+    paths_m: tuple[Way, ...] = setting(
+        ((0.010, 0.081),),
+        "where the block is drawn (its right edge, clamp at 0): the whole way, or "
+        "parts around places of interest",
+        min_length=1,
+        max_length=20,
+    )
+    beam: Name | None = setting(None, "one of `[beams]`, instead of `touch.beam`")
 
     @model_validator(mode="after")
     def _has_passes(self) -> Self:
@@ -354,9 +306,9 @@ class SlidePass(Touch):
     """One drawing of the block; its duration follows from path and speed."""
 
     path_m: Annotated[Way, Field(description="where the block is drawn")]
-    frequency_hz: Annotated[
-        Positive | None, Field(description="instead of `frequency`: a drive wherever it resonates")
-    ] = None
+    frequency_hz: Positive | None = setting(
+        None, "instead of `frequency`: a drive wherever it resonates"
+    )
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak), 0 in a reference")]
 
     @property

@@ -34,6 +34,11 @@ class Problem:
     line: int | None = None
     file: str = ""
 
+    @classmethod
+    def of_key(cls, key: str, rule: str, value: object, hint: str = "") -> "Problem":
+        """Return the problem of a key such as `design.repeats`."""
+        return cls(where=key, rule=rule, value=str(value), hint=hint, path=tuple(key.split(".")))
+
     def __str__(self) -> str:
         """Return the problem in one line."""
         line = f"{self.where}: {self.rule}, got {self.value}"

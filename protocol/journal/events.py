@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
 
-from protocol.journal.json_record import JsonRecord, Key
+from protocol.journal.json_record import JsonRecord, Key, absent
 from protocol.journal.records import (
     NOT_JUDGED,
     CommandedDrive,
@@ -62,21 +62,17 @@ class SessionOpened(Event):
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
-    virtual: Annotated[
-        VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
-    ] = None
+    virtual: VirtualTruth | None = absent(
+        None, "the true parameters, if the participant is virtual"
+    )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
-    answer_order: Annotated[
-        str, Key("of the answers to choose from: `forward` or `reversed`", missing="forward")
-    ] = "forward"
-    registration: Annotated[
-        str | None,
-        Key("digest of the registration that seeds the plan, if any", missing=None, sparse=True),
-    ] = None
-    calibration: Annotated[
-        RigCalibration | None,
-        Key("the rig's calibration in force, if there is one", missing=None, sparse=True),
-    ] = None
+    answer_order: str = absent("forward", "of the answers to choose from: `forward` or `reversed`")
+    registration: str | None = absent(
+        None, "digest of the registration that seeds the plan, if any", sparse=True
+    )
+    calibration: RigCalibration | None = absent(
+        None, "the rig's calibration in force, if there is one", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,18 +89,16 @@ class SessionResumed(Event):
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
-    virtual: Annotated[
-        VirtualTruth | None, Key("the true parameters, if the participant is virtual", missing=None)
-    ] = None
+    virtual: VirtualTruth | None = absent(
+        None, "the true parameters, if the participant is virtual"
+    )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
-    registration: Annotated[
-        str | None,
-        Key("digest of the registration that seeds the plan, if any", missing=None, sparse=True),
-    ] = None
-    calibration: Annotated[
-        RigCalibration | None,
-        Key("the rig's calibration in force, if there is one", missing=None, sparse=True),
-    ] = None
+    registration: str | None = absent(
+        None, "digest of the registration that seeds the plan, if any", sparse=True
+    )
+    calibration: RigCalibration | None = absent(
+        None, "the rig's calibration in force, if there is one", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,10 +235,9 @@ class Answered(Event):
     judged: Annotated[
         tuple[Compliance, ...], Key("whether each touch was as instructed", missing=())
     ]
-    questions: Annotated[
-        tuple[QuestionAnswer, ...],
-        Key("the answers to the study's own questions after the trial", missing=()),
-    ] = ()
+    questions: tuple[QuestionAnswer, ...] = absent(
+        (), "the answers to the study's own questions after the trial"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,10 +366,9 @@ class StudyAmended(Event):
 
     study_sha256: Annotated[str, Key("digest of the changed file")]
     reason: Annotated[str, Key("why", missing="")]
-    breaks: Annotated[
-        str | None,
-        Key("digest of the registration whose lock it breaks, if any", missing=None, sparse=True),
-    ] = None
+    breaks: str | None = absent(
+        None, "digest of the registration whose lock it breaks, if any", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

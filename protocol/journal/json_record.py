@@ -1,7 +1,7 @@
 """Records stored in a journal as JSON: their keys, and how each is read and written."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cache
 from itertools import starmap
 from types import NoneType, UnionType
@@ -31,6 +31,11 @@ class Key:
         return self.missing is _REQUIRED
 
 
+def absent(value: Any, meaning: str, *, sparse: bool = False) -> Any:
+    """Return a field that is `value` by default, and where an earlier build did not write it."""
+    return field(default=value, metadata={"key": Key(meaning, missing=value, sparse=sparse)})
+
+
 class KeyOf(NamedTuple):
     """A key of a record: its name, its type, its meaning and the reader of its value."""
 
@@ -44,8 +49,9 @@ class KeyOf(NamedTuple):
 class JsonRecord:
     """A frozen dataclass whose fields are the keys of a JSON object.
 
-    Every field is annotated as `Annotated[type, Key(...)]`. The type determines how the JSON value
-    is read: as another record, a named tuple, a tuple of any of these, or a plain value.
+    Every field is annotated as `Annotated[type, Key(...)]`, or has `absent(...)` as its default.
+    The type determines how the JSON value is read: as another record, a named tuple, a tuple of any
+    of these, or a plain value.
     """
 
     def to_json(self) -> dict[str, Any]:
@@ -102,8 +108,11 @@ class JsonRecord:
     def json_keys(cls) -> tuple[KeyOf, ...]:
         """Return the keys of the object in the order in which they are written."""
         hints = get_type_hints(cls, include_extras=True)
+        later = {each.name: each.metadata["key"] for each in fields(cls) if "key" in each.metadata}
         described = [
-            (name, *get_args(hint)) for name, hint in hints.items() if get_origin(hint) is Annotated
+            (name, hint, later[name]) if name in later else (name, *get_args(hint))
+            for name, hint in hints.items()
+            if name in later or get_origin(hint) is Annotated
         ]
         return tuple(KeyOf(name, kind, key, _reader(kind)) for name, kind, key in described)
 

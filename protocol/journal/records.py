@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import Annotated, Any, NamedTuple, Self
 
-from protocol.journal.json_record import JsonRecord, Key
+from protocol.journal.json_record import JsonRecord, Key, absent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,63 +45,40 @@ class VirtualTruth(JsonRecord):
     rating_noise: Annotated[float, Key("SD of the noise of a score, points")]
     law: Annotated[str, Key("law of the simulated beam's friction")]
     rung: Annotated[str, Key("rung of the simulated beam's motion")]
-    force_factor: Annotated[
-        float, Key("force of its finger, relative to the instructed one", missing=1.0)
-    ] = 1.0
-    speed_factor: Annotated[float, Key("its speed, relative to the mark's", missing=1.0)] = 1.0
-    place_offset_m: Annotated[
-        float, Key("how far right of the mark its finger begins, m", missing=0.0)
-    ] = 0.0
-    tremor: Annotated[float, Key("SD of its force, relative to the mean", missing=0.0)] = 0.0
-    skin: Annotated[
-        float, Key("what its skin multiplies the change of log friction by", missing=1.0)
-    ] = 1.0
-    mu0: Annotated[float, Key("what its skin multiplies friction at rest by", missing=1.0)] = 1.0
-    damping_ratio: Annotated[
-        float | None, Key("damping ratio of the simulated beam, if that is known", missing=None)
-    ] = None
-    beam_gain: Annotated[
-        float | None, Key("part of the amplitude that reaches it, likewise", missing=None)
-    ] = None
-    criterion_less: Annotated[
-        float | None,
-        Key("as `criterion`, of a change the other way; none: the same", missing=None),
-    ] = None
-    lapse: Annotated[float, Key("share of answers at random", missing=0.0)] = 0.0
-    beyond_swing: Annotated[
-        float, Key("points added to a change of the swing along the path", missing=0.0)
-    ] = 0.0
-    beyond_strength: Annotated[
-        float, Key("points added to a change of strength at a place", missing=0.0)
-    ] = 0.0
-    beyond_ramp: Annotated[float, Key("points added to a change during a touch", missing=0.0)] = 0.0
-    beyond_swap: Annotated[float, Key("points added to places that swap", missing=0.0)] = 0.0
-    beyond_press: Annotated[
-        float, Key("points added to a change under a harder press", missing=0.0)
-    ] = 0.0
-    ceiling: Annotated[float, Key("the highest score that it gives", missing=10.0)] = 10.0
-    number_step: Annotated[float, Key("its scores are multiples of it", missing=1.0)] = 1.0
-    end_aversion: Annotated[
-        float, Key("share of scores moved inwards from an end of the scale", missing=0.0)
-    ] = 0.0
-    serial: Annotated[float, Key("weight of the previous score", missing=0.0)] = 0.0
-    adaptation: Annotated[
-        float, Key("by how much of the previous change one feels smaller", missing=0.0)
-    ] = 0.0
-    drift: Annotated[float, Key("score points added per trial", missing=0.0)] = 0.0
-    fatigue: Annotated[float, Key("growth of its noise per trial", missing=0.0)] = 0.0
-    force_error: Annotated[
-        float, Key("SD of the force from touch to touch, relative to its mean", missing=0.0)
-    ] = 0.0
-    speed_error: Annotated[float, Key("SD of the speed, likewise", missing=0.0)] = 0.0
-    reaction_shift_s: Annotated[float | None, Key("shortest reaction time, s", missing=None)] = None
-    reaction_median_s: Annotated[
-        float | None, Key("median of what a reaction time has beyond that, s", missing=None)
-    ] = None
-    reaction_spread: Annotated[float | None, Key("SD of the logarithm of that", missing=None)] = (
-        None
+    force_factor: float = absent(1.0, "force of its finger, relative to the instructed one")
+    speed_factor: float = absent(1.0, "its speed, relative to the mark's")
+    place_offset_m: float = absent(0.0, "how far right of the mark its finger begins, m")
+    tremor: float = absent(0.0, "SD of its force, relative to the mean")
+    skin: float = absent(1.0, "what its skin multiplies the change of log friction by")
+    mu0: float = absent(1.0, "what its skin multiplies friction at rest by")
+    damping_ratio: float | None = absent(
+        None, "damping ratio of the simulated beam, if that is known"
     )
-    dropout: Annotated[float, Key("chance of leaving at a question", missing=0.0)] = 0.0
+    beam_gain: float | None = absent(None, "part of the amplitude that reaches it, likewise")
+    criterion_less: float | None = absent(
+        None, "as `criterion`, of a change the other way; none: the same"
+    )
+    lapse: float = absent(0.0, "share of answers at random")
+    beyond_swing: float = absent(0.0, "points added to a change of the swing along the path")
+    beyond_strength: float = absent(0.0, "points added to a change of strength at a place")
+    beyond_ramp: float = absent(0.0, "points added to a change during a touch")
+    beyond_swap: float = absent(0.0, "points added to places that swap")
+    beyond_press: float = absent(0.0, "points added to a change under a harder press")
+    ceiling: float = absent(10.0, "the highest score that it gives")
+    number_step: float = absent(1.0, "its scores are multiples of it")
+    end_aversion: float = absent(0.0, "share of scores moved inwards from an end of the scale")
+    serial: float = absent(0.0, "weight of the previous score")
+    adaptation: float = absent(0.0, "by how much of the previous change one feels smaller")
+    drift: float = absent(0.0, "score points added per trial")
+    fatigue: float = absent(0.0, "growth of its noise per trial")
+    force_error: float = absent(0.0, "SD of the force from touch to touch, relative to its mean")
+    speed_error: float = absent(0.0, "SD of the speed, likewise")
+    reaction_shift_s: float | None = absent(None, "shortest reaction time, s")
+    reaction_median_s: float | None = absent(
+        None, "median of what a reaction time has beyond that, s"
+    )
+    reaction_spread: float | None = absent(None, "SD of the logarithm of that")
+    dropout: float = absent(0.0, "chance of leaving at a question")
 
     @property
     def sensitivity(self) -> float:
@@ -127,11 +104,9 @@ class Identity(JsonRecord):
     idn: Annotated[str, Key("its answer to `*IDN?`")]
     boot: Annotated[int | None, Key("number of times it has booted, if it counts", missing=None)]
     device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
-    dialect: Annotated[str, Key("its command dialect", missing="board")] = "board"
-    cleared_errors: Annotated[
-        tuple[str, ...], Key("earlier errors, cleared from its error queue", missing=())
-    ] = ()
-    remarks: Annotated[tuple[str, ...], Key("remarks for the operator", missing=())] = ()
+    dialect: str = absent("board", "its command dialect")
+    cleared_errors: tuple[str, ...] = absent((), "earlier errors, cleared from its error queue")
+    remarks: tuple[str, ...] = absent((), "remarks for the operator")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +125,10 @@ class ReadBack(JsonRecord):
     output: Annotated[bool, Key("whether the output is on")]
     voltage_v: Annotated[float, Key("amplitude (peak), V")]
     frequency_hz: Annotated[float, Key("frequency, Hz")]
-    monitor_v: Annotated[float | None, Key("measured by the monitor, V", missing=None)] = None
-    force_n: Annotated[float | None, Key("force of the finger, N", missing=None)] = None
-    position_m: Annotated[float | None, Key("position of the finger, m", missing=None)] = None
-    device_time_s: Annotated[float | None, Key("the device's own clock, s", missing=None)] = None
+    monitor_v: float | None = absent(None, "measured by the monitor, V")
+    force_n: float | None = absent(None, "force of the finger, N")
+    position_m: float | None = absent(None, "position of the finger, m")
+    device_time_s: float | None = absent(None, "the device's own clock, s")
 
 
 class TraceSample(NamedTuple):
@@ -175,9 +150,7 @@ class Compliance(JsonRecord):
     force_n: Annotated[float | None, Key("median force of the finger, N", missing=None)]
     force_ok: Annotated[bool | None, Key("whether the force was as instructed", missing=None)]
     place_ok: Annotated[bool | None, Key("whether the finger was where it should be", missing=None)]
-    speed_ok: Annotated[
-        bool | None, Key("whether it slid as fast as instructed, if judged", missing=None)
-    ] = None
+    speed_ok: bool | None = absent(None, "whether it slid as fast as instructed, if judged")
 
     @property
     def judged(self) -> bool:

@@ -28,11 +28,6 @@ def design_problems(study: Study) -> list[Problem]:
     return problems or [*_swaps(study), *_runs(study), *_duration(study)]
 
 
-def _problem(key: str, rule: str, value: object, hint: str = "") -> Problem:
-    section, _, field = key.partition(".")
-    return Problem(where=key, rule=rule, value=str(value), hint=hint, path=(section, field))
-
-
 def _levels(study: Study) -> Iterator[Problem]:
     for number, condition in enumerate(study.condition):
         if study.design.repeats % len(condition.levels):
@@ -49,7 +44,7 @@ def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
     asked_both_ways = [question for question, answers in ANSWERS.items() if len(answers) > 2]
     if asked and not any(map(opposite_expected, study.condition)):
-        yield _problem(
+        yield Problem.of_key(
             "design.opposite_repeats",
             "must be 0 if no condition has an opposite",
             asked,
@@ -62,7 +57,7 @@ def _catches(study: Study) -> Iterator[Problem]:
     design, most = study.design, most_catches(study)
     if design.catch_trials > most:
         sure = "" if design.order == "fixed" else ", in every order that may be drawn"
-        yield _problem(
+        yield Problem.of_key(
             "design.catch_trials",
             f"must be at most {most}, so that catch trials stay catch_apart = {design.catch_apart} "
             f"trials apart and follow a trial on one beam{sure}",
@@ -95,7 +90,7 @@ def _min_trials(study: Study) -> Iterator[Problem]:
     design, fewest = study.design, study.exclusions.min_trials
     planned = design.repeats * len(study.condition) * design.sessions
     if fewest is not None and fewest > planned:
-        yield _problem(
+        yield Problem.of_key(
             "exclusions.min_trials",
             f"must be at most {planned}, the number of trials of a participant",
             fewest,
@@ -106,14 +101,14 @@ def _min_trials(study: Study) -> Iterator[Problem]:
 def _groups(study: Study) -> Iterator[Problem]:
     design, number = study.design, len(beam_groups(study))
     if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
-        yield _problem(
+        yield Problem.of_key(
             "design.group_by_beam",
             "must be 'no' if order = 'fixed'",
             repr(design.group_by_beam),
             "list the conditions in the order you want",
         )
     if number > MAX_GROUPS and (design.group_by_beam != "no" or design.max_beam_swaps is not None):
-        yield _problem(
+        yield Problem.of_key(
             "design.group_by_beam", f"at most {MAX_GROUPS} sets of beams can be grouped", number
         )
 
@@ -125,7 +120,7 @@ def _swaps(study: Study) -> Iterator[Problem]:
     level = grouping(study)
     needed = most_swaps(study, level)
     if needed > design.max_beam_swaps:
-        yield _problem(
+        yield Problem.of_key(
             "design.max_beam_swaps",
             f"a session may need {needed} beam swaps, grouped by beam: {level}",
             design.max_beam_swaps,
@@ -145,7 +140,7 @@ def _runs(study: Study) -> Iterator[Problem]:
     at_most = 2 if level == "block" and len(sizes) > 1 else design.repeats
     if at_most > design.max_alike_in_row:
         alone = "the only condition" if level == "no" else "a condition alone on its beams"
-        yield _problem(
+        yield Problem.of_key(
             "design.max_alike_in_row",
             f"{alone} comes up to {at_most} times in a row (grouped by beam: {level})",
             design.max_alike_in_row,
@@ -156,7 +151,7 @@ def _runs(study: Study) -> Iterator[Problem]:
 def _duration(study: Study) -> Iterator[Problem]:
     longest_s = most_session_s(study)
     if longest_s > study.timing.max_session_s:
-        yield _problem(
+        yield Problem.of_key(
             "timing.max_session_s",
             f"a session may take {longest_s:.0f} s",
             f"{study.timing.max_session_s:g} s",

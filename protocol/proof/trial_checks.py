@@ -198,8 +198,7 @@ def plan_problems(study: Study, plan: Plan) -> list[Problem]:
         _practice,
         _repeats,
         _blocks,
-        _runs,
-        _catches,
+        _order,
         _breaks,
         _groups,
         content_violations,
@@ -277,8 +276,11 @@ def _blocks(study: Study, plan: Plan) -> Violations:
         yield "a fixed order must be that of the study file", str(plan.sequence)
 
 
-def _runs(study: Study, plan: Plan) -> Violations:
+def _order(study: Study, plan: Plan) -> Violations:
     yield from order_violations(study, plan.trials)
+    catches = _kinds(plan, "catch")
+    if len(catches) != study.design.catch_trials:
+        yield f"there must be {study.design.catch_trials} catch trials", str(len(catches))
 
 
 def order_violations(study: Study, trials: Sequence[Trial]) -> Violations:
@@ -300,12 +302,6 @@ def order_violations(study: Study, trials: Sequence[Trial]) -> Violations:
             yield "a catch trial must not open a block", f"trial {trial.index}"
         if before and _beam_set(study, before.touches) != _beam_set(study, trial.touches):
             yield "a catch trial must need only the mounted beam", f"trial {trial.index}"
-
-
-def _catches(study: Study, plan: Plan) -> Violations:
-    catches = _kinds(plan, "catch")
-    if len(catches) != study.design.catch_trials:
-        yield f"there must be {study.design.catch_trials} catch trials", str(len(catches))
 
 
 def _breaks(study: Study, plan: Plan) -> Violations:

@@ -95,13 +95,9 @@ def practice_problems(study: Study) -> Iterator[Problem]:
     """Yield a demand on practice in a study without practice, where it would never be made."""
     wanted = study.as_instructed.practise_until
     if wanted and not study.design.practice_trials:
-        yield Problem(
-            where="design.practice_trials",
-            rule=f"must be above 0 where as_instructed.practise_until = {wanted}",
-            value="0",
-            hint="give practice_trials, or leave practise_until out",
-            path=("design", "practice_trials"),
-        )
+        rule = f"must be above 0 where as_instructed.practise_until = {wanted}"
+        hint = "give practice_trials, or leave practise_until out"
+        yield Problem.of_key("design.practice_trials", rule, 0, hint)
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
@@ -292,54 +288,42 @@ def _unnamed_beam(study: Study) -> Iterator[Problem]:
     if study.touch.beam is None and any(
         touch.beam for _, _, item in _items(study) for touch in item.touches
     ):
-        yield Problem(
-            where="touch.beam",
-            rule="must be given when a touch names a beam",
-            value="nothing",
-            hint=f"one of {', '.join(study.beams)}",
-            path=("touch", "beam"),
-        )
+        rule, hint = "must be given when a touch names a beam", f"one of {', '.join(study.beams)}"
+        yield Problem.of_key("touch.beam", rule, "nothing", hint)
 
 
 def _unknown_gain(study: Study) -> Iterator[Problem]:
     """A generator is set in volts before the amplifier: without its gain nothing is driven."""
     if study.rig.dialect != "board" and study.rig.amplifier_gain is None:
-        yield Problem(
-            where="rig.amplifier_gain",
-            rule=f"must be given where rig.dialect = {study.rig.dialect!r}",
-            value="nothing",
-            hint="volts at the beam per volt of the generator",
-            path=("rig", "amplifier_gain"),
-        )
+        rule = f"must be given where rig.dialect = {study.rig.dialect!r}"
+        hint = "volts at the beam per volt of the generator"
+        yield Problem.of_key("rig.amplifier_gain", rule, "nothing", hint)
 
 
 def _unmeasured(study: Study) -> Iterator[Problem]:
     """Only a board or a gauge measures forces; a gauge has a port to itself, and feels a finger."""
     rig, channel = study.rig, study.force_channel
     if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
-        yield Problem(
-            where="force_channel.rate_hz",
-            rule=f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
-            value=f"{channel.rate_hz}",
-            hint="give the address of a gauge as force_channel.gauge",
-            path=("force_channel", "rate_hz"),
+        yield Problem.of_key(
+            "force_channel.rate_hz",
+            f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
+            channel.rate_hz,
+            "give the address of a gauge as force_channel.gauge",
         )
     # Both may be simulated: a simulated gauge has a line of its own.
-    if channel.gauge == rig.device != SIMULATED:
-        yield Problem(
-            where="force_channel.gauge",
-            rule="must have a port of its own, other than rig.device",
-            value=repr(channel.gauge),
-            hint="a board that measures forces itself needs no gauge",
-            path=("force_channel", "gauge"),
+    if channel.gauge != SIMULATED and channel.gauge == rig.device:
+        yield Problem.of_key(
+            "force_channel.gauge",
+            "must have a port of its own, other than rig.device",
+            repr(channel.gauge),
+            "a board that measures forces itself needs no gauge",
         )
-    if channel.rate_hz is not None and channel.gauge == SIMULATED != rig.device:
-        yield Problem(
-            where="force_channel.gauge",
-            rule="is simulated, and that is for a simulated device only",
-            value=f"rig.device = {rig.device!r}",
-            hint="the address of a gauge; run --device sim simulates both",
-            path=("force_channel", "gauge"),
+    if channel.rate_hz is not None and channel.gauge == SIMULATED and rig.device != SIMULATED:
+        yield Problem.of_key(
+            "force_channel.gauge",
+            "is simulated, and that is for a simulated device only",
+            f"rig.device = {rig.device!r}",
+            "the address of a gauge; run --device sim simulates both",
         )
 
 

@@ -6,15 +6,22 @@ from device.people.person import DEFAULT, PARAMETERS, Distribution, Person
 
 
 def parameter_table() -> str:
-    """Return the parameters with unit, limits, default, default population, meaning and source.
+    """Return the parameters with unit, limits, default, default population and meaning; sources.
 
-    A population's cell is empty where all its people are as the one person, a source's if assumed.
+    A population's cell is empty where all its people are as the one person. What has no source is
+    assumed.
     """
+    named: dict[str, list[str]] = {}
+    for name, of in PARAMETERS.items():
+        if source := of.source.removeprefix("assumed").lstrip(",;: "):
+            named.setdefault(source, []).append(f"`{name}`")
     return "\n".join(
         [
-            "| parameter | unit | from, to | one person | population | meaning | source |",
-            "|---|---|---|---|---|---|---|",
+            "| parameter | unit | from, to | one person | population | meaning |",
+            "|---|---|---|---|---|---|",
             *map(_row, PARAMETERS),
+            "",
+            *(f"- {', '.join(names)}: {source}" for source, names in named.items()),
         ]
     )
 
@@ -30,7 +37,6 @@ def _row(name: str) -> str:
         shared,
         _in_words(varied) if varied else "" if f"{typical:g}" == shared else f"{typical:g}",
         of.meaning,
-        of.source.removeprefix("assumed").lstrip(",;: "),
     ]
     return f"| {' | '.join(cells)} |"
 

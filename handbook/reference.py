@@ -1,6 +1,7 @@
 """Reference pages written from the code: `python -m handbook.reference` writes them anew.
 
-Commands with their options, the Python package, and the statistics with formula and source.
+Commands with their options, the Python package, the statistics with formula and source, and the
+faults that can be simulated.
 """
 
 import inspect
@@ -14,6 +15,7 @@ import typer
 from typer.testing import CliRunner
 
 import touchbeam
+from device.simulator.faults import FAULTS
 from handbook.build import ROOT
 from touchbeam.cli.app import app
 
@@ -160,8 +162,32 @@ def _formulae(thing: Any) -> str:
     return text[0].upper() + text[1:]
 
 
+_ON_THE_HOST = {
+    19: "the host is killed or stopped with the output on",
+    22: "a second program opens the port",
+    26: "Ctrl-C, SIGTERM or a closed window in the middle of a ramp",
+    29: "the port comes back (`vanish`, off)",
+    30: "two tasks ask at once",
+    33: "a port that is missing, forbidden, no port, or of an unknown scheme",
+}
+
+
+def faults_page() -> str:
+    """Return the page of the faults: those of the simulated device, and the host's."""
+    simulated = [(fault.number, f"`{fault.name}`: {fault.what}") for fault in FAULTS]
+    listed = sorted([*simulated, *_ON_THE_HOST.items()], key=lambda entry: entry[0])
+    rows = "\n".join(f"- {number} {what}" for number, what in listed)
+    return (
+        "# Faults\n\nThis page is written from the program by `python -m handbook.reference`. "
+        "`fault NAME on` at the control\nsocket of the [simulated device]"
+        "(../wire-protocol.md#the-simulated-device) switches on a fault that has a\nname; the "
+        f"others occur on the host.\n\n{rows}\n"
+    )
+
+
 PAGES: dict[str, Callable[[], str]] = {
     "commands.md": commands_page,
+    "faults.md": faults_page,
     "python-package.md": python_page,
     "statistics.md": statistics_page,
 }

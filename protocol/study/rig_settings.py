@@ -40,7 +40,7 @@ class Rig(Record):
     )
     voltages_are: Literal["peak"] = setting(
         "peak",
-        "every voltage is an amplitude (peak): half of what a generator shows as peak-to-peak",
+        "every voltage is an amplitude (peak)",
     )
     # A beam that sounds below 1 kHz is no ultrasonic device: the number is in kHz.
     nominal_resonance_hz: Positive = setting(
@@ -118,7 +118,9 @@ class ForceChannel(Record):
         le=1_000,
     )
     gauge: Address | None = setting(
-        None, f"a force gauge on a port of its own: {_ADDRESSES}; without it the board measures"
+        None,
+        "address of a force gauge on a port of its own, as `device` of `[rig]`; without it the board "
+        "measures",
     )
     gauge_dialect: GaugeDialect = setting(
         "gauge", "the commands that the gauge understands: `gauge`"

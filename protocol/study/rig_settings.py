@@ -119,7 +119,7 @@ class ForceChannel(Record):
     )
     gauge: Address | None = setting(
         None,
-        "address of a force gauge on a port of its own, as `device` of `[rig]`; without it the board "
+        "address of a force gauge on a port of its own, like `rig.device`; without it the board "
         "measures",
     )
     gauge_dialect: GaugeDialect = setting(

@@ -35,17 +35,30 @@ class Parameter:
     high: float = 1.0
 
 
+def _of(
+    meaning: str, unit: str, source: str = ASSUMED, low: float = 0.0, high: float = 1.0
+) -> Parameter:
+    return Parameter(meaning=meaning, unit=unit, source=source, low=low, high=high)
+
+
 def _points(
     meaning: str, source: str = TABLE_4, low: float = -50.0, high: float = 50.0
 ) -> Parameter:
-    return Parameter(meaning=meaning, unit="points", source=source, low=low, high=high)
+    return _of(meaning, "points", source, low, high)
 
 
-def _share(meaning: str, source: str, low: float = 0.0, high: float = 1.0) -> Parameter:
-    return Parameter(meaning=meaning, unit="share", source=source, low=low, high=high)
+def _share(meaning: str, source: str = ASSUMED, low: float = 0.0) -> Parameter:
+    return _of(meaning, "share", source, low)
 
 
 _OFF_THE_LINE = "Table 4, over a straight line in the contrast"
+_LAPSES = (
+    "assumed, as usual for psychometric functions: Wichmann and Hill 2001, doi 10.3758/BF03194544"
+)
+_SKINS = "assumed; that skins differ: Gueorguiev et al. 2017, doi 10.1098/rsif.2017.0641"
+_WEBER = "Gueorguiev et al. 2017, doi 10.1098/rsif.2017.0641"
+_EXPECTED = "assumed: people expect a change, and report one on a third of catch trials"
+_SERIAL = "assumed; assimilation in absolute judgement: Holland and Lockhead 1968"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,51 +75,29 @@ class Person:
 
     bias: Annotated[float, _points("score of no change")] = 7.0
     gain: Annotated[
-        float,
-        Parameter(
-            meaning="score points per unit of felt change",
-            unit="points",
-            source=TABLE_4,
-            low=-200.0,
-            high=200.0,
-        ),
+        float, _points("score points per unit of felt change", TABLE_4, -200.0, 200.0)
     ] = 4.0
     felt_noise: Annotated[
         float,
-        Parameter(
-            meaning="Weber fraction of friction: SD of a felt change",
-            unit="log friction",
-            source="Gueorguiev et al. 2017, doi 10.1098/rsif.2017.0641",
-            high=10.0,
-        ),
+        _of("Weber fraction of friction: SD of a felt change", "log friction", _WEBER, 0.0, 10.0),
     ] = 0.11
     criterion: Annotated[
         float,
-        Parameter(
-            meaning="a larger felt change is answered as smoother, stronger or swapped",
-            unit="log friction",
-            source="assumed: people expect a change, and report one on a third of catch trials",
-            low=-10.0,
-            high=10.0,
+        _of(
+            "a larger felt change is answered as smoother, stronger or swapped",
+            *("log friction", _EXPECTED, -10.0, 10.0),
         ),
     ] = 0.08
     criterion_less: Annotated[
         float,
-        Parameter(
-            meaning="a larger felt change the other way is answered as rougher or weaker",
-            unit="log friction",
-            source="assumed",
-            low=-10.0,
-            high=10.0,
+        _of(
+            "a larger felt change the other way is answered as rougher or weaker",
+            *("log friction", ASSUMED, -10.0, 10.0),
         ),
     ] = 0.13
     lapse: Annotated[
         float,
-        _share(
-            "trials answered at random and scored as no change, whatever is felt",
-            "assumed, as usual for psychometric functions: Wichmann and Hill 2001, "
-            "doi 10.3758/BF03194544",
-        ),
+        _share("trials answered at random and scored as no change, whatever is felt", _LAPSES),
     ] = 0.0
     rating_noise: Annotated[float, _points("SD of the noise of a score", low=0.0)] = 1.0
     beyond_swing: Annotated[
@@ -128,113 +119,53 @@ class Person:
         _points("scores are multiples of it: a person who uses few numbers", ASSUMED, 1.0, 10.0),
     ] = 1.0
     end_aversion: Annotated[
-        float, _share("scores at an end of the scale that are moved one step inwards", ASSUMED)
+        float, _share("scores at an end of the scale that are moved one step inwards")
     ] = 0.0
     serial: Annotated[
         float,
-        _share(
-            "weight of the previous score in this one; below 0: contrast",
-            "assumed; assimilation in absolute judgement: Holland and Lockhead 1968",
-            low=-1.0,
-        ),
+        _share("weight of the previous score in this one; below 0: contrast", _SERIAL, low=-1.0),
     ] = 0.0
     adaptation: Annotated[
-        float,
-        _share("by how much of the previous felt change this one is felt as smaller", ASSUMED),
+        float, _share("by how much of the previous felt change this one is felt as smaller")
     ] = 0.0
     drift: Annotated[float, _points("score points added per trial", ASSUMED)] = 0.0
-    fatigue: Annotated[
-        float, _share("growth of the noise of feeling and scoring per trial", ASSUMED)
-    ] = 0.0
+    fatigue: Annotated[float, _share("growth of the noise of feeling and scoring per trial")] = 0.0
     force_factor: Annotated[
-        float,
-        Parameter(
-            meaning="mean force, relative to the instructed one",
-            unit="ratio",
-            source=ASSUMED,
-            low=0.2,
-            high=5.0,
-        ),
+        float, _of("mean force, relative to the instructed one", "ratio", low=0.2, high=5.0)
     ] = 1.0
     force_error: Annotated[
-        float, _share("SD of the force from touch to touch, relative to its mean", ASSUMED)
+        float, _share("SD of the force from touch to touch, relative to its mean")
     ] = 0.0
     speed_factor: Annotated[
-        float,
-        Parameter(
-            meaning="mean speed, relative to the mark's",
-            unit="ratio",
-            source=ASSUMED,
-            low=0.2,
-            high=5.0,
-        ),
+        float, _of("mean speed, relative to the mark's", "ratio", low=0.2, high=5.0)
     ] = 1.0
     speed_error: Annotated[
-        float, _share("SD of the speed from touch to touch, relative to its mean", ASSUMED)
+        float, _share("SD of the speed from touch to touch, relative to its mean")
     ] = 0.0
     place_offset_m: Annotated[
-        float,
-        Parameter(
-            meaning="how far right of the mark the finger is",
-            unit="m",
-            source=ASSUMED,
-            low=-0.02,
-            high=0.02,
-        ),
+        float, _of("how far right of the mark the finger is", "m", low=-0.02, high=0.02)
     ] = 0.0
-    tremor: Annotated[
-        float, _share("SD of the force within a touch, relative to its mean", ASSUMED)
-    ] = 0.0
+    tremor: Annotated[float, _share("SD of the force within a touch, relative to its mean")] = 0.0
     skin: Annotated[
         float,
-        Parameter(
-            meaning="what the skin multiplies the change of log friction by",
-            unit="ratio",
-            source="assumed; that skins differ: Gueorguiev et al. 2017, doi 10.1098/rsif.2017.0641",
-            high=10.0,
-        ),
+        _of("what the skin multiplies the change of log friction by", "ratio", _SKINS, 0.0, 10.0),
     ] = 1.0
     mu0: Annotated[
-        float,
-        Parameter(
-            meaning="what the skin multiplies friction at rest by",
-            unit="ratio",
-            source=ASSUMED,
-            low=0.01,
-            high=10.0,
-        ),
+        float, _of("what the skin multiplies friction at rest by", "ratio", low=0.01, high=10.0)
     ] = 1.0
-    reaction_shift_s: Annotated[
-        float,
-        Parameter(
-            meaning="shortest reaction time",
-            unit="s",
-            source="assumed",
-            high=60.0,
-        ),
-    ] = 0.3
+    reaction_shift_s: Annotated[float, _of("shortest reaction time", "s", high=60.0)] = 0.3
     reaction_median_s: Annotated[
         float,
-        Parameter(
-            meaning="median of what a reaction time has beyond the shortest",
-            unit="s",
-            source=ASSUMED,
-            high=600.0,
-        ),
+        _of("median of what a reaction time has beyond the shortest", "s", high=600.0),
     ] = 0.8
-    reaction_spread: Annotated[
-        float,
-        Parameter(meaning="SD of the logarithm of that", unit="", source=ASSUMED, high=5.0),
-    ] = 0.4
-    dropout: Annotated[float, _share("chance of leaving at a question, for good", ASSUMED)] = 0.0
+    reaction_spread: Annotated[float, _of("SD of the logarithm of that", "", high=5.0)] = 0.4
+    dropout: Annotated[float, _share("chance of leaving at a question, for good")] = 0.0
 
 
-def _parameters() -> dict[str, Parameter]:
-    hints = get_type_hints(Person, include_extras=True)
-    return {entry.name: get_args(hints[entry.name])[1] for entry in fields(Person)}
-
-
-PARAMETERS = _parameters()
+_HINTS = get_type_hints(Person, include_extras=True)
+PARAMETERS: dict[str, Parameter] = {
+    entry.name: get_args(_HINTS[entry.name])[1] for entry in fields(Person)
+}
 
 
 class People:
@@ -248,13 +179,10 @@ class People:
 
     @classmethod
     def of(cls, persons: Sequence[Person]) -> "People":
-        """Return these persons."""
         return cls(np.array([list(vars(person).values()) for person in persons]))
 
     def __getattr__(self, name: str) -> FloatArray:
-        """Return a parameter of all persons."""
-        # Names with an underscore are refused first: a copy asks for them before `_columns` is
-        # there.
+        # Underscores are refused first: a copy asks for such names before `_columns` is there.
         if name.startswith("_") or name not in PARAMETERS:
             raise AttributeError(name)
         return np.asarray(self._columns[name])
@@ -264,7 +192,6 @@ class People:
         return People(np.stack([column[which] for column in self._columns.values()], axis=-1))
 
     def __getitem__(self, number: int) -> Person:
-        """Return one person."""
         return Person(**{name: float(column[number]) for name, column in self._columns.items()})
 
 
@@ -387,7 +314,6 @@ class Normal:
     sd: float
 
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
-        """Return the quantiles at `u`."""
         if self.sd == 0:
             return np.full(u.shape, self.mean)
         # Quantiles of the part within the limits: clipping would heap people at the ends.
@@ -403,12 +329,9 @@ class LogNormal:
     log_sd: float
 
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
-        """Return the quantiles at `u`."""
-        ends = (np.log(limits.low) if limits.low > 0 else -np.inf, np.log(limits.high))
+        low = np.log(limits.low) if limits.low > 0 else -np.inf
         inner = Normal(mean=float(np.log(self.median)), sd=self.log_sd)
-        low, high = ends
-        cut = Parameter(meaning="", unit="", source="", low=low, high=high)
-        return np.exp(inner.values(u, cut))
+        return np.exp(inner.values(u, _of("", "", "", low, np.log(limits.high))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -419,7 +342,6 @@ class Uniform:
     high: float
 
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:  # noqa: ARG002 - within them
-        """Return the quantiles at `u`."""
         return self.low + (self.high - self.low) * u
 
 
@@ -431,7 +353,6 @@ class OneOf:
     shares: tuple[float, ...]
 
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:  # noqa: ARG002 - within them
-        """Return the quantiles at `u`."""
         ends = np.cumsum(self.shares) / np.sum(self.shares)
         # Without the last end, which rounding may leave below 1.
         return np.array(self.values_of)[np.searchsorted(ends[:-1], u, side="right")]
@@ -452,8 +373,7 @@ def people_of(population: Population, names: Sequence[str]) -> People:
     """
     values = np.tile(list(vars(population.typical).values()), (len(names), 1))
     columns = list(PARAMETERS)
-    # A column for each parameter, drawn or not, so that a population that varies one more leaves
-    # the others as they were.
+    # A column for each, drawn or not: a population that varies one more leaves the others.
     u = uniforms_of([f"person/{name}" for name in names], 1, len(columns))[:, 0]
     for parameter, distribution in population.varied.items():
         column = columns.index(parameter)
@@ -533,13 +453,8 @@ DEFAULT = Population(
 
 _EXACT = Person()
 _OF_TOUCHES = (
-    "force_factor",
-    "force_error",
-    "speed_factor",
-    "speed_error",
-    "place_offset_m",
-    "tremor",
-)
+    "force_factor", "force_error", "speed_factor", "speed_error", "place_offset_m", "tremor",
+)  # fmt: skip
 SENSITIVE = Population(
     typical=replace(
         DEFAULT.typical,

@@ -36,29 +36,18 @@ class BoardDialect(Dialect):
         self._beam = beam
         self.sampler = ForceSampler(beam)
         self._forget()
-        handlers = {
-            **self._system(),
-            **self._drive(),
-            **self._sweep(),
-            **self._safety(),
-            **self._measurements(),
-            **self._force_channel(),
-        }
-        super().__init__(Status(), handlers)
+        super().__init__(Status(), self._handlers())
 
     def passes(self, time_s: float) -> None:
-        """Sample the forces up to a moment that has not come yet."""
         self.sampler.take_until(time_s, self._instrument)
 
     def restart(self) -> None:
-        """Lose power and come back."""
         self._instrument.restart()
         self.sampler.restart()
         self._forget()
         self.status.power_on()
 
     def lose_samples(self) -> None:
-        """Forget what was sampled and not asked for."""
         self.sampler.lose()
 
     def turn_knobs(self) -> None:
@@ -67,62 +56,13 @@ class BoardDialect(Dialect):
         self._instrument.limit_v = MAX_VOLTAGE_V
         self._instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
 
-    def _system(self) -> dict[str, Handler]:
-        return {
-            "*IDN?": asked(lambda: self.idn),
-            "*OPT?": asked(lambda: "0"),
-            "*RST": asked(self._reset),
-            "SYSTem:ERRor:COUNt?": asked(lambda: str(len(self.status.errors))),
-            "SYSTem:VERSion?": asked(lambda: "1999.0"),
-            "SYSTem:TIME?": asked(lambda: number_text(self._instrument.time_s)),
-            "SYSTem:BOOT?": asked(lambda: str(self._instrument.boot)),
-        }
-
-    def _drive(self) -> dict[str, Handler]:
+    def _handlers(self) -> dict[str, Handler]:
+        instrument, sampler, volts = self._instrument, self.sampler, "[SOURce#:]VOLTage"
+        frequency, sweep = "[SOURce#:]FREQuency[:CW]", "[SOURce#:]FREQuency:SWEep"
+        amplitude = f"{volts}[:LEVel][:IMMediate][:AMPLitude]"
         ramp = (_V_PER_S, *RAMP_RANGE_V_PER_S)
-        volts = "[SOURce#:]VOLTage"
-        return {
-            "[SOURce#:]FREQuency[:CW]?": lambda call: number_text(
-                scpi.told(call.argument, self._instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
-            ),
-            "[SOURce#:]FREQuency[:CW]": self._set_frequency,
-            f"{volts}[:LEVel][:IMMediate][:AMPLitude]?": lambda call: number_text(
-                scpi.told(call.argument, self._instrument.target_v, 0.0, self._instrument.limit_v)
-            ),
-            f"{volts}[:LEVel][:IMMediate][:AMPLitude]": self._set_voltage,
-            f"{volts}:INSTant?": asked(lambda: number_text(self._instrument.meant_v)),
-            **self._quantity(f"{volts}:RAMP", self._instrument, "ramp_v_per_s", ramp),
-            "OUTPut#[:STATe]": lambda call: self._switch(scpi.boolean(call.argument)),
-            "OUTPut#[:STATe]?": asked(lambda: str(int(self._instrument.output))),
-        }
-
-    def _sweep(self) -> dict[str, Handler]:
-        header = "[SOURce#:]FREQuency:SWEep"
-        hertz = (scpi.HERTZ, *FREQUENCY_RANGE_HZ)
-        return {
-            **self._quantity(f"{header}:STARt", self, "sweep_start_hz", hertz),
-            **self._quantity(f"{header}:STOP", self, "sweep_stop_hz", hertz),
-            **self._quantity(
-                f"{header}:TIME", self, "sweep_time_s", (scpi.SECONDS, *SWEEP_TIME_RANGE_S)
-            ),
-            f"{header}:STATe": lambda call: self._switch_sweep(scpi.boolean(call.argument)),
-            f"{header}:STATe?": asked(lambda: str(int(self._instrument.sweep is not None))),
-        }
-
-    def _safety(self) -> dict[str, Handler]:
+        hertz, rates = (scpi.HERTZ, *FREQUENCY_RANGE_HZ), (scpi.HERTZ, *RATE_RANGE_HZ)
         watchdog = (scpi.SECONDS, *WATCHDOG_RANGE_S)
-        return {
-            "[SOURce#:]VOLTage:LIMit": self._set_limit,
-            "[SOURce#:]VOLTage:LIMit?": lambda call: number_text(
-                scpi.told(call.argument, self._instrument.limit_v, 0.0, MAX_VOLTAGE_V)
-            ),
-            **self._quantity("SYSTem:WATChdog", self._instrument, "watchdog_s", watchdog),
-            "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(self._instrument.tripped))),
-            "OUTPut#:PROTection:CAUSe?": asked(lambda: self._instrument.cause),
-            "OUTPut#:PROTection:CLEar": asked(self._clear_trip),
-        }
-
-    def _measurements(self) -> dict[str, Handler]:
         readings: dict[str, Callable[[Instrument], float]] = {
             "VOLTage": self._beam.monitor_v,
             "FORCe": self._beam.measured_force_n,
@@ -133,18 +73,47 @@ class BoardDialect(Dialect):
         }
 
         def reading(read: Callable[[Instrument], float]) -> Handler:
-            return asked(lambda: number_text(read(self._instrument)))
+            return asked(lambda: number_text(read(instrument)))
 
-        return {f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()}
-
-    def _force_channel(self) -> dict[str, Handler]:
-        rates = (scpi.HERTZ, *RATE_RANGE_HZ)
         return {
-            **self._quantity("TRACe:RATE", self.sampler, "rate_hz", rates, self._require_stopped),
-            "TRACe:STATe": lambda call: self.sampler.switch(
-                scpi.boolean(call.argument), self._instrument
+            "*IDN?": asked(lambda: self.idn),
+            "*OPT?": asked(lambda: "0"),
+            "*RST": asked(self._reset),
+            "SYSTem:ERRor:COUNt?": asked(lambda: str(len(self.status.errors))),
+            "SYSTem:VERSion?": asked(lambda: "1999.0"),
+            "SYSTem:TIME?": asked(lambda: number_text(instrument.time_s)),
+            "SYSTem:BOOT?": asked(lambda: str(instrument.boot)),
+            frequency: self._set_frequency,
+            f"{frequency}?": lambda call: number_text(
+                scpi.told(call.argument, instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
             ),
-            "TRACe:STATe?": asked(lambda: str(int(self.sampler.on))),
+            amplitude: self._set_voltage,
+            f"{amplitude}?": lambda call: number_text(
+                scpi.told(call.argument, instrument.target_v, 0.0, instrument.limit_v)
+            ),
+            f"{volts}:INSTant?": asked(lambda: number_text(instrument.meant_v)),
+            **self._quantity(f"{volts}:RAMP", instrument, "ramp_v_per_s", ramp),
+            f"{volts}:LIMit": self._set_limit,
+            f"{volts}:LIMit?": lambda call: number_text(
+                scpi.told(call.argument, instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+            ),
+            "OUTPut#[:STATe]": lambda call: self._switch(scpi.boolean(call.argument)),
+            "OUTPut#[:STATe]?": asked(lambda: str(int(instrument.output))),
+            "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(instrument.tripped))),
+            "OUTPut#:PROTection:CAUSe?": asked(lambda: instrument.cause),
+            "OUTPut#:PROTection:CLEar": asked(self._clear_trip),
+            **self._quantity("SYSTem:WATChdog", instrument, "watchdog_s", watchdog),
+            **self._quantity(f"{sweep}:STARt", self, "sweep_start_hz", hertz),
+            **self._quantity(f"{sweep}:STOP", self, "sweep_stop_hz", hertz),
+            **self._quantity(
+                f"{sweep}:TIME", self, "sweep_time_s", (scpi.SECONDS, *SWEEP_TIME_RANGE_S)
+            ),
+            f"{sweep}:STATe": lambda call: self._switch_sweep(scpi.boolean(call.argument)),
+            f"{sweep}:STATe?": asked(lambda: str(int(instrument.sweep is not None))),
+            **{f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()},
+            **self._quantity("TRACe:RATE", sampler, "rate_hz", rates, self._require_stopped),
+            "TRACe:STATe": lambda call: sampler.switch(scpi.boolean(call.argument), instrument),
+            "TRACe:STATe?": asked(lambda: str(int(sampler.on))),
             "TRACe:SCALe?": asked(lambda: ",".join(map(number_text, SCALE))),
             "TRACe:DATA?": self._samples,
         }
@@ -194,8 +163,7 @@ class BoardDialect(Dialect):
 
     def _set_limit(self, call: Call) -> None:
         value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, MAX_VOLTAGE_V)
-        # Refused and not cut: a limit that lowers the amplitude by itself would hide a slip of the
-        # host.
+        # Refused: a limit that lowers the amplitude by itself would hide a slip of the host.
         if value < self._instrument.target_v:
             raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
         self._instrument.limit_v = value

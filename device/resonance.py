@@ -57,8 +57,7 @@ def resonance(
         read_back = drive(
             Setpoint(voltage_v=voltage_v, frequency_hz=frequency_hz, ramp_v_per_s=ramp_v_per_s)
         )
-        # The first step begins at 0 V: it waits for the soft start, the later ones only for the
-        # beam.
+        # The first step begins at 0 V and waits for the soft start, the later ones for the beam.
         shown_v = read_back.voltage_v if read_back.monitor_v is None else read_back.monitor_v
         sleep(_SETTLE_S + max(voltage_v - shown_v, 0.0) / ramp_v_per_s)
         return vibration_m() / voltage_v
@@ -86,8 +85,7 @@ def _peak(frequencies_hz: NDArray[np.float64], tips_m: NDArray[np.float64]) -> R
     if not (tips_m > 0).all():
         raise DeviceError(f"the vibration must be above 0 m, got {tips_m.min():g} m")
     middle_hz, tip_m = float(frequencies_hz.mean()), float(tips_m.max())
-    # About the middle and relative to the largest amplitude, because polynomials in 24,000 Hz and
-    # 1e-7 m lose digits.
+    # About the middle and relative: polynomials in 24,000 Hz and 1e-7 m lose digits.
     curve, slope, lowest = np.polyfit(frequencies_hz - middle_hz, (tip_m / tips_m) ** 2, 2)
     vertex_hz = -slope / (2 * curve)
     level = lowest - slope**2 / (4 * curve)

@@ -165,7 +165,6 @@ class Rig:
         return found.result()
 
     def read_back(self) -> ReadBack:
-        """Get the drive and the sensors as the device reports them."""
         return self._owned(lambda: self._guarded(self._driver.read_back))
 
     def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:

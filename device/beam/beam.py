@@ -39,7 +39,6 @@ class Patches:
 
     @property
     def end_m(self) -> float:
-        """Where the sheets end."""
         return self.centre_m + self.length_m / 2
 
 
@@ -73,7 +72,6 @@ class Beam:
 
     @property
     def area_m2(self) -> float:
-        """The section's area."""
         return self.width_m * self.thickness_m
 
     @property

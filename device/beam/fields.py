@@ -18,7 +18,6 @@ class ModePattern(Pattern):
     mode: int
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """See `Pattern`."""
         return mode_window(self.mode, self.length_m, x_m, window_width(x_m, contact_m))
 
 
@@ -42,7 +41,6 @@ class SinusoidPattern(Pattern):
         return mode_constants(self.mode).root / self.length_m
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """See `Pattern`."""
         width_m = window_width(x_m, contact_m)
         places = np.concatenate([x_m - width_m, x_m])
         width = np.where(width_m > 0, width_m, 1.0)
@@ -82,7 +80,6 @@ class Eq15Pattern(SinusoidPattern):
         return Window(right=ratio, left=1.0 - ratio, mean=mean)
 
     def whole(self) -> Window:
-        """See `Pattern`."""
         return super().window(np.array([self.length_m]), self.length_m)
 
 
@@ -104,7 +101,6 @@ class Field:
 
     @property
     def angular_frequency_rad_s(self) -> FloatArray:
-        """2πf."""
         return 2 * math.pi * self.frequency_hz
 
     def scaled(self, factor: FloatArray) -> "Field":

@@ -248,7 +248,6 @@ class ModalPattern(Pattern):
     drive: Rows
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """See `Pattern`."""
         width_m = window_width(x_m, contact_m)
         start_m, drive = x_m - width_m, np.broadcast_to(self.drive, x_m.shape)
         columns = np.empty((3, x_m.size))

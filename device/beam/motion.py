@@ -68,7 +68,6 @@ class _Segment:
     columns: ComplexArray
 
     def state(self, x_m: FloatArray) -> ComplexArray:
-        """Return the fields of `MotionState`, shape (n, 6)."""
         wave = ((x_m - self.start_m)[:, None] - self.origin_m) * self.exponent
         return np.asarray(np.exp(wave, out=wave) @ self.columns)
 
@@ -305,7 +304,6 @@ class MotionPattern(Pattern):
     pieces: _Pieces
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """See `Pattern`."""
         width_m = window_width(x_m, contact_m)
         narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.length_m))
         places = np.concatenate([x_m - width_m, x_m])

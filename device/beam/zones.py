@@ -29,7 +29,6 @@ class Zones:
 
     @property
     def nodes_m(self) -> FloatArray:
-        """The inner nodes."""
         return self.edges_m[2:-1:2]
 
     @property

@@ -96,17 +96,14 @@ class Board(Driver):
         self._firmware = idn.rpartition(",")[2]
         # The boot counter is read before anything is set, so that any later restart is noticed.
         self._boot = self.link.query("SYST:BOOT?", whole)
-        # A trip is cleared first, because a board refuses `OUTP ON` while its protection is
-        # tripped.
+        # A trip is cleared first, because a tripped board refuses `OUTP ON`.
         self.send("OUTP:PROT:CLE")
-        # The amplitude goes down before the limit, because a board refuses a limit below its
-        # amplitude.
+        # The amplitude goes first, because a board refuses a limit below its amplitude.
         self.set_number("VOLT", 0.0)
         self.set_number("VOLT:LIM", self.limits.max_voltage_v)
         self.set_number("SYST:WATC", self.limits.watchdog_s)
         self._keeps_its_promises()
-        # Without a limit nobody asks for the temperature, so that a board without a sensor is no
-        # fault.
+        # Without a limit nobody asks for the temperature: a board without a sensor is no fault.
         limited = self.limits.max_temperature_c is not None
         self._measures_temperature = limited and self._has_thermometer()
         return Identity(
@@ -123,8 +120,7 @@ class Board(Driver):
         try:
             self._require_cool(self.number("MEAS:TEMP?"))
         except LinkTimeout:
-            # A command that is not defined gets no answer. Only the error queue tells such a board
-            # from one that fell silent.
+            # Only the error queue tells a board without this command from one that fell silent.
             if not any(error.startswith(_UNDEFINED) for error in self.drained_errors()):
                 raise
             return False
@@ -136,8 +132,7 @@ class Board(Driver):
         An amplitude that stays is not set again, so that the steps of a sweep are short.
         """
         setpoint.checked(self.limits)
-        # Something may have happened since the board was armed: a restart, for one, loses the limit
-        # and the watchdog.
+        # A restart since the board was armed, for one, has lost the limit and the watchdog.
         if self.driven is None:
             self._keeps_its_promises()
         driven, before_v = self.driven, self._allowed_v(self.monotonic())
@@ -148,8 +143,7 @@ class Board(Driver):
         self.set_number("FREQ", setpoint.frequency_hz)
         if moves:
             self.set_number("VOLT", setpoint.voltage_v)
-            # The ramp is counted from the answer to `VOLT?`: before it the board may not have
-            # begun.
+            # The ramp counts from the answer to `VOLT?`, before which it may not have begun.
             self._know(max(before_v, setpoint.voltage_v))
         if self.driven is None:
             self.switch_on("OUTP ON")
@@ -167,8 +161,7 @@ class Board(Driver):
         self._heard(read_back, instant_v)
         assert read_back.monitor_v is not None
         if read_back.output != (self.driven is not None):
-            # The health query knows the cause, such as a trip, which says more than "the output is
-            # off".
+            # The health query knows the cause, such as a trip, which says more than "off".
             self.check()
             raise DeviceError(_unexpected(read_back.output))
         # The moment before the query counts: what is allowed falls with time, and the board may
@@ -178,7 +171,6 @@ class Board(Driver):
         return read_back
 
     def check(self) -> None:
-        """Check that the board does what it was told."""
         measured = self._measures_temperature
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
         asked_s = self.monotonic()
@@ -216,8 +208,7 @@ class Board(Driver):
                 return "says that its output is on"
             if abs(monitor_v) < MONITOR_ABS_TOL_V:
                 return ""
-            # The deadline is looked at after an answer, so that a slow answer that says "off" still
-            # counts.
+            # The deadline is looked at after an answer: a slow one that says "off" still counts.
             if self.monotonic() >= deadline_s:
                 return f"its monitor still shows {monitor_v:.1f} V after {DISCHARGE_S:g} s"
 
@@ -232,18 +223,15 @@ class Board(Driver):
         )
         self.link.stay_silent(_SILENCE * self.limits.watchdog_s)
         tripped = self.link.query(_TRIPPED, _tripped)
-        # The output is turned off and read back even if it tripped, so that its voltage is known to
-        # be gone.
+        # Off and read back even if it tripped, so that its voltage is known to be gone.
         self.off()
         self.send("OUTP:PROT:CLE")
         return tripped
 
     def device_time_s(self) -> float:
-        """Get the device's own time, s."""
         return self.number("SYST:TIME?")
 
     def vibration_m(self) -> float:
-        """Measure the amplitude of the beam's tip, m."""
         return self.number("MEAS:VIBR?")
 
     def force_source(self) -> "Board":
@@ -261,7 +249,6 @@ class Board(Driver):
         return self
 
     def start_sampling(self, rate_hz: float) -> Scale:
-        """Set the rate and start; samples are numbered from 0. Return the size of one count."""
         self.send("TRAC:STAT OFF")  # a session that was killed, or broken off, left it on
         self.set_number("TRAC:RATE", rate_hz)
         scale = self.link.query("TRAC:SCAL?", _scale)
@@ -269,13 +256,10 @@ class Board(Driver):
         return scale
 
     def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
-        """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
-        # The check is part of the parsing, so that a block that is not the due one is asked for
-        # again.
+        # The check is part of the parsing, so that a block that is not due is asked for again.
         return self.link.block(f"TRAC:DATA? {first}", lambda content: checked(decoded(content)))
 
     def stop_sampling(self) -> None:
-        """Stop; what was sampled can still be asked for."""
         self.send("TRAC:STAT OFF")
 
     def _keeps_its_promises(self) -> None:

@@ -30,8 +30,7 @@ REL_TOL = 1e-6
 _FINGER = ("force_n", "position_m", "finger_s")
 
 
-# The console shows these between two polls: it must not ask the device itself, because only one
-# owner talks on the port.
+# The console shows these between two polls, because only the port's owner may ask the device.
 @dataclass(frozen=True, kw_only=True)
 class Reading:
     """The last answers of a device about its drive, and about the finger if it has sensors.
@@ -102,8 +101,7 @@ class Driver(ABC):
         self._meet()
         self.link.synchronise()
         self.off()
-        # Errors of an earlier session are taken before anything is set, or the first command would
-        # be blamed for them.
+        # Taken before anything is set, or the first command would be blamed for earlier errors.
         errors = tuple(self.drained_errors())
         return self._prepared(idn, errors)
 
@@ -222,8 +220,7 @@ class Driver(ABC):
         Raises:
             OutputUnknown: the device does not confirm it, or was not asked.
         """
-        # Forgotten first: whatever fails below, nobody may take the output for one that is to be
-        # on.
+        # Forgotten first: whatever fails below, nobody may take the output as meant to be on.
         self.driven = None
         if self.foreign is not None:
             raise self.foreign
@@ -320,8 +317,7 @@ class Driver(ABC):
     def send(self, command: str) -> None:
         """Send `command`, wait until it is done, and raise if the device reports an error."""
         self.link.tell(command)
-        # The answer says that the command was carried out, so that an error it causes is in the
-        # queue.
+        # The answer says that the command was carried out: an error it causes is in the queue.
         self.link.ask("*OPC?")
         errors = self.drained_errors()
         if errors:

@@ -39,7 +39,6 @@ class Ramp:
     v_per_s: float
 
     def at(self, now_s: float) -> float:
-        """Return the amplitude at `now_s`, V."""
         moved_v = self.v_per_s * (now_s - self.begin_s)
         # The end is returned as it is: `from + (to - from)` may differ from it in the last bit, and
         # the ramp is over only when its end is reached.
@@ -101,8 +100,7 @@ class Generator(Driver):
         return super().arm()
 
     def _prepared(self, idn: str, errors: tuple[str, ...]) -> Identity:
-        # The model says what its smallest amplitude is, at the load and the unit that have been
-        # set.
+        # The model says what its smallest amplitude is, at the load and the unit now set.
         self.least_v = self.limits.amplifier.amplitude_v(self._set_up(idn))
         self.amplitude_v = self.least_v
         self.read_back()
@@ -123,28 +121,24 @@ class Generator(Driver):
         the same amplitude at the same rate is continued.
         """
         setpoint.checked(self.limits)
-        # A smaller amplitude would be raised to the smallest one, and the data would tell another
-        # voltage.
+        # A smaller amplitude would be raised to it, and the data would tell another voltage.
         if 0 < setpoint.voltage_v < self.least_v:
             raise LimitExceeded(
                 f"voltage_v must be 0 or at least the generator's {self.least_v:g}, "
                 f"got {setpoint.voltage_v:g}"
             )
-        # The smallest amplitude is not 0 V. So a touch at 0 V leaves the output off, and is read
-        # back.
+        # The smallest amplitude is not 0 V: a touch at 0 V leaves the output off, and is read back.
         if setpoint.voltage_v == 0 and self.driven is None:
             return self.read_back()
         self._set_frequency(setpoint.frequency_hz)
         if self.driven is None:
-            # A generator switches its amplitude on at once: a soft start begins at the smallest
-            # one.
+            # It switches its amplitude on at once: a soft start begins at the smallest one.
             self._set_amplitude(self.least_v)
             self.read_back()
             self.switch_on(self.on_command)
         self.driven = setpoint
         to_v, v_per_s = max(setpoint.voltage_v, self.least_v), setpoint.ramp_v_per_s
-        # A sweep drives again and again at one amplitude: the ramp to it must not begin anew each
-        # time.
+        # A sweep drives often at one amplitude: the ramp to it must not begin anew each time.
         if self._ramp is None or (self._ramp.to_v, self._ramp.v_per_s) != (to_v, v_per_s):
             self._ramp = Ramp(
                 from_v=self.amplitude_v, to_v=to_v, begin_s=self.monotonic(), v_per_s=v_per_s
@@ -155,8 +149,7 @@ class Generator(Driver):
         """Make the next step of the ramp; at 0 V the output is switched off."""
         if self._ramp is None or self.driven is None:
             return False
-        # The step follows from the time that has passed, so that slow answers make the steps larger
-        # and not the ramp longer.
+        # By the time that has passed: slow answers make the steps larger and not the ramp longer.
         wanted_v = self._ramp.at(self.monotonic())
         self._set_amplitude(wanted_v)
         if wanted_v != self._ramp.to_v:
@@ -183,11 +176,9 @@ class Generator(Driver):
         return said
 
     def check(self) -> None:
-        """Check that the output and all settings are as commanded."""
         self.read_back()
 
     def off(self) -> None:
-        """Turn the output off and read it back."""
         self._ramp = None
         super().off()
 

@@ -53,8 +53,7 @@ class Amplifier:
         Raises:
             LimitExceeded: its slew, its current or the generator's voltage would be exceeded.
         """
-        # The amplifier is checked even where the study file was, because the frequency is now the
-        # measured resonance.
+        # Checked even where the study file was: the frequency is now the measured resonance.
         slew = slew_v_per_us(amplitude_v, frequency_hz)
         _within("slew_v_per_us", slew, self.max_slew_v_per_us)
         # I = C dV/dt: the largest slope of a sine gives the largest current into a capacitance.
@@ -99,8 +98,7 @@ class Setpoint(CommandedDrive):
         Raises:
             LimitExceeded: it does not; nothing is clipped.
         """
-        # Checked here as well as in the study, the plan and the device, because each of these can
-        # be wrong.
+        # Checked here as well as in study, plan and device, because each of these can be wrong.
         _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)
         _require("frequency_hz", self.frequency_hz, 1, limits.max_frequency_hz)
         _require("ramp_v_per_s", self.ramp_v_per_s, SLOWEST_RAMP_V_PER_S, limits.ramp_v_per_s)

@@ -105,7 +105,7 @@ class Siglent(Generator):
         self._set_wave("AMP", vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp, unit="V")
 
     def _set_frequency(self, frequency_hz: float) -> None:
-        self._set_wave("FRQ", frequency_hz, rel_tol=1e-6, abs_tol=0.0, unit="HZ")
+        self._set_wave("FRQ", frequency_hz, 1e-6, 0.0, unit="HZ")
 
     def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float, unit: str) -> None:
         # The generator clips silently: only the value that it kept shows whether it obeyed.

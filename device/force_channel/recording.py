@@ -153,7 +153,6 @@ class Block:
 
     @property
     def count(self) -> int:
-        """The number of samples."""
         return len(self.counts) // CHANNELS
 
 
@@ -267,8 +266,7 @@ class Recorder:
                 not dated at the time at which they were taken.
             DeviceError: samples before it were lost.
         """
-        # Not a `ProtocolError`, which would ask again: what the source no longer keeps cannot be
-        # had.
+        # Not a `ProtocolError`, which would ask again for what the source no longer keeps.
         if block.lost or block.first > self.count:
             raise DeviceError(
                 f"samples of the force channel were lost: sample {self.count} is due, got "
@@ -419,8 +417,7 @@ class Recording:
     def __init__(self, source: ForceSource, rate_hz: float, clock_s: Callable[[], float]) -> None:
         self._source = source
         self._clock_s = clock_s
-        # The clock is asked before the start and after the stop, so that no question delays a
-        # block.
+        # The clock is asked before the start and after the stop: no question delays a block.
         offset = asked_offset(source.device_time_s, clock_s)
         told_s = clock_s()
         scale = source.start_sampling(rate_hz)
@@ -435,7 +432,6 @@ class Recording:
 
     @property
     def latest(self) -> Forces | None:
-        """Means of the newest block, None before the first."""
         return self._recorder.latest
 
     def wait_s(self) -> float:

@@ -145,13 +145,10 @@ def _terms(
 ) -> TopTerms:
     """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
     contact = batch.contact
-    lever_m = batch.beam.thickness_m / 2 + contact.body_height_m
     reference = reference_tip_speed_m_s(TOP_RUNG)
-    factor = lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
-    full = contact.coverage == "full"
-    covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
+    factor = contact.lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
     per_metre = 1.0 / contact.load_n_per_m
-    printed = covered / (contact.body_count * contact.body_load_n)
+    printed = contact.covered_m / (contact.body_count * contact.body_load_n)
     return TopTerms(
         same_direction=same_direction,
         relative_tip_speed=_scaled(tip_speed, factor),
@@ -222,11 +219,8 @@ def resonant_terms(batch: Batch) -> TopTerms:
 
 def driven_terms(batch: Batch) -> TopTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
-    envelope, bins, scale = (
-        _table()["envelope"],
-        _bins(batch, batch.frequency_hz),
-        batch.beam.frequency_scale,
-    )
+    envelope, scale = _table()["envelope"], batch.beam.frequency_scale
+    bins = _bins(batch, batch.frequency_hz)
     # (6): the scale leaves ω²|W| as it is and divides ω|ψ|
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
@@ -300,10 +294,8 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
         np.array(table[name])[bins] for name in ("direction", "area_m", "rotation")
     )
     field = reduced_field(batch, direction)
-    full = contact.coverage == "full"
     window = contact_window(contact, field)
-    covered = batch.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
-    width = np.maximum(covered, 1e-300)
+    width = np.maximum(contact.covered_m, 1e-300)
     state = law_state(contact, field, REDUCED_RUNG, choice, window)
     # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width

@@ -41,6 +41,17 @@ class Contact:
     same_direction_fraction: Number | None
 
     @property
+    def covered_m(self) -> Number:
+        """The length of beam under the finger, or under the hand that covers all of it."""
+        full = self.coverage == "full"
+        return self.beam.length_m if full else window_width(self.x_m, self.contact_m)
+
+    @property
+    def lever_m(self) -> Number:
+        """The bodies' tips' distance from the neutral axis."""
+        return self.beam.thickness_m / 2 + self.body_height_m
+
+    @property
     def load_n_per_m(self) -> Number:
         """σ, the static load per metre: the finger's over its contact, else the paper's uf/L."""
         if self.finger_load_n is None:
@@ -127,15 +138,12 @@ def contact_state(
     that which the field's rung gives in the paper's scene.
     """
     window = window or contact_window(contact, field)
-    full = contact.coverage == "full"
-    covered_m = contact.beam.length_m if full else window_width(contact.x_m, contact.contact_m)
     # (1) to (5), mathematics/friction
     omega = field.angular_frequency_rad_s
     acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi
     inertia_n_per_m = acceleration * window.mean
-    inertial_load_n = np.asarray(inertia_n_per_m * covered_m)
-    lever_m = contact.beam.thickness_m / 2 + contact.body_height_m
-    tip_speed = field.tip_speed_m_s(lever_m) / contact.sliding_speed_m_s
+    inertial_load_n = np.asarray(inertia_n_per_m * contact.covered_m)
+    tip_speed = field.tip_speed_m_s(contact.lever_m) / contact.sliding_speed_m_s
     same_direction, opposing = _directions(contact, window.right, window.left)
     terms = ContactTerms(
         friction_coefficient=np.asarray(contact.friction_coefficient),

@@ -100,7 +100,6 @@ class Law:
     as_printed: bool = False
 
     def __call__(self, terms: ContactTerms) -> FloatArray:
-        """Return μ' of `terms`."""
         return self.formula(terms)
 
 

@@ -47,7 +47,6 @@ class LawChoice:
 
     @property
     def law(self) -> Law:
-        """The law of that name."""
         return law_by_name(self.name)
 
     @property
@@ -78,22 +77,14 @@ class Batch:
 
     @property
     def size(self) -> int:
-        """The number of scenes."""
         return int(self.contact.x_m.size)
 
     def rows(self, which: NDArray[np.intp]) -> "Batch":
-        """Return some of the scenes."""
-        return Batch(
-            contact=self.contact.rows(which),
-            mode=self.mode,
-            voltage_v=self.own(self.voltage_v, which),
-            frequency_hz=self.own(self.frequency_hz, which),
-            damping_ratio=self.own(self.damping_ratio, which),
-        )
-
-    def own(self, values: FloatArray, which: NDArray[np.intp]) -> FloatArray:
-        """Return the values of some of the scenes, or the one that all scenes share."""
-        return values[which] if values.size == self.size else values
+        drives = ("voltage_v", "frequency_hz", "damping_ratio")
+        # A value that all scenes share stays one.
+        own = {name: getattr(self, name) for name in drives}
+        own = {name: all_[which] for name, all_ in own.items() if all_.size == self.size}
+        return replace(self, contact=self.contact.rows(which), **own)
 
     def drives(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
         """Return frequencies and damping ratios that differ, and which of them each scene has.
@@ -128,7 +119,6 @@ class Prediction:
     displacement_m: FloatArray
 
     def rows(self, which: NDArray[np.intp]) -> "Prediction":
-        """Return the prediction of some of the scenes."""
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 

@@ -36,9 +36,7 @@ class LineGauge(GaugeDriver):
             raise DeviceError(f"the gauge must measure in {UNIT}, got {unit!r}")
 
     def start_sampling(self, rate_hz: float) -> Scale:
-        """Set the rate and start; samples are numbered from 0. Return the size of one count."""
-        # Asked again for each recording: a unit can be changed at a gauge, and forces in gf are 100
-        # times as large.
+        # Asked again, because a unit can be changed at a gauge, and a gf is a hundredth of an N.
         self._require_unit()
         self._switch("STOP", on=False)  # a session that was killed left it on
         self.link.tell(f"RATE {number_text(rate_hz)}")
@@ -51,15 +49,12 @@ class LineGauge(GaugeDriver):
         return self._scale
 
     def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
-        """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
         return self.link.query(f"DATA? {first}", lambda line: checked(block(line, self._scale)))
 
     def stop_sampling(self) -> None:
-        """Stop; what was sampled can still be asked for."""
         self._switch("STOP", on=False)
 
     def device_time_s(self) -> float:
-        """Get the gauge's own time, s."""
         return self.link.query("TIME?", number)
 
     def _switch(self, command: str, *, on: bool) -> None:

@@ -1,5 +1,6 @@
 """The owner of a gauge's port: a thread of its own, so that a slow gauge delays no stop."""
 
+import contextlib
 import queue
 import re
 import threading
@@ -72,7 +73,6 @@ class GaugeDriver(ABC):
         """Get the gauge's own time, s."""
 
     def close(self) -> None:
-        """Close the port."""
         self.link.close()
 
 
@@ -121,7 +121,6 @@ class GaugeOwner:
 
     @property
     def latest(self) -> Forces | None:
-        """Means of the newest block; None while nothing is recorded."""
         recording = self._recording
         return None if recording is None else recording.latest
 
@@ -135,11 +134,13 @@ class GaugeOwner:
         return self._owned(self._gauge.meet)
 
     def record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
-        """Record from now on; `clock_s` is the session's clock."""
-        self._owned(lambda: self._record(rate_hz, clock_s))
+
+        def record() -> None:
+            self._recording = Recording(self._gauge, rate_hz, clock_s)
+
+        self._owned(record)
 
     def recorded(self) -> Samples:
-        """Stop recording, and return everything since `record`."""
         return self._owned(self._recorded)
 
     def abandon(self) -> None:
@@ -152,12 +153,10 @@ class GaugeOwner:
             self._owned(lambda: None)
 
     def require_sound(self) -> None:
-        """Raise the gauge's failure, if there was one."""
         if self._fault is not None:
             raise self._fault
 
     def close(self) -> None:
-        """End the thread and close the port."""
         self._jobs.put(None)
         if self._thread is not None:
             self._thread.join()
@@ -168,22 +167,18 @@ class GaugeOwner:
 
         Returns False once the gauge is closed.
         """
-        try:
+        with contextlib.suppress(queue.Empty):
             job = self._jobs.get(timeout=wait_s)
-        except queue.Empty:
-            self._fetch()
-            return True
-        if job is None:
-            return False
-        job.settle()
+            if job is None:
+                return False
+            job.settle()
         self._fetch()
         return True
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
         job = Job(work=work)
         self._jobs.put(job)
-        # Without a thread, as at a simulated device on a stepped clock, the caller does the owner's
-        # work.
+        # Without a thread, as on a stepped clock, the caller does the owner's work.
         if self._thread is None:
             self.step()
         # Asked for and not caught: a stop that comes while we wait is no error of the gauge.
@@ -200,12 +195,8 @@ class GaugeOwner:
 
     def _wait_s(self) -> float:
         recording = self._recording
-        # Looked at often, because a recording may begin or be abandoned in another thread
-        # meanwhile.
+        # Looked at often, because another thread may begin or abandon a recording.
         return _LOOK_S if recording is None else min(max(recording.wait_s(), 0.0), _LOOK_S)
-
-    def _record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
-        self._recording = Recording(self._gauge, rate_hz, clock_s)
 
     def _recorded(self) -> Samples:
         if self._recording is None:
@@ -222,8 +213,7 @@ class GaugeOwner:
             if (recording := self._recording) is not None and recording.wait_s() <= 0:
                 recording.fetch()
         except Exception as error:
-            # Any error, not only the device's: this thread must not die unnoticed while forces are
-            # recorded.
+            # Any error, not only the device's: this thread must not die unnoticed.
             self._recording, self._fault = None, _of_gauge(error)
             self._on_fault()
 

@@ -52,8 +52,7 @@ def number(reply: str) -> float:
     Raises:
         ProtocolError: it is not a number, or is SCPI's code for infinity or not-a-number.
     """
-    # A pattern and not `float` alone, which takes `1_000`, `nan` and `inf`: a device that says so
-    # is out of order.
+    # Not `float` alone, which takes `1_000`, `nan` and `inf`: such a device is out of order.
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     # Written so that NaN is refused, too.
@@ -140,7 +139,6 @@ class LineBuffer:
         return [line for line in whole if line]
 
     def clear(self) -> None:
-        """Discard the bytes of an incomplete line."""
         self._pending = b""
 
 
@@ -167,8 +165,7 @@ class BlockBuffer:
             return None
         end = begin + self._length(begin)
         content, after = self.pending[begin:end], self.pending[end:]
-        # Without the line end the block is not over: its next byte would be the answer to the next
-        # query.
+        # Without its line end it is not over: the next byte would answer the next query.
         if not after:
             return None
         line_end = re.match(rb"\r?\n|\r", after)

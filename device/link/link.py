@@ -115,8 +115,7 @@ class Link:
         Raises:
             DeviceError: as for `ask` and `parsed`, or a second line arrived with the answer.
         """
-        # Repeated once and only for garbled bytes: a query changes nothing, so that asking again is
-        # safe.
+        # Repeated once and only for garbled bytes: a query changes nothing, so this is safe.
         return self._twice(lambda: parsed(self._only_answer(query)))
 
     def block(self, query: str, parsed: Callable[[bytes], _Value]) -> _Value:
@@ -150,8 +149,7 @@ class Link:
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
         heard = b""
-        # Asked again and again: a board that restarts as its port is opened loses what comes
-        # meanwhile.
+        # Asked again and again: a board that restarts as its port is opened loses questions.
         while self._monotonic() < deadline_s:
             self.tell("*IDN?")
             try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
@@ -199,11 +197,9 @@ class Link:
         self._stopped = True
 
     def go_on(self) -> None:
-        """Allow waiting for answers again."""
         self._stopped = False
 
     def close(self) -> None:
-        """Close the port."""
         self._port.close()
 
     def _get_into_step(self) -> None:
@@ -214,8 +210,7 @@ class Link:
     def _twice(self, asked: Callable[[], _Value]) -> _Value:
         try:
             return asked()
-        # A late answer (`LinkTimeout`) is not asked for again: the device may be gone, and the
-        # output must go off in time.
+        # A late answer (`LinkTimeout`) is not asked for again: the output must go off in time.
         except ProtocolError:
             self.synchronise(ANSWER_TIMEOUT_S)
             return asked()

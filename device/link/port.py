@@ -70,7 +70,6 @@ class SerialPort:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
         if self._descriptor is None:  # Windows: select() does not work on serial ports
             self._port.timeout = timeout_s
             # One byte only: more would wait for the whole of it until the timeout.
@@ -81,11 +80,9 @@ class SerialPort:
         return b""
 
     def send(self, data: bytes) -> None:
-        """Send `data`, within `WRITE_TIMEOUT_S`."""
         self._port.write(data)
 
     def close(self) -> None:
-        """Close the port."""
         self._port.close()
         if self._socket is not None:  # pySerial leaves it open if the peer closed first
             self._socket.close()
@@ -111,8 +108,7 @@ def open_port(url: str) -> SerialPort:
         kind = "file" if Path(url).is_file() else "folder"
         raise AddressError(f"{url}: a device must be a serial port, got a plain {kind}")
     try:
-        # Exclusive, because a second program on the port could switch the output on, or take
-        # answers.
+        # Exclusive: a second program on the port could switch the output on, or take answers.
         port = serial.serial_for_url(
             url, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
         )

@@ -237,7 +237,6 @@ class Course:
 
     @property
     def speed_m_s(self) -> FloatArray:
-        """The speed of a slide."""
         return self.speed_factor * abs(self.mark.end_m - self.mark.start_m) / self.mark.duration_s
 
     def places_m(self, parts: FloatArray) -> FloatArray:

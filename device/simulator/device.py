@@ -139,18 +139,15 @@ class SimulatedDevice:
             return None
 
     def complain(self, error: ScpiError) -> None:
-        """Put an error of the wire's into the queue."""
         self.dialect.status.complain(error)
 
     def answer_control(self, line: str) -> str:
-        """Take one line from the control socket."""
         self.pass_time()
         answer = self.control.answer(line)
         self.pass_time()
         return answer
 
     def pass_time(self) -> None:
-        """Bring the device to the present moment of its clock."""
         now_s = self.clock.now_s()
         self.dialect.passes(now_s)
         if self.gauge.sampler.on:

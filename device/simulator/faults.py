@@ -159,7 +159,6 @@ class Broken:
             self.instrument.left_v = 0.0  # it holds what is on when the output is switched off
 
     def clear(self) -> None:
-        """Switch every fault off."""
         for name in sorted(self.active):
             self.switch(name, on=False)
 

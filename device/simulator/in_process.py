@@ -64,8 +64,9 @@ class InProcessDevice(BeamControl):
         self._now_s = 0.0
         self.unbroken: Unbroken = nullcontext
         """Surrounds each piece of work, of the device and of whoever owns its port."""
-        self._line = _Line(self.now_s, delay_s, cuts)
-        self._gauge_line = _Line(self.now_s, delay_s, cuts)
+        self._line, self._gauge_line = (
+            _Line(*(_Pieces(self.now_s, delay_s, cuts) for _ in range(2))) for _ in range(2)
+        )
         self.inside: SimulatedDevice = simulated_device(
             seed, self.now_s, dialect, law=law, rung=rung, damping_ratio=damping_ratio
         )
@@ -75,7 +76,6 @@ class InProcessDevice(BeamControl):
         """Called after everything that happens; it may look at what is inside."""
 
     def now_s(self) -> float:
-        """Return the simulated time, s."""
         return self._now_s
 
     def advance(self, seconds: float) -> None:
@@ -122,7 +122,6 @@ class InProcessDevice(BeamControl):
         return InProcessPort(self, self._line)
 
     def answer(self, line: str) -> str:
-        """Do what a hand asks for in a line of the control channel."""
         with self.unbroken():
             answer = self._server.answer_control(line)
             self.on_step()
@@ -140,7 +139,6 @@ class InProcessPort:
         self._opening = line.openings
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
         device, to_host = self._device, self._line.to_host
         end_s = device.now_s() + timeout_s
         self._require_open()
@@ -150,7 +148,6 @@ class InProcessPort:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send `data`, within `WRITE_TIMEOUT_S`."""
         self._require_open()
         if self._line.to_device.waiting + len(data) > BUFFER:
             self._device.advance(WRITE_TIMEOUT_S)
@@ -172,17 +169,13 @@ class InProcessPort:
 class _Line:
     """The device's end of the line."""
 
-    def __init__(
-        self,
-        now_s: Callable[[], float],
-        delay_s: Callable[[], float],
-        cuts: Callable[[int], Sequence[int]],
-    ) -> None:
-        self.url = "in process"
+    url = "in process"
+
+    def __init__(self, to_device: "_Pieces", to_host: "_Pieces") -> None:
         self.there = True
         self.openings = 0
-        self.to_device = _Pieces(now_s, delay_s, cuts)
-        self.to_host = _Pieces(now_s, delay_s, cuts)
+        self.to_device = to_device
+        self.to_host = to_host
 
     def open(self) -> None:
         if not self.there:
@@ -268,7 +261,6 @@ class _InProcessRig(Rig):
         self._unbroken = unbroken
 
     def step(self, wait_s: float | None = 0.0) -> bool:
-        """Do the owner's work in one piece."""
         with self._unbroken():
             return super().step(wait_s)
 
@@ -281,7 +273,6 @@ class _InProcessGaugeOwner(GaugeOwner):
         self._unbroken = unbroken
 
     def step(self, wait_s: float = 0.0) -> bool:
-        """Do the owner's work in one piece."""
         with self._unbroken():
             return super().step(wait_s)
 
@@ -354,9 +345,7 @@ class InProcessClock:
         return self._start + timedelta(seconds=self._device.now_s())
 
     def monotonic_s(self) -> float:
-        """Return the simulated time, s."""
         return self._device.now_s()
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass, or longer if the owner of the port is busy for longer."""
         sleep(seconds, self._device, self._rig)

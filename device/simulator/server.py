@@ -42,7 +42,6 @@ class GaugeLine:
         return self.there and not self._gone
 
     def serve(self) -> None:
-        """Answer what came."""
         if not self.there:
             return
         received = self.line.receive()
@@ -58,12 +57,7 @@ class GaugeLine:
 
     def vanish_or_come_back(self) -> None:
         """Follow the fault `gauge-vanish`."""
-        there = "gauge-vanish" not in self._active
-        if there and not self.there:
-            self.line.come_back()
-        elif self.there and not there:
-            self.line.hang_up()
-        self.there = there
+        self.there = _is_there(self.line, self.there, "gauge-vanish" not in self._active)
 
     def _answer(self, line: bytes) -> None:
         self._device.pass_time()
@@ -78,6 +72,15 @@ class GaugeLine:
             self._active.discard("gauge-garbled-once")
             data = data.replace(b"0", b"1")
         self.line.send(data + b"\n")
+
+
+def _is_there(line: Line, was: bool, present: bool) -> bool:
+    """Let a line come back or vanish, as a fault wants it; return whether it is there."""
+    if present and not was:
+        line.come_back()
+    elif was and not present:
+        line.hang_up()
+    return present
 
 
 # The device's own end of the wire: lines in, answers out, and what faults do to both.
@@ -150,7 +153,6 @@ class Wire:
         return 2 * data if self._taken("block-doubled") else data
 
     def wait(self) -> None:
-        """Send what is due by now."""
         if "flood" in self._active:
             self._line.send(FLOOD)
         while self._due and self._due[0][0] <= self._wall_s():
@@ -255,7 +257,8 @@ class Server:
     def answer_control(self, line: str) -> str:
         """Do what a hand asks for; it is done when this returns."""
         answer = self._device.answer_control(line)
-        self._vanish_or_come_back()
+        present = "vanish" not in self._device.broken.active
+        self._there = _is_there(self._line, self._there, present)
         if self._gauge is not None:
             self._gauge.vanish_or_come_back()
         self._announce()
@@ -295,14 +298,6 @@ class Server:
         except DeviceError:
             self._device.complain(_OVERRUN)
             return []
-
-    def _vanish_or_come_back(self) -> None:
-        there = "vanish" not in self._device.broken.active
-        if there and not self._there:
-            self._line.come_back()
-        elif self._there and not there:
-            self._line.hang_up()
-        self._there = there
 
     def _announce(self) -> None:
         """A device that starts may have something to say."""
@@ -366,7 +361,6 @@ class _Ending:
         self._serving = False
 
     def ask(self, _number: int, _frame: FrameType | None) -> None:
-        """Take a signal."""
         self._asked = True
         if self._serving:
             self._serving = False

@@ -65,12 +65,7 @@ class PtyLine:
         os.set_blocking(self._master, False)
         self._link.symlink_to(os.ttyname(slave))
 
-    def hang_up(self) -> None:
-        """Close both ends, which hangs up on the host, and remove the name."""
-        self.close()
-
     def fileno(self) -> int:
-        """Return the device's end."""
         return self._master
 
     def receive(self) -> bytes | None:
@@ -90,17 +85,17 @@ class PtyLine:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send what the host takes; the rest is lost."""
         with contextlib.suppress(OSError):
             os.write(self._master, data)
 
     def close(self) -> None:
-        """Remove the name and close both ends."""
         self._link.unlink(missing_ok=True)
         for end in (self._master, self._slave):
             if end is not None and end >= 0:
                 os.close(end)
         self._master, self._slave = -1, None
+
+    hang_up = close
 
 
 class TcpLine:
@@ -114,7 +109,6 @@ class TcpLine:
         self.url = f"socket://{LOOPBACK}:{self._port}"
 
     def come_back(self) -> None:
-        """Listen."""
         self._listener = socket.create_server((LOOPBACK, self._port))
         self._listener.setblocking(False)
         self._port = self._listener.getsockname()[1]
@@ -147,13 +141,11 @@ class TcpLine:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send what the host takes; the rest is lost."""
         if self._host is not None:
             with contextlib.suppress(OSError):
                 self._host.sendall(data)
 
     def close(self) -> None:
-        """Close the port."""
         for end in (self._listener, self._host, self._next):
             if end is not None:
                 end.close()
@@ -205,11 +197,9 @@ class ControlDoor:
         self._strangers: set[socket.socket] = set()
 
     def sockets(self) -> list[socket.socket]:
-        """Return everything that may become readable."""
         return [self._listener, *self._inside]
 
     def serve(self, answer: Callable[[str], str]) -> None:
-        """Answer every line that has come."""
         with contextlib.suppress(BlockingIOError):
             visitor, _ = self._listener.accept()
             visitor.setblocking(False)
@@ -220,7 +210,6 @@ class ControlDoor:
             self._hear(visitor, answer)
 
     def close(self) -> None:
-        """Close everything and remove the socket."""
         for open_socket in self.sockets():
             open_socket.close()
         self._path.unlink(missing_ok=True)

@@ -221,7 +221,6 @@ class SimulatedBeam:
         }
 
     def lift(self) -> None:
-        """Take the finger off."""
         self.finger = None
 
     def swap(self, body_spacing_m: float) -> None:
@@ -270,8 +269,7 @@ class SimulatedBeam:
             skin=self.skin.skin,
             mu0=self.skin.mu0,
         )
-        # The rung has a resonance of its own: a drive at this beam's resonance is one at the
-        # rung's.
+        # The rung has its own resonance: a drive at this beam's is one at the rung's.
         model_hz = frequency_hz * self._model_hz_per_hz
         return felt_friction(self.world, fingers, model_hz, finger.direction)
 
@@ -279,16 +277,13 @@ class SimulatedBeam:
         return finger.places_m(times_s, self.beam.length_m)
 
     def monitor_v(self, instrument: Instrument) -> float:
-        """Return the voltage monitor's reading."""
         return self.monitor_gain * instrument.output_v + self._noise("monitor_v", instrument)
 
     def measured_force_n(self, instrument: Instrument) -> float:
-        """Return the force sensor's reading."""
         force_n = self.finger.force_n if self.finger else 0.0
         return force_n + self._noise("force_n", instrument)
 
     def measured_tangential_n(self, instrument: Instrument) -> float:
-        """Return the reading of the tangential force sensor."""
         force_n, *_ = self.forces(*_present(instrument))
         return float(force_n[0]) + self._noise("tangential_n", instrument)
 

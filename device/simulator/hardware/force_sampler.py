@@ -45,7 +45,6 @@ class ForceSampler:
 
     @property
     def rate_hz(self) -> float:
-        """How often a sample is taken."""
         return self._rate_hz
 
     @rate_hz.setter
@@ -78,8 +77,7 @@ class ForceSampler:
             return
         if begin > self._taken:
             self._kept, self._due_v = array("h"), []
-        # Samples wait until something changes, so that friction is computed for many of them at
-        # once.
+        # Samples wait until something changes: friction is computed for many of them at once.
         changed = self._felt_hz != instrument.frequency_hz or vars(self._felt) != vars(self._beam)
         if changed or len(self._due_v) >= _CHUNK:
             self._count()
@@ -116,8 +114,7 @@ class ForceSampler:
         gains = (sensor.tangential_gain, sensor.normal_gain, 1.0)
         sizes = (sensor.tangential_noise_n, sensor.normal_noise_n, sensor.position_noise_m)
         rows = np.array(felt.forces(times_s, np.array(self._due_v), self._felt_hz))
-        # Stick-slip multiplies the friction, so that it comes before gain, drift and noise of the
-        # sensor.
+        # Stick-slip multiplies the friction, before gain, drift and noise of the sensor.
         rows[_TANGENTIAL] *= np.exp(sensor.jitter * noise[3])
         rows *= np.array(gains)[:, None]
         rows[: _NORMAL + 1] += self._drift_n(times_s)
@@ -141,8 +138,7 @@ class ForceSampler:
     def _noise(self, begin: int, end: int) -> FloatArray:
         """Return four rows of standard noise; the last has the jitter's correlation."""
         key = (self._beam.seed, self._recording, self.rate_hz * self._felt.sensor.jitter_s)
-        # Noise comes in chunks of fixed places, so that asking in other portions gives the same
-        # samples.
+        # In chunks of fixed places, so that asking in other portions gives the same samples.
         first = begin // _CHUNK
         chunks = [_chunk(*key, number) for number in range(first, (end - 1) // _CHUNK + 1)]
         offset = first * _CHUNK

@@ -29,7 +29,6 @@ class FrequencySweep:
     duration_s: float
 
     def at(self, time_s: float) -> float:
-        """Return the frequency at a device time, Hz."""
         done = min(max((time_s - self.begin_s) / self.duration_s, 0.0), 1.0)
         return self.start_hz + done * (self.stop_hz - self.start_hz)
 
@@ -92,7 +91,6 @@ class Instrument:
 
     @property
     def temperature_c(self) -> float:
-        """Temperature of the power stage."""
         return HOT_C if self.hot else COOL_C
 
     def advance_to(self, time_s: float) -> None:
@@ -146,7 +144,6 @@ class Instrument:
         self.watchdog_s = None
 
     def restart(self) -> None:
-        """Lose power and come back."""
         self.voltage_v, self.output = 0.0, False
         self.reset()
         self.cause = "NONE"
@@ -162,7 +159,6 @@ class DeviceClock:
         self._stepped_s: float | None = None
 
     def now_s(self) -> float:
-        """Return the device's time."""
         if self._stepped_s is not None:
             return self._stepped_s
         return self._wall_s() - self._started_s

@@ -27,8 +27,7 @@ class Status:
 
     def complain(self, error: ScpiError) -> None:
         """Put `error` into the queue; a full one ends in -350, as SCPI asks."""
-        # A code of any other hundred is the maker's own, which IEEE 488.2 calls device-dependent
-        # (bit 3).
+        # Any other hundred is the maker's own: device-dependent (bit 3) in IEEE 488.2.
         self.events |= _EVENT_BITS.get(abs(error.code) // 100, 8)
         if len(self.errors) < QUEUE_LENGTH:
             self.errors.append((error.code, error.text))
@@ -47,16 +46,13 @@ class Status:
         return events
 
     def byte(self) -> int:
-        """Return the status byte."""
-        # SCPI-99: bit 2 says that there are errors, bit 5 that there are events, bit 6 either of
-        # them.
+        # SCPI-99: bit 2 says that there are errors, bit 5 events, bit 6 either of them.
         errors = 4 if self.errors else 0
         events = 32 if self.events & self.enabled_events else 0
         request = 64 if (errors | events) & self.enabled_requests else 0
         return errors | events | request
 
     def clear(self) -> None:
-        """Forget errors and events."""
         self.errors.clear()
         self.events = 0
 
@@ -125,8 +121,7 @@ class Dialect:
             handler, channel = self._headers.found(header)
             return handler(Call(argument=argument, channel=channel))
         except ScpiError as error:
-            # SCPI: what is wrong with a command has no answer, and the rest of the line is
-            # executed.
+            # SCPI: a wrong command has no answer, and the rest of the line is executed.
             self.status.complain(error)
             return None
 

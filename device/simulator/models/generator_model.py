@@ -58,11 +58,9 @@ class Kept:
 
     @property
     def is_switch(self) -> bool:
-        """Whether this is on or off."""
         return not self.words and self.highest == self.lowest
 
     def value(self, argument: str) -> float | str:
-        """Return the value that an argument gives."""
         if self.words:
             return scpi.choice(argument, self.words)
         if self.is_switch:
@@ -104,12 +102,10 @@ class Channel:
 
     @property
     def amplitude(self) -> float:
-        """The amplitude in the unit that is set."""
         return self.shown * self.emf_vpp / self.unit_vpp
 
     @property
     def offset_v(self) -> float:
-        """The offset, V."""
         return self.shown * self.emf_offset_v
 
     def level_v(self, side: int) -> float:
@@ -126,7 +122,6 @@ class Channel:
         return 2 * room_v
 
     def least_vpp(self) -> float:
-        """Return the smallest amplitude, Vpp."""
         return self.shown * self.least_emf_vpp
 
     def set_vpp(self, vpp: float) -> ScpiError | None:
@@ -189,14 +184,12 @@ class GeneratorDialect(Dialect):
         super().__init__(Status(), self._handlers(), model.channels)
 
     def answer(self, line: str) -> str | None:
-        """Return what is answered to `line`; the beam follows."""
         answer = super().answer(line)
         # After each line, because any of them may have changed what is on the beam.
         self.follow()
         return answer
 
     def restart(self) -> None:
-        """Lose power and come back."""
         self._instrument.restart()
         self._preset()
         self.status.power_on()
@@ -212,29 +205,23 @@ class GeneratorDialect(Dialect):
             instrument.voltage_v = instrument.target_v
 
     def lose_limits(self) -> None:
-        """Let the voltage limits go."""
         self.channels[0].limited = False
 
     def turn_knobs(self) -> None:
-        """Change load, unit and offset at the panel."""
         first = self.channels[0]
         first.load_ohm, first.unit = PANEL_LOAD_OHM, PANEL_UNIT
         first.emf_offset_v = PANEL_OFFSET_V
 
     def turn_frequency(self, frequency_hz: float) -> None:
-        """Change the frequency at the panel."""
         self.channels[0].frequency_hz = frequency_hz
 
     def of(self, call: Call) -> Channel:
-        """Return the channel that a command names."""
         return self.channels[call.channel - 1]
 
     def is_on(self, channel: int) -> bool:
-        """Return whether the output of a channel is on."""
         return self._instrument.output if channel == 1 else self.channels[channel - 1].output
 
     def switch(self, channel: int, *, on: bool) -> None:
-        """Switch the output of a channel."""
         if channel == 1:
             self._instrument.switch(on)
         else:

@@ -78,7 +78,6 @@ class KeysightDialect(GeneratorDialect):
         super().__init__(instrument, model, SETTINGS_33500 if model.limits else SETTINGS)
 
     def modulate(self) -> None:
-        """Switch frequency modulation on at the panel."""
         self.channels[0].settings["FM:STATe"] = 1.0
 
     def add_signal(self) -> None:

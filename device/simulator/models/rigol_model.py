@@ -56,7 +56,6 @@ class RigolDialect(GeneratorDialect):
         super().__init__(instrument, model, SETTINGS)
 
     def modulate(self) -> None:
-        """Switch frequency modulation on at the panel."""
         self.channels[0].settings[_MODULATION] = 1.0
 
     def add_signal(self) -> None:

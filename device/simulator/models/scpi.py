@@ -29,22 +29,14 @@ class ScpiError(Exception):
 
 
 def given(argument: str) -> str:
-    """Return `argument` in capitals.
-
-    Raises:
-        ScpiError: there is none, -109.
-    """
+    """Return `argument` in capitals; none is an error, -109."""
     if not argument:
         raise ScpiError(-109, "Missing parameter")
     return argument.upper()
 
 
 def nothing(argument: str) -> None:
-    """Refuse an argument where none belongs.
-
-    Raises:
-        ScpiError: there is one, -108.
-    """
+    """Refuse an argument where none belongs: -108."""
     if argument:
         raise ScpiError(-108, "Parameter not allowed")
 
@@ -92,11 +84,7 @@ def extremes(argument: str, lowest: float, highest: float) -> float | None:
 
 
 def told(argument: str, kept: float, lowest: float, highest: float) -> float:
-    """Return the number that answers a query: what is kept, or what `MIN` and `MAX` stand for.
-
-    Raises:
-        ScpiError: the argument is neither (-108).
-    """
+    """Return what answers a query: what is kept, or what `MIN` and `MAX` stand for (else -108)."""
     extreme = extremes(argument, lowest, highest) if argument else kept
     if extreme is None:
         raise ScpiError(-108, "Parameter not allowed")
@@ -104,11 +92,7 @@ def told(argument: str, kept: float, lowest: float, highest: float) -> float:
 
 
 def boolean(argument: str) -> bool:
-    """Return the state that `argument` gives.
-
-    Raises:
-        ScpiError: missing (-109), or neither ON, OFF, 1 nor 0 (-104).
-    """
+    """Return the state that `argument` gives: ON, OFF, 1 or 0 (else -104)."""
     text = given(argument)
     if text not in _SWITCHES:
         raise ScpiError(-104, "Data type error")
@@ -116,17 +100,16 @@ def boolean(argument: str) -> bool:
 
 
 def choice(argument: str, spellings: tuple[str, ...]) -> str:
-    """Return the short form of the one of `spellings` (`SINusoid`) that `argument` gives.
-
-    Raises:
-        ScpiError: missing (-109), or none of them (-224).
-    """
+    """Return the short form of the one of `spellings` (`SINusoid`) that is given (else -224)."""
     text = given(argument)
     for spelling in spellings:
-        short = "".join(letter for letter in spelling if not letter.islower())
-        if text in {short, spelling.upper()}:
-            return short
+        if text in {_short(spelling), spelling.upper()}:
+            return _short(spelling)
     raise ScpiError(-224, "Illegal parameter value")
+
+
+def _short(spelling: str) -> str:
+    return "".join(letter for letter in spelling if not letter.islower())
 
 
 _TOKEN = re.compile(r"[*A-Za-z]+|[\[\]:#?]")
@@ -203,8 +186,7 @@ def header_pattern(spelling: str) -> "re.Pattern[str]":
 def _token(token: str) -> str:
     if token in _TOKENS:
         return _TOKENS[token]
-    short = "".join(letter for letter in token if not letter.islower())
-    return f"(?:{re.escape(token.upper())}|{re.escape(short)})"
+    return f"(?:{re.escape(token.upper())}|{re.escape(_short(token))})"
 
 
 class Headers:
@@ -233,11 +215,8 @@ class Headers:
             raise ScpiError(-102, "Syntax error")
         for pattern, handler in self._handlers:
             if match := pattern.fullmatch(header):
-                return handler, self._channel([text for text in match.groups() if text])
+                channel = int(next(filter(None, match.groups()), 1))
+                if not 1 <= channel <= self._channels:
+                    raise ScpiError(-114, "Header suffix out of range")
+                return handler, channel
         raise ScpiError(-113, "Undefined header")
-
-    def _channel(self, suffixes: list[str]) -> int:
-        channel = int(suffixes[0]) if suffixes else 1
-        if not 1 <= channel <= self._channels:
-            raise ScpiError(-114, "Header suffix out of range")
-        return channel

@@ -59,17 +59,14 @@ class SiglentDialect(GeneratorDialect):
         }
 
     def answer(self, line: str) -> str | None:
-        """Return what is answered to `line`; the beam follows."""
         answer = self._line_answer(line.strip().upper())
         self.follow()
         return answer
 
     def modulate(self) -> None:
-        """Switch frequency modulation on at the panel."""
         self.channels[0].settings["MDWV"] = "ON"
 
     def add_signal(self) -> None:
-        """Add the second channel to the first at the panel."""
         self.channels[0].settings["CMBN"] = "ON"
 
     def _added_emf_vpp(self) -> float:

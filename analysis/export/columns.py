@@ -20,6 +20,8 @@ class Column:
 
     A column `per_touch` lists a value for each touch of the trial; one with `several` lists as
     many as were chosen. One that is `private` stays out of data sets that are made to be shared.
+    One `of_session` stands in a table of sessions, too. `planned` is the field of a planned trial
+    or touch that a plan has there, `noted` the question to the operator behind it.
     """
 
     name: str
@@ -30,6 +32,9 @@ class Column:
     per_touch: bool = False
     several: bool = False
     private: bool = False
+    of_session: bool = False
+    planned: str = ""
+    noted: str = ""
 
     @property
     def of_lists(self) -> str:
@@ -37,6 +42,7 @@ class Column:
         return "A value per touch." if self.per_touch else "Any of these." * self.several
 
 
+_session = partial(Column, of_session=True)
 _touch = partial(Column, per_touch=True)
 
 
@@ -52,9 +58,9 @@ def _answers() -> dict[str, str]:
 
 
 _SESSION = (
-    Column("participant", "Pseudonym of the participant."),
-    Column("session", "Number of the participant's session."),
-    Column(
+    _session("participant", "Pseudonym of the participant."),
+    _session("session", "Number of the participant's session."),
+    _session(
         "session_kind",
         "Who gave the answers.",
         levels={
@@ -63,15 +69,16 @@ _SESSION = (
             "published": "scores imported from a published table",
         },
     ),
-    Column("session_completed", "Whether the session came to its end.", levels=YES_NO),
+    _session("session_completed", "Whether the session came to its end.", levels=YES_NO),
 )
 
 _PLAN = (
-    Column("trial_index", "Place of the trial in the session's plan, from 0."),
-    Column("block", "Block of the trial; 0 stands before the first block."),
+    Column("trial_index", "Place of the trial in the session's plan, from 0.", planned="index"),
+    Column("block", "Block of the trial; 0 stands before the first block.", planned="block"),
     Column(
         "trial_kind",
         "What the trial is for.",
+        planned="kind",
         levels={
             "baseline": "first touch, without a signal, to remember",
             "signal": "first touch with a signal",
@@ -81,15 +88,25 @@ _PLAN = (
             "published": "a score of a published table, of which nothing else is known",
         },
     ),
-    Column("condition", "The parameter that changes."),
-    Column("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
-    Column("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
+    Column("condition", "The parameter that changes.", planned="condition"),
+    Column(
+        "level",
+        "By what the amplitudes of the condition are multiplied; 0 in a catch trial.",
+        planned="level",
+    ),
+    Column(
+        "opposite",
+        "Whether the touches come in the opposite order.",
+        levels=YES_NO,
+        planned="opposite",
+    ),
     Column(
         "question",
         "What is asked after the last touch.",
+        planned="question",
         levels={question: asked.meaning for question, asked in QUESTIONS.items()},
     ),
-    Column("expected", "The answer that agrees with the expectation."),
+    Column("expected", "The answer that agrees with the expectation.", planned="expected"),
 )
 
 _ANSWER = (
@@ -123,8 +140,8 @@ _COURSE = (
         "Whether it was taken out of the analysis afterwards.",
         levels={"no": "it counts", "trial": "this trial", "session": "the whole session"},
     ),
-    Column("exclusion_reason", "Why it was taken out."),
-    Column("inclusion_reason", "Why an exclusion of it was taken back, if one was."),
+    _session("exclusion_reason", "Why it was taken out."),
+    _session("inclusion_reason", "Why an exclusion of it was taken back, if one was."),
     Column("attempts", "How often the trial was begun; all else is of the last attempt."),
     Column("aborted", "How many of the attempts were broken off."),
     Column("abort_reasons", "Why, a line each."),
@@ -149,23 +166,41 @@ _TOUCHES = (
     _touch(
         "place",
         "Where the beam was to be touched.",
+        planned="place",
         levels={"smooth": "one place", "path": "sliding along the beam"},
     ),
     _touch(
         "direction",
         "Direction of a sliding finger.",
+        planned="direction",
         levels={"right": "left to right", "left": "right to left"},
     ),
     _touch(
         "coverage",
         "How much of the beam was to be covered.",
+        planned="coverage",
         levels={"local": "one finger", "full": "several fingers"},
     ),
-    _touch("press", "Touch force asked for, relative to the study's."),
-    _touch("planned_voltage_v", "Planned amplitude (peak) at the start.", unit="V"),
-    _touch("planned_end_voltage_v", "Planned amplitude (peak) at the end.", unit="V"),
-    _touch("planned_frequency", "Planned drive at the start, relative to the resonance."),
-    _touch("planned_end_frequency", "Planned drive at the end, relative to the resonance."),
+    _touch("press", "Touch force asked for, relative to the study's.", planned="press"),
+    _touch(
+        "planned_voltage_v", "Planned amplitude (peak) at the start.", planned="voltage_v", unit="V"
+    ),
+    _touch(
+        "planned_end_voltage_v",
+        "Planned amplitude (peak) at the end.",
+        planned="end_voltage_v",
+        unit="V",
+    ),
+    _touch(
+        "planned_frequency",
+        "Planned drive at the start, relative to the resonance.",
+        planned="frequency",
+    ),
+    _touch(
+        "planned_end_frequency",
+        "Planned drive at the end, relative to the resonance.",
+        planned="end_frequency",
+    ),
     _touch("commanded_voltage_v", "Amplitude (peak) commanded at the start.", unit="V"),
     _touch("commanded_frequency_hz", "Frequency commanded at the start.", unit="Hz"),
     _touch("start_voltage_v", "Amplitude (peak) read back at the start.", unit="V"),
@@ -194,23 +229,31 @@ _SETTING = (
         "Amplitude of the beam's tip at the resonance, per volt.",
         unit="m/V",
     ),
-    Column("device", "What the device said it is."),
-    Column("skin_state", "Skin of the participant, as the operator noted it."),
-    Column("room_temperature", "Temperature of the room, as the operator noted it."),
-    Column("humidity", "Humidity of the room, as the operator noted it."),
-    Column("cleaning", "Cleaning of beam and finger, as the operator noted it."),
-    Column("language", "What the participant read."),
-    Column(
+    _session("device", "What the device said it is."),
+    _session(
+        "skin_state", "Skin of the participant, as the operator noted it.", noted="skin state"
+    ),
+    _session(
+        "room_temperature",
+        "Temperature of the room, as the operator noted it.",
+        noted="room temperature",
+    ),
+    _session("humidity", "Humidity of the room, as the operator noted it.", noted="humidity"),
+    _session(
+        "cleaning", "Cleaning of beam and finger, as the operator noted it.", noted="cleaning"
+    ),
+    _session("language", "What the participant read."),
+    _session(
         "answer_order",
         "Order in which the answers to choices were shown.",
         levels={"forward": "as in the study file", "reversed": "from last to first"},
     ),
-    Column("slot", "Place of the participant in the design, from 0; rehearsals have their own."),
-    Column("seed", "Seed of the session's random choices."),
+    _session("slot", "Place of the participant in the design, from 0; rehearsals have their own."),
+    _session("seed", "Seed of the session's random choices."),
     Column(
         "study_sha256", "Digest of the study file that was in force when the trial was last begun."
     ),
-    Column("touchbeam_version", "Version of touchbeam that ran the session."),
+    _session("touchbeam_version", "Version of touchbeam that ran the session."),
 )
 
 _TIMES = {
@@ -251,17 +294,28 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
     )
 
 
+COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
+"""Of the table of trials."""
+BY_NAME = {column.name: column for column in COLUMNS}
+SESSION_COLUMNS = tuple(column for column in COLUMNS if column.of_session)
+"""Of a table of sessions."""
+_TRIAL = (*_SESSION[:3], BY_NAME["trial_index"])
+_TOUCH = (*_TRIAL, Column("touch", "Number of the touch in its trial, from 0."))
 TOUCH_COLUMNS = (
-    *_SESSION[:3],
-    _PLAN[0],
-    Column("touch", "Number of the touch in its trial, from 0."),
-    *(replace(column, per_touch=False) for column in _TOUCHES if column.per_touch),
+    *_TOUCH,
+    *(replace(column, per_touch=False) for column in COLUMNS if column.per_touch),
 )
 """Of a table of touches."""
+TRACE_COLUMNS = (
+    *_TOUCH,
+    Column("t_s", "When the sample was taken, by the device's clock.", unit="s"),
+    Column("force_n", "Force of the finger.", unit="N"),
+    Column("position_m", "Position of the finger along the beam.", unit="m"),
+)
+"""Of a table of samples."""
 CONTRAST_COLUMNS = (
-    *_SESSION[:3],
-    _PLAN[0],
-    _PLAN[3],
+    *_TRIAL,
+    BY_NAME["condition"],
     Column(
         "law",
         "Friction law of the prediction.",
@@ -287,7 +341,11 @@ PARTICIPANT_COLUMNS = (
     replace(_SESSION[2], name="session_kinds", several=True),
 )
 """Of a table of participants; the answers that each of them gave once follow."""
-COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
+
+
+def names_of(columns: Iterable[Column]) -> list[str]:
+    """Return the names of columns, in their order."""
+    return [column.name for column in columns]
 
 
 def known(facts: Mapping[str, Any]) -> dict[str, Any]:

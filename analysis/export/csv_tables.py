@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, csv_of_columns, json_text
-from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known
+from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known, names_of
 from analysis.export.dataset import Chain, Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
 from analysis.export.trial_table import touch_table
@@ -35,7 +35,7 @@ def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
 def _table(
     name: str, table: pd.DataFrame, columns: Sequence[Column], data: Dataset
 ) -> dict[str, str]:
-    names = [column.name for column in columns]
+    names = names_of(columns)
     return {
         f"{name}.csv": csv_of_columns(names, (values(table[name]) for name in names)),
         f"{name}.json": json_text({column.name: _described(column, data) for column in columns}),

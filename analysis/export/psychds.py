@@ -6,7 +6,7 @@ Psych-DS 1.5.0; the terms are those of schema.org.
 from typing import Any
 
 from analysis.cells import csv_cell, csv_text, json_text
-from analysis.export.columns import Column, known
+from analysis.export.columns import Column, known, names_of
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.trial_table import cells
@@ -35,7 +35,7 @@ def psychds_export(data: Dataset) -> dict[str, str]:
 
 def _sessions(data: Dataset) -> dict[str, str]:
     files: dict[str, str] = {}
-    names = [column.name for column in data.shared_columns]
+    names = names_of(data.shared_columns)
     for (who, number), trials in data.by_session():
         session = f"_session-{number}" if data.several_sessions else ""
         path = f"data/subject-{data.subject_labels[who]}{session}_task-{data.task}_data.csv"

@@ -10,11 +10,15 @@ import pandas as pd
 
 from analysis.cells import Cell
 from analysis.export.columns import (
+    BY_NAME,
     COLUMNS,
     CONTRAST_COLUMNS,
     PARTICIPANT_COLUMNS,
+    SESSION_COLUMNS,
     TOUCH_COLUMNS,
+    TRACE_COLUMNS,
     Column,
+    names_of,
     question_columns,
 )
 from analysis.loading.records import TEXT, values
@@ -22,21 +26,15 @@ from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.changes import RUNG
 from device.friction.scenes import Calibration
-from protocol.journal.records import PlannedTrial, TraceSample
+from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import Touch
 
-_NOTED = {
-    "skin_state": "skin state",
-    "room_temperature": "room temperature",
-    "humidity": "humidity",
-    "cleaning": "cleaning",
-}
-"""The operator's question behind each column."""
 _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclusion"}
 """The columns of sessions that have the names of columns of trials."""
+_PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 
 
 def trial_table(
@@ -54,13 +52,13 @@ def trial_table(
         answered_utc=_utc(trials["answered_utc"]),
         **_touches(found.touches, trials.index),
     )
-    return table[[column.name for column in (*COLUMNS, *question_columns(questions))]]
+    return table[names_of((*COLUMNS, *question_columns(questions)))]
 
 
 def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
     """Return `sessions` with what the operator noted and the version in columns of their own."""
     told = {
-        **{column: ("operator_noted", question) for column, question in _NOTED.items()},
+        **{each.name: ("operator_noted", each.noted) for each in SESSION_COLUMNS if each.noted},
         "touchbeam_version": ("versions", "touchbeam"),
     }
     texts = {
@@ -129,11 +127,10 @@ def _answers(
 
 def touch_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Return a row per touch of the exported `trials`; of published scores nothing is known."""
-    listed = [column.name for column in COLUMNS if column.per_touch]
     touched = trials[trials["touches"].fillna(0).gt(0)].reset_index(drop=True)
-    rows = touched.explode(listed)
+    rows = touched.explode(_PER_TOUCH)
     numbered = rows.assign(touch=rows.groupby(level=0).cumcount())
-    return numbered[[column.name for column in TOUCH_COLUMNS]].reset_index(drop=True)
+    return numbered[names_of(TOUCH_COLUMNS)].reset_index(drop=True)
 
 
 def participant_table(
@@ -181,10 +178,9 @@ def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list
     ends = (np.searchsorted(told_of, attempts, side).tolist() for side in ("left", "right"))
     spans = [slice(*span) for span in zip(*ends, strict=True)]
     table: dict[str, list[Any]] = {}
-    for column in COLUMNS:
-        if column.per_touch:
-            told = values(touches[column.name])
-            table[column.name] = [tuple(told[span]) for span in spans]
+    for name in _PER_TOUCH:
+        told = values(touches[name])
+        table[name] = [tuple(told[span]) for span in spans]
     return table
 
 
@@ -215,42 +211,13 @@ def contrast_table(
     ]
     # By trial and then by law, so that the laws of a trial stand together.
     rows = pd.concat(laws).loc[trials.index]
-    return rows[[column.name for column in CONTRAST_COLUMNS]].reset_index(drop=True)
+    return rows[names_of(CONTRAST_COLUMNS)].reset_index(drop=True)
 
 
 # A study's tables for Python: trials, touches, traces, sessions and plans as data frames.
 #
 # Their columns are those of exported data, but for moments, which are moments here, not texts,
 # and for the columns per touch, which stand in a table of touches.
-
-_BY_NAME = {column.name: column for column in COLUMNS}
-_SESSION = [
-    *("participant", "session", "session_kind", "session_completed", "exclusion_reason"),
-    *("inclusion_reason", "device", "skin_state", "room_temperature", "humidity", "cleaning"),
-    *("language", "answer_order", "slot", "seed", "touchbeam_version"),
-]
-_PLANNED_TOUCH = {
-    "place": "place",
-    "direction": "direction",
-    "coverage": "coverage",
-    "press": "press",
-    "planned_voltage_v": "voltage_v",
-    "planned_end_voltage_v": "end_voltage_v",
-    "planned_frequency": "frequency",
-    "planned_end_frequency": "end_frequency",
-}
-"""The attribute of a planned touch behind each column."""
-_TRIAL = ["participant", "session", "session_kind", "trial_index"]
-"""The columns that identify a trial."""
-_TOUCH = [*_TRIAL, "touch"]
-"""The columns that identify a touch."""
-_PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
-_OF_TOUCHES = (
-    Column("touch", "Number of the touch in its trial, from 0."),
-    Column("t_s", "When the sample was taken, by the device's clock.", unit="s"),
-    Column("force_n", "Force of the finger.", unit="N"),
-    Column("position_m", "Position of the finger along the beam.", unit="m"),
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -266,7 +233,7 @@ class Frames:
         """A row per session."""
         named = {"session_exclusion": "exclusion_reason", "session_inclusion": "inclusion_reason"}
         table = self._sessions.rename(columns=named)
-        return table[_SESSION].infer_objects().reset_index(drop=True)
+        return table[names_of(SESSION_COLUMNS)].infer_objects().reset_index(drop=True)
 
     @cached_property
     def _sessions(self) -> pd.DataFrame:
@@ -295,41 +262,39 @@ class Frames:
 
     @cached_property
     def _touches(self) -> pd.DataFrame:
-        names = self._trials[_TRIAL].rename_axis(None)
+        names = self._trials[names_of(TOUCH_COLUMNS[:4])].rename_axis(None)
         touches = self.found.touches.merge(names, left_on="attempt_id", right_index=True)
         numbered = touches.assign(touch=touches.groupby("attempt_id").cumcount())
-        return numbered[[*_TOUCH, *_PER_TOUCH]]
+        return numbered[names_of(TOUCH_COLUMNS)]
 
     @cached_property
     def traces(self) -> pd.DataFrame:
         """A row per sample of the finger during these touches."""
-        names = self._touches[_TOUCH]
+        names = self._touches[names_of(TOUCH_COLUMNS[:5])]
         samples = self.found.traces.merge(names, left_on="touch_id", right_index=True)
-        return samples[[*_TOUCH, *TraceSample._fields]].reset_index(drop=True)
+        return samples[names_of(TRACE_COLUMNS)].reset_index(drop=True)
 
     def described(self, scale: str) -> pd.DataFrame:
         """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
-        score = _BY_NAME["score"]
+        score = BY_NAME["score"]
         score = replace(score, description=score.description.format(scale=scale))
-        known = _BY_NAME | {"score": score}
         own = {column.name: column for column in question_columns(self.questions)}
-        sampled = {column.name: column for column in _OF_TOUCHES}
-        people = {column.name: column for column in PARTICIPANT_COLUMNS}
-        tables: Sequence[tuple[str, Iterable[Any], Mapping[str, Column]]] = (
-            ("participants", self.participants, known | own | people),
-            ("sessions", _SESSION, known),
-            ("trials", self._trials, known | own),
-            ("touches", self._touches, sampled | known),
-            ("traces", [*_TOUCH, *TraceSample._fields], known | sampled),
-        )
+        known = BY_NAME | {"score": score} | own
+        people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
+        tables: Mapping[str, Iterable[Column]] = {
+            "participants": [people[str(name)] for name in self.participants],
+            "sessions": SESSION_COLUMNS,
+            "trials": [known[str(name)] for name in self._trials],
+            "touches": TOUCH_COLUMNS,
+            "traces": TRACE_COLUMNS,
+        }
         rows = [
             (
-                *(table, name, column.description, column.unit),
+                *(table, column.name, column.description, column.unit),
                 "; ".join(f"{level}: {text}" for level, text in column.levels.items()) or None,
             )
-            for table, names, columns in tables
-            for name in names
-            if (column := columns[name])
+            for table, columns in tables.items()
+            for column in columns
         ]
         headings = ["table", "column", "meaning", "unit", "levels"]
         return pd.DataFrame(rows, columns=headings).set_index(["table", "column"])
@@ -344,18 +309,13 @@ def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
     touches = [
         each if isinstance(each, Touch) else Touch.model_validate(each) for each in trial.touches
     ]
+    of_touches = [column for column in COLUMNS if column.planned and column.per_touch]
+    of_trial = [column for column in COLUMNS if column.planned and not column.per_touch]
     return {
-        "trial_index": trial.index,
-        "block": trial.block,
-        "trial_kind": trial.kind,
-        "condition": trial.condition,
-        "level": trial.level,
-        "opposite": trial.opposite,
-        "question": trial.question,
-        "expected": trial.expected,
+        **{column.name: getattr(trial, column.planned) for column in of_trial},
         "touches": len(touches),
         **{
-            column: tuple(getattr(touch, name) for touch in touches)
-            for column, name in _PLANNED_TOUCH.items()
+            column.name: tuple(getattr(touch, column.planned) for touch in touches)
+            for column in of_touches
         },
     }

@@ -3,7 +3,10 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property, partial
+from operator import itemgetter
 from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from analysis.estimates import NotEstimable
 from analysis.kept import Kept
@@ -106,6 +109,20 @@ def estimate(
         Column(name, of, digits, absent=absent),
         Column("95%", f"{of}_interval", ends, absent=absent),
     )
+
+
+def spread_columns(across: str) -> list[Column]:
+    """Return the columns of groups of values, pairs of name and values: number and quartiles."""
+
+    def quantile(share: float) -> Callable[[Any], float]:
+        return lambda group: float(np.quantile(group[1], share)) if len(group[1]) else np.nan
+
+    shares = zip(("lowest", "quartile", "median", "quartile", "highest"), range(5), strict=True)
+    return [
+        Column(across, itemgetter(0)),
+        Column("n", lambda group: len(group[1])),
+        *(Column(name, quantile(quarters / 4), 2) for name, quarters in shares),
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 import math
 
 from analysis.estimates import Interval, NotEstimable
+from analysis.loading.records import Exclusion
 from analysis.sensitivity.lines import Lines
 from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import Reading
@@ -182,6 +183,13 @@ def share(found: Proportion) -> str:
     """Return a proportion with its counts, and its interval if it has one."""
     ends = "" if isinstance(found.interval, NotEstimable) else f", {interval(found.interval)}"
     return f"{found.count} of {found.trials} ({found.share:.0%}{ends})"
+
+
+def place_of(entry: Exclusion) -> str:
+    """Return the participant, and the session or trial if only that was left out."""
+    parts = {"session": entry.session, "trial": entry.trial}
+    known = (f"{name} {number}" for name, number in parts.items() if number is not None)
+    return ", ".join([entry.participant, *known])
 
 
 def of_all(shown: int, of: int, what: str) -> str:

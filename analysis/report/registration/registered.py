@@ -1,7 +1,7 @@
 """The section on the registration: its results, the deviations, and the calibrations in force."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 
 import numpy as np
@@ -9,12 +9,11 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_lock import StudyLock
-from analysis.report.blocks import Block, Items, Section, Table, columns
+from analysis.report.blocks import Block, Column, Items, Section, Table, at, columns
 from analysis.report.findings import Findings
 from analysis.report.results import DIFFER, FOLLOW, ORDERED, WHICH, omnibus_p, paragraphs
-from analysis.report.wording import interval, number, p_equals
+from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL, SignedRank
@@ -83,10 +82,16 @@ class NamedResult:
 
 def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
+    results = []
+    for name in lock.registration.hypotheses:
+        told, p, supported = _computed(found, lock, name)
+        primary = name == lock.registration.primary
+        results.append(
+            NamedResult(name=name, primary=primary, found=told, p=p, supported=supported)
+        )
     # A registration names its primary hypothesis first.
-    first, *others = [_result(found, lock, name) for name in lock.registration.hypotheses]
-    counted = [gated(first, other) for other in others]
-    return [first, *counted]
+    first, *others = results
+    return [first, *(gated(first, other) for other in others)]
 
 
 def gated(primary: NamedResult, other: NamedResult) -> NamedResult:
@@ -95,24 +100,8 @@ def gated(primary: NamedResult, other: NamedResult) -> NamedResult:
     # primary one is.
     if primary.supported or not other.supported:
         return other
-    return NamedResult(
-        name=other.name,
-        primary=False,
-        found=f"{other.found}; does not count, because the primary hypothesis is not supported",
-        p=other.p,
-        supported=False,
-    )
-
-
-def _result(found: Findings, lock: StudyLock, name: str) -> NamedResult:
-    told, p, supported = _computed(found, lock, name)
-    return NamedResult(
-        name=name,
-        primary=name == lock.registration.primary,
-        found=told,
-        p=p,
-        supported=supported,
-    )
+    why = "does not count, because the primary hypothesis is not supported"
+    return replace(other, primary=False, found=f"{other.found}; {why}", supported=False)
 
 
 _Computed = tuple[str, float | None, bool | None]
@@ -123,8 +112,7 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed:
     if name == OMNIBUS:
         return _tested(omnibus_p(found.table.main))
     if name == GAINS:
-        test = found.table.heterogeneity
-        return _tested(test if isinstance(test, NotEstimable) else test.p)
+        return _tested(at(found.table, "heterogeneity.p"))
     if name == FOLLOWS:
         return _gain(found)
     if name == ORDER:
@@ -144,7 +132,6 @@ def _gain(found: Findings) -> _Computed:
     fit = found.trials.m2
     if isinstance(fit, NotEstimable):
         return _missing(fit)
-    assert isinstance(fit, OrdinalSensitivity)
     ends = fit.lines.gain_interval
     if not fit.lines.group_known:
         return _missing(NotEstimable("a single participant tells nothing about a group"))
@@ -215,31 +202,45 @@ def section(found: Findings) -> Section:
     lock = found.loaded.lock
     if lock is None:
         return Section(name="registration", title="Registration", blocks=[])
-    results, departed = (
-        named_results(found, lock),
-        deviations(lock.registration, conduct(found, lock)),
-    )
+    results = named_results(found, lock)
+    departed = deviations(lock.registration, conduct(found, lock))
     later = _later_contrasts(found)
+    # A data set does not tell the time of the registration.
+    when = f" at {lock.utc:%Y-%m-%d %H:%M} UTC" if lock.utc > UNKNOWN_UTC else ""
     return Section(
         name="registration",
         title="Registration",
         blocks=[
-            f"Plan and analysis were registered{_when(lock)} with touchbeam "
+            f"Plan and analysis were registered{when} with touchbeam "
             f"{lock.registration.touchbeam}, before the first session. The digest of the "
             f"registration, SHA-256 {lock.registration.digest}, seeded every order; touchbeam "
             "verify draws them again. Not registered: every result that this table does not name.",
-            _results_table(results),
-            _deviations(departed),
+            Table.over(
+                results,
+                [
+                    Column("hypothesis", "name", kind="text"),
+                    Column(
+                        "rank", lambda it: "primary" if it.primary else "secondary", kind="text"
+                    ),
+                    Column("result", "found", kind="text"),
+                    Column("verdict", "verdict", kind="text"),
+                ],
+                name="registered",
+                caption="Registered hypotheses. Secondary ones count only if the primary one is "
+                "supported.",
+            ),
+            Items(
+                name="deviations",
+                heading="Deviations from the registration",
+                lines=[f"{kind}: {text}" for kind, text in departed],
+            )
+            if departed
+            else "The study did not deviate from its registration.",
             _calibrations(lock),
             _later_table(later, found.origin.later.origin if found.origin.later else ""),
         ],
         data={"registration": _record(lock, results, departed, later)},
     )
-
-
-def _when(lock: StudyLock) -> str:
-    """Return the time of the registration, which a data set does not tell."""
-    return f" at {lock.utc:%Y-%m-%d %H:%M} UTC" if lock.utc > UNKNOWN_UTC else ""
 
 
 def registered_lines(found: Findings) -> Iterator[str]:
@@ -256,16 +257,12 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
     """Return how the study was conducted and is reported here."""
     origin = found.origin
     # What the rules of the study file take out was registered with that file.
-    by_hand = [
-        f"{', '.join(_place(out.participant, out.session, out.trial))}: {out.why}"
-        for out in found.loaded.left_out
-        if out.by != "rule"
-    ]
+    left_out = [entry for entry in found.loaded.left_out if entry.by != "rule"]
     return Conduct(
         sessions=lock.sessions,
         amendments=lock.amendments,
         participants=lock.completed,
-        by_hand=by_hand,
+        by_hand=[f"{place_of(entry)}: {entry.why}" for entry in left_out],
         withdrawn=found.loaded.sessions_withdrawn,
         withdrawn_completed=found.loaded.withdrawn_completed,
         study_sha256=origin.study_sha256,
@@ -275,36 +272,6 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         touchbeam=version("touchbeam"),
         later=origin.later.origin if origin.later else "",
         broken_file=origin.unlocked,
-    )
-
-
-def _place(participant: str, session: int | None, trial: int | None) -> Iterator[str]:
-    yield participant
-    if session is not None:
-        yield f"session {session}"
-    if trial is not None:
-        yield f"trial {trial}"
-
-
-def _results_table(results: list[NamedResult]) -> Table:
-    return Table(
-        name="registered",
-        caption="Registered hypotheses. Secondary ones count only if the primary one is supported.",
-        columns=columns("hypothesis", "rank", "result", "verdict", kind="text"),
-        rows=[
-            [each.name, "primary" if each.primary else "secondary", each.found, each.verdict]
-            for each in results
-        ],
-    )
-
-
-def _deviations(departed: list[Deviation]) -> Block:
-    if not departed:
-        return "The study did not deviate from its registration."
-    return Items(
-        name="deviations",
-        heading="Deviations from the registration",
-        lines=[f"{kind}: {text}" for kind, text in departed],
     )
 
 
@@ -351,8 +318,10 @@ def _later_table(later: _Later, origin: str) -> Table | None:
         name="later-calibration",
         caption="Mean predicted contrast under the calibration in force, and, not registered, "
         f"under a later one ({origin}); law {LAW}.",
-        columns=columns("condition", kind="text")
-        + columns("in force (registered)", "later (not registered)"),
+        columns=[
+            Column("condition", kind="text"),
+            *columns("in force (registered)", "later (not registered)"),
+        ],
         rows=[[name, number(before), number(anew)] for name, (before, anew) in later.items()],
     )
 

@@ -8,7 +8,17 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
-from analysis.report.blocks import Block, Cell, Figure, Section, Table, columns, p_cell
+from analysis.report.blocks import (
+    Block,
+    Cell,
+    Column,
+    Figure,
+    Section,
+    Table,
+    columns,
+    p_cell,
+    spread_columns,
+)
 from analysis.report.figure_data import raincloud, raincloud_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line
@@ -28,7 +38,10 @@ def section(found: Findings) -> Section:
             omnibus_line(main),
             _pairs_line(main.pairwise),
             _pairwise_table(main.pairwise) if main.pairwise else None,
-            _coverage_line() if main.pairwise else None,
+            "Share of 95% intervals that covered the truth in simulations "
+            f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
+            if main.pairwise
+            else None,
             _scores_figure(found),
         ],
         data=_tests_json(main),
@@ -38,11 +51,6 @@ def section(found: Findings) -> Section:
 def front(found: Findings) -> list[Block]:
     """Return what of it stands among the results."""
     return [_scores_figure(found)]
-
-
-def _coverage_line() -> str:
-    measured = ", ".join(f"{name} {share:.3f}" for name, share in COVERAGE.items())
-    return f"Share of 95% intervals that covered the truth in simulations ({DESIGN}): {measured}."
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
@@ -109,18 +117,14 @@ def _scores_figure(found: Findings) -> Figure:
 
 
 def _quartile_table(table: ScoreTable) -> Table:
-    rows = []
-    for name, column in zip(table.conditions, table.scores.T, strict=True):
-        given = column[~np.isnan(column)]
-        spread = np.quantile(given, [0, 0.25, 0.5, 0.75, 1]) if given.size else [np.nan] * 5
-        mean = float(given.mean()) if given.size else np.nan
-        rows.append([name, str(given.size), number(mean, 2), *(number(q, 2) for q in spread)])
-    spread_names = ("lowest", "quartile", "median", "quartile", "highest")
-    return Table(
+    by_condition = zip(table.conditions, table.scores.T, strict=True)
+    name, count, *quartiles = spread_columns("condition")
+    mean = Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
+    return Table.over(
+        [(name, column[~np.isnan(column)]) for name, column in by_condition],
+        [name, count, mean, *quartiles],
         name="quartiles",
         caption="Numbers shown in the figure; Table 4 lists the individual scores.",
-        columns=columns("condition", "n", "mean", *spread_names),
-        rows=rows,
     )
 
 

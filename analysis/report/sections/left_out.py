@@ -1,18 +1,21 @@
 """Exclusions with their reasons, interruptions, and operator notes."""
 
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 from analysis.estimates import plain
-from analysis.loading.records import Exclusion
 from analysis.loading.study_data import StudyData, rules_in_words
-from analysis.report.blocks import Items, Section, Table, columns
+from analysis.report.blocks import Column, Items, Section, Table, text
 from analysis.report.findings import Findings
-from analysis.report.wording import MISSING
+from analysis.report.wording import place_of
+
+_text = partial(Column, kind="text")
 
 
 def section(found: Findings) -> Section:
     """Return the exclusions, and the incidents of the sessions."""
-    loaded = found.loaded
+    loaded, rules = found.loaded, rules_in_words(found.study.exclusions)
     counts = _counts(loaded)
     unfinished = ", ".join(loaded.unfinished) or "none"
     if found.published:
@@ -22,7 +25,9 @@ def section(found: Findings) -> Section:
         name="left-out",
         title="Exclusions and interruptions",
         blocks=[
-            _rules_line(found),
+            f"Prespecified exclusion rules: {'; '.join(rules)}."
+            if rules
+            else "The study prespecified no exclusion rules.",
             Items(
                 lines=[
                     f"rehearsals left out: {counts['rehearsals']}",
@@ -31,18 +36,18 @@ def section(found: Findings) -> Section:
                 ]
             ),
             _table(
-                "left-out",
-                "Data excluded from every number in this report, with the reasons.",
-                ["participant", "session", "trial", "by", "reason"],
-                [[e.participant, e.session, e.trial, e.by, e.why] for e in loaded.left_out],
-                missing="all",
+                loaded.left_out,
+                [_text("by", "by"), _text("reason", "why")],
+                # A session without a number stands for all of them.
+                lambda of: "all" if of is None else str(of),
+                name="left-out",
+                caption="Data excluded from every number in this report, with the reasons.",
             ),
             _table(
-                "incidents",
-                "Interruptions and operator notes.",
-                ["participant", "session", "trial", "event", "description"],
-                [[e.participant, e.session, e.trial, e.what, e.text] for e in loaded.incidents],
-                missing=MISSING,
+                loaded.incidents,
+                [_text("event", "what"), _text("description", "text")],
+                name="incidents",
+                caption="Interruptions and operator notes.",
             ),
             _interruptions_line(found),
         ],
@@ -55,12 +60,21 @@ def section(found: Findings) -> Section:
     )
 
 
+def _table(
+    entries: Sequence[Any], further: Sequence[Column], place: Any = text, **told: str
+) -> Table | None:
+    """Return a table of what happened where, or None if nothing did."""
+    where = ("participant", "session", "trial")
+    columns = [*(_text(name, name, place) for name in where), *further]
+    return Table.over(entries, columns, **told) if entries else None
+
+
 _MOST_LINES = 12
 
 
 def left_out_lines(loaded: StudyData) -> list[str]:
     """Return for the terminal who and what the report leaves out, and why."""
-    said = [f"Left out: {_place(entry)} ({entry.by}): {entry.why}" for entry in loaded.left_out]
+    said = [f"Left out: {place_of(entry)} ({entry.by}): {entry.why}" for entry in loaded.left_out]
     if len(said) > _MOST_LINES:
         more = len(said) - _MOST_LINES
         said[_MOST_LINES:] = [f"Left out: {more} more, listed under Exclusions in the report"]
@@ -71,20 +85,6 @@ def left_out_lines(loaded: StudyData) -> list[str]:
         if counts[what]
     ]
     return [*said, *(f"Not finished: {who}" for who in loaded.unfinished[:_MOST_LINES])]
-
-
-def _place(entry: Exclusion) -> str:
-    parts = {"session": entry.session, "trial": entry.trial}
-    return ", ".join(
-        [entry.participant, *(f"{name} {of}" for name, of in parts.items() if of is not None)]
-    )
-
-
-def _rules_line(found: Findings) -> str:
-    rules = rules_in_words(found.study.exclusions)
-    if not rules:
-        return "The study prespecified no exclusion rules."
-    return f"Prespecified exclusion rules: {'; '.join(rules)}."
 
 
 def _counts(loaded: StudyData) -> dict[str, int]:
@@ -109,12 +109,3 @@ def _interruptions_line(found: Findings) -> str:
     if found.loaded.unfinished:
         return "No other incident was recorded."
     return "No interruptions or notes were recorded."
-
-
-def _table(
-    name: str, caption: str, names: Sequence[str], rows: Sequence[Sequence[object]], missing: str
-) -> Table | None:
-    """Return a table of texts with `missing` in place of None, or None without rows."""
-    texts = [[missing if cell is None else str(cell) for cell in row] for row in rows]
-    kinds = columns(*names, kind="text")
-    return Table(name=name, caption=caption, columns=kinds, rows=texts) if rows else None

@@ -2,18 +2,18 @@
 
 from collections.abc import Mapping
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.kept import Kept
-from analysis.report.as_json import with_reasons
-from analysis.report.blocks import Figure, Items, Section, Table, columns
+from analysis.report.as_json import unknown, with_reasons
+from analysis.report.blocks import Column, Figure, Items, Section, Table, columns, spread_columns
 from analysis.report.figure_data import (
     MOST_INTERVALS,
     MOST_POINTS,
-    Course,
     course,
     course_figure,
     strips_figure,
@@ -38,7 +38,7 @@ def section(found: Findings) -> Section:
                 lines=[
                     _f_line("Place in the session", trials.order),
                     _f_line("Carry-over from the scored trial directly before", trials.carry_over),
-                    *_order_lines(trials.as_run),
+                    _order_line(trials.as_run),
                     _drift_line(trials.drift),
                     _catch_line(trials.catch.overall),
                 ]
@@ -74,16 +74,16 @@ def _f_line(name: str, test: FTest | NotEstimable) -> str:
     return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, {p_equals(test.p)}."
 
 
-def _order_lines(order: OrderAsRun | NotEstimable) -> list[str]:
+def _order_line(order: OrderAsRun | NotEstimable) -> str:
     if isinstance(order, NotEstimable):
-        return [f"Order as run: not known ({order.reason})."]
+        return f"Order as run: not known ({order.reason})."
     kept = "keeps every rule of the plan"
     if order.problems:
         kept = f"breaks rules of the plan ({'; '.join(order.problems)})"
-    return [
-        f"Attempts that were repeated because a touch was not as instructed: "
+    return (
+        "Attempts that were repeated because a touch was not as instructed: "
         f"{order.attempts_repeated}. The order in which the trials were answered {kept}."
-    ]
+    )
 
 
 def _follower_table(found: Findings) -> Table | None:
@@ -104,17 +104,12 @@ def _follower_table(found: Findings) -> Table | None:
 
 def _as_run_json(order: OrderAsRun | NotEstimable) -> Json:
     if isinstance(order, NotEstimable):
-        return dict(plain(order))
-    felt = order.carry_over
+        return unknown(order)
+    balance = ("counts", "across_blocks", "balanced", "imbalance")
     return {
         "attempts_repeated": order.attempts_repeated,
         "problems": list(order.problems),
-        "carry_over": {
-            "counts": [list(row) for row in felt.counts],
-            "across_blocks": [list(row) for row in felt.across_blocks],
-            "balanced": felt.balanced,
-            "imbalance": felt.imbalance,
-        },
+        "carry_over": {name: plain(getattr(order.carry_over, name)) for name in balance},
     }
 
 
@@ -150,7 +145,17 @@ def _course_figure(found: Findings) -> Figure:
         caption="Mean score with standard error, by the trial's place in the session.",
         draw=partial(course_figure, data),
         keep=found.keep,
-        table=_course_table(data),
+        table=Table.over(
+            zip(data.places, data.means, data.errors, data.counts, strict=True),
+            [
+                Column("place", itemgetter(0)),
+                Column("mean score", itemgetter(1), 2),
+                Column("standard error", itemgetter(2), 2),
+                Column("scores", itemgetter(3)),
+            ],
+            name="course",
+            caption="Numbers shown in the figure: mean score by place in the session.",
+        ),
     )
 
 
@@ -242,33 +247,14 @@ def _strips(
     medians = [float(np.median(own)) for own in given.values()]
     draw = partial(strips_figure, drawn, medians, axis=axis, across=across, **style)
     count, of = (sum(map(len, groups.values())) for groups in (drawn, given))
-    rows = [
-        [group, str(len(own)), *(number(q, 2) for q in np.quantile(own, [0, 0.25, 0.5, 0.75, 1]))]
-        for group, own in given.items()
-    ]
-    spread = ("lowest", "quartile", "median", "quartile", "highest")
-    table = Table(
+    table = Table.over(
+        given.items(),
+        spread_columns(across),
         name=name,
         caption=f"Numbers shown in the figure: {axis}.",
-        columns=columns(across, "n", *spread),
-        rows=rows,
     )
     caption += of_all(count, of, "points")
     return Figure(name=name, title=title, caption=caption, draw=draw, keep=keep, table=table)
-
-
-def _course_table(data: Course) -> Table:
-    return Table(
-        name="course",
-        caption="Numbers shown in the figure: mean score by place in the session.",
-        columns=columns("place", "mean score", "standard error", "scores"),
-        rows=[
-            [str(place), number(mean, 2), number(error, 2), str(count)]
-            for place, mean, error, count in zip(
-                data.places, data.means, data.errors, data.counts, strict=True
-            )
-        ],
-    )
 
 
 def _catch_table(catch: CatchAnswers) -> Table:

@@ -26,7 +26,6 @@ from analysis.report.registration.registered import marked
 from analysis.report.sections import (
     differences,
     effects,
-    left_out,
     measured,
     methods,
     model_checks,
@@ -34,7 +33,6 @@ from analysis.report.sections import (
     scores,
     sensitivity,
     session_checks,
-    trials,
 )
 from analysis.report.specification import specification_curves
 from analysis.report.specification.specification_curves import MULTIVERSE
@@ -148,7 +146,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         "measured": measured.section,
         "model": predictions.section,
         "questions": scores.own_questions,
-        "left-out": left_out.section,
+        "left-out": session_checks.left_out,
         "checks": session_checks.section,
         "predictive": model_checks.predictive,
         "recovery": model_checks.recovery,
@@ -156,7 +154,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         MULTIVERSE: specification_curves.section,
         "glossary": glossary,
         "provenance": methods.provenance,
-        "trials": trials.section,
+        "trials": scores.trials,
     }
 )
 """The sections of the page by name, in the order in which an author needs them."""

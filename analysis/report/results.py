@@ -181,18 +181,17 @@ def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
     rho, p = order.spearman, order.p
     if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
         return
+    evidence = (
+        "no evidence for or against the law"
+        if p >= LEVEL
+        else f"evidence {'for' if rho > 0 else 'against'} the law's order"
+    )
     yield (
         ORDERED,
         f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
         f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
-        f"{_evidence(rho, p)}.",
+        f"{evidence}.",
     )
-
-
-def _evidence(rho: float, p: float) -> str:
-    if p >= LEVEL:
-        return "no evidence for or against the law"
-    return f"evidence {'for' if rho > 0 else 'against'} the law's order"
 
 
 def _ci(ends: Interval | NotEstimable, *, bounded: bool = False) -> str:

@@ -283,7 +283,7 @@ def _made(
     from analysis.report.page import require_sections
     from analysis.report.registration.registered import registered_lines
     from analysis.report.report import FIGURE_FILES, asks_for_multiverse, report_files
-    from analysis.report.sections.left_out import left_out_lines
+    from analysis.report.sections.session_checks import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line
     from runner.journal.verification import readable_chains

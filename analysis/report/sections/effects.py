@@ -10,7 +10,6 @@ from analysis.report.blocks import Column, Figure, Section, Table, columns
 from analysis.report.figure_data import people, people_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, p_equals
-from analysis.statistics.additive import AdditiveEffects
 from analysis.statistics.ordinal import Interaction, OrdinalEffects
 from analysis.statistics.summary import TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
@@ -127,7 +126,14 @@ def _condition_table(found: Findings) -> Table:
     """Return each condition's additive effect, and its effects in the ordinal models."""
     conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
     effects = found.table.additive
-    additive = {} if isinstance(effects, NotEstimable) else _with_intervals(effects)
+    additive = (
+        {}
+        if isinstance(effects, NotEstimable)
+        else {
+            name: number(effect) + _ends(effects.condition_intervals, name)
+            for name, effect in effects.conditions.items()
+        }
+    )
     return Table(
         name="conditions",
         caption="Effects of conditions: additive, in points relative to the grand mean, "
@@ -140,13 +146,6 @@ def _condition_table(found: Findings) -> Table:
             for name in conditions
         ],
     )
-
-
-def _with_intervals(effects: AdditiveEffects) -> dict[str, str]:
-    return {
-        name: number(effect) + _ends(effects.condition_intervals, name)
-        for name, effect in effects.conditions.items()
-    }
 
 
 def _ends(intervals: Mapping[str, Interval], name: str) -> str:

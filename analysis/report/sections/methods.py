@@ -140,6 +140,7 @@ def _facts(found: Findings) -> dict[str, str]:
     origin, study, recording = found.origin, found.study, found.loaded.recording
     # What was analysed rather than the journal, which has notes and times of day as well.
     trials = json.dumps(found.trial_records, ensure_ascii=False)
+    design = study.study.seed if found.loaded.lock is None else "by the registration's digest"
     return {
         "command": origin.command,
         **({"journal": changed_journal(origin.broken_chains)} if origin.broken_chains else {}),
@@ -151,18 +152,13 @@ def _facts(found: Findings) -> dict[str, str]:
         "versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
         + f", python {platform.python_version()}",
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
-        "seeds": f"design {_design_seed(found)}; sessions "
+        "seeds": f"design {design}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
         + f"; permutations and predictive checks {SEED}",
         "model parameters": ", ".join(
             f"{name} {value}" for name, value in _model_parameters(study, origin.rig).items()
         ),
     }
-
-
-def _design_seed(found: Findings) -> str:
-    lock = found.loaded.lock
-    return str(found.study.study.seed) if lock is None else "by the registration's digest"
 
 
 def _recorded_under(origin: Origin, loaded: StudyData) -> str:

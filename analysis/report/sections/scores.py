@@ -1,16 +1,30 @@
-"""Table 4, its results under each reading of missing scores, and answers to other questions."""
+"""Table 4 and the trials behind it, its results under each reading of missing scores, answers."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from analysis.estimates import Json, plain
+from analysis.loading.sessions import SCORED_KINDS
 from analysis.loading.study_data import LABELS, marks, unscored, withheld
 from analysis.report.as_json import friedman_json, pair_json
-from analysis.report.blocks import Block, Cell, Column, Items, Row, Section, Table, columns
+from analysis.report.blocks import (
+    Block,
+    Cell,
+    Column,
+    Items,
+    Row,
+    Section,
+    Table,
+    TableGroup,
+    columns,
+)
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
-from analysis.report.sections.trials import cell_anchor, is_scored, trials_anchor
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
 from analysis.statistics.summary import Reading, Table4
 from analysis.trials.answers import Answers, answers_by_question
+from device.friction.contrasts import RUNG
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
 
@@ -45,7 +59,17 @@ def own_questions(found: Findings) -> Section:
     return Section(
         name="questions",
         title="Questions of the study",
-        blocks=[_said_table(each) if each.said else _answer_table(each) for each in asked],
+        blocks=[
+            Table(
+                name=f"question-{each.question.name}",
+                caption=_caption(each.question),
+                columns=columns("participant", "session", "about", "answer", kind="text"),
+                rows=[list(map(str, said)) for said in each.said],
+            )
+            if each.said
+            else _answer_table(each)
+            for each in asked
+        ],
         data={"questions": [each.as_json() for each in asked]},
     )
 
@@ -74,15 +98,6 @@ def _answer_table(asked: Answers) -> Table:
     )
 
 
-def _said_table(asked: Answers) -> Table:
-    return Table(
-        name=f"question-{asked.question.name}",
-        caption=_caption(asked.question),
-        columns=columns("participant", "session", "about", "answer", kind="text"),
-        rows=[[who, str(session), group, said] for who, session, group, said in asked.said],
-    )
-
-
 def _caption(question: StudyQuestion) -> str:
     # In the language of the page if the study has it.
     text = question.text.get(REFERENCE) or next(iter(question.text.values()), "")
@@ -98,7 +113,7 @@ def _score_table(found: Findings) -> Table:
     """Return Table 4; each score links to its trials, each mean to the predictions."""
     table, empty = found.loaded.table, found.loaded.empty
     header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))
-    with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if is_scored(r)}
+    with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if _is_scored(r)}
 
     def score(row: int, column: int, text: str) -> Cell:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
@@ -107,11 +122,11 @@ def _score_table(found: Findings) -> Table:
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return Cell(
             text=text,
-            target=trials_anchor(row, column) if has_trials else "",
+            target=_trials_anchor(row, column) if has_trials else "",
             label=why and f"{why}: its trials",
             why=why,
             missing=bool(why),
-            anchor=cell_anchor(row, column) if has_trials else "",
+            anchor=_cell_anchor(row, column) if has_trials else "",
         )
 
     lines: list[Row] = [
@@ -214,3 +229,103 @@ def _readings_json(readings: tuple[Reading, ...]) -> Json:
         }
         for reading in readings
     }
+
+
+# All analysed trials, with the contrast that each friction law predicts for them.
+
+
+def trials(found: Findings) -> Section:
+    """Return a table of all trials per subject."""
+    return Section(
+        name="trials",
+        title="Trials",
+        blocks=[
+            "All analysed trials, with the contrast that each friction law predicts for them "
+            f"(rung {RUNG}).",
+            TableGroup(name="trial-tables", tables=_subject_tables(found)),
+        ],
+        data={"trials": found.trial_records},
+    )
+
+
+def _trials_anchor(row: int, column: int) -> str:
+    """Return the id of the first trial behind a cell of Table 4."""
+    return f"trials-{row + 1}-{column + 1}"
+
+
+def _cell_anchor(row: int, column: int) -> str:
+    """Return the id of a cell of Table 4."""
+    return f"cell-{row + 1}-{column + 1}"
+
+
+def _is_scored(record: Mapping[str, Any]) -> bool:
+    """Return whether a trial contributes to Table 4."""
+    return record["kind"] in SCORED_KINDS
+
+
+def _subject_tables(found: Findings) -> list[Table]:
+    """Return each subject's trials in the order of the conditions, with unscored trials last."""
+    table = found.loaded.table
+    places = {name: place for place, name in enumerate(table.conditions)}
+    own: dict[str, list[Mapping[str, Any]]] = {name: [] for name in table.subjects}
+    for record in found.trial_records:
+        own[record["subject"]].append(record)
+    predicted = (f"predicted, {law}" for law in found.trials.contrasts.by_law)
+    header = [
+        *columns("condition", "session", "trial"),
+        Column(name="kind", kind="word"),
+        Column(name="level"),
+        Column(name="answer", kind="word"),
+        *columns("as expected", "score", *predicted, "touch"),
+    ]
+    tables = [(subject, _rows(row, of, places)) for row, (subject, of) in enumerate(own.items())]
+    return [
+        Table(name="", caption=f"Trials of {subject}", columns=header, rows=rows)
+        for subject, rows in tables
+    ]
+
+
+def _rows(
+    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
+) -> Sequence[Row]:
+    """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
+
+    def place(record: Mapping[str, Any]) -> int:
+        return places[record["condition"]] if _is_scored(record) else len(places)
+
+    rows: list[Row] = []
+    # Trials that are not scored have no cell of Table 4 to lead back to.
+    anchored = {len(places)}
+    # Stable: within a condition trials stay in the order of their answers.
+    for record in sorted(records, key=place):
+        name, *cells = _cells(record)
+        column = place(record)
+        anchor = "" if column in anchored else _trials_anchor(row, column)
+        anchored.add(column)
+        back = _cell_anchor(row, column) if anchor else ""
+        label = f"{name}: back to Table 4" if anchor else ""
+        rows.append([Cell(text=name, anchor=anchor, target=back, label=label), *cells])
+    return rows
+
+
+def _cells(record: Mapping[str, Any]) -> list[str]:
+    kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    return [
+        record["condition"] or MISSING,
+        str(record["session"]),
+        str(record["index"]),
+        kind,
+        f"{record['level']:g}",
+        record["change"] or MISSING,
+        {True: "yes", False: "no", None: MISSING}[record["agrees"]],
+        MISSING if record["score"] is None else f"{record['score']:g}",
+        *(number(contrast, 4) for contrast in record["predicted"].values()),
+        _touch(record),
+    ]
+
+
+def _touch(record: Mapping[str, Any]) -> str:
+    """Return the source of the touch for which the contrast is predicted."""
+    if record["kind"] == "published":
+        return "standard"
+    return "measured" if record["touch_measured"] else "as planned"

@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html
-from analysis.report.sections.left_out import left_out_lines
+from analysis.report.sections.session_checks import left_out_lines
 from protocol.journal.events import SessionExcluded, TrialExcluded
 from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events

@@ -28,7 +28,7 @@ from analysis.report.drawing import (
 )
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import Lines, Ratings
+from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.trials.trial_statistics import TrialStatistics
@@ -68,18 +68,6 @@ class Scatter:
     curves: dict[str, FloatArray]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gains:
-    """Lines of the same subjects under one or two models, by the model's name.
-
-    `shown` are the positions of the subjects to draw, out of `of` subjects.
-    """
-
-    models: dict[str, Lines]
-    shown: tuple[int, ...]
-    of: int
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
     """Mean score, standard error (NaN for a single score) and count by place in the session."""
@@ -93,7 +81,7 @@ class Course:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ByLevel:
-    """Scores of one condition by level, thinned if there are very many.
+    """Scores of a condition by level, if it has several, thinned if there are very many.
 
     `mean`, `error` and M2's `expected` go with levels `at`.
     """
@@ -106,14 +94,6 @@ class ByLevel:
     error: FloatArray
     counts: IntArray
     expected: FloatArray | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Levels:
-    """The conditions that have several levels."""
-
-    conditions: tuple[ByLevel, ...]
-    scale: Scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,15 +144,15 @@ def scatter(found: Findings) -> Scatter | None:
     return Scatter(ratings=ratings, scale=found.scale, of=count, at=at, curves=curves)
 
 
-def gains(trials: TrialStatistics) -> Gains | None:
-    """Return each model's lines, the headline first, or None if neither M1 nor M2 was fitted."""
+def gains(trials: TrialStatistics) -> dict[str, Lines]:
+    """Return the lines of those of M2 and M1 that were fitted by name, the headline first."""
     fits = {HEADLINE: trials.m2, SIMPLE: trials.m1}
-    models = {name: fit.lines for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
-    if not models:
-        return None
-    count = len(next(iter(models.values())).subjects)
-    shown = tuple(int(place) for place in thinned(count, MOST_INTERVALS))
-    return Gains(models=models, shown=shown, of=count)
+    return {name: fit.lines for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
+
+
+def drawn_subjects(lines: Lines) -> list[SubjectLine]:
+    """Return the subjects whose intervals are drawn."""
+    return [lines.subjects[place] for place in thinned(len(lines.subjects), MOST_INTERVALS)]
 
 
 def course(found: Findings) -> Course | None:
@@ -191,14 +171,15 @@ def course(found: Findings) -> Course | None:
     return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)
 
 
-def levels(found: Findings) -> Levels | None:
-    """Return the scores by level, or None if no condition was scored at several levels."""
-    scored = found.loaded.scored.assign(contrast=_contrasts(found)).dropna(subset=["score"])
+def levels(found: Findings) -> tuple[ByLevel, ...]:
+    """Return the scores by level of the conditions that were scored at several levels."""
+    # The contrasts of the scored trials, among those of all.
+    chosen = found.loaded.trials.index.isin(found.loaded.scored.index)
+    contrast = found.trials.contrasts.by_law[LAW][chosen]
+    scored = found.loaded.scored.assign(contrast=contrast).dropna(subset=["score"])
     # A condition at a single level has no course over levels.
     several = scored.groupby("condition")["level"].nunique().gt(1)
     names = [name for name in found.loaded.table.conditions if several.get(name, False)]
-    if not names:
-        return None
     m2 = found.trials.m2
     made = []
     for name in names:
@@ -208,26 +189,20 @@ def levels(found: Findings) -> Levels | None:
         drawn = own.iloc[thinned(len(own), MOST_POINTS // len(names))]
         # Without all predicted contrasts the line would have gaps that look like data.
         known = None if isinstance(m2, NotEstimable) or not np.isfinite(at).all() else m2
+        scores = by_level["score"]
         made.append(
             ByLevel(
                 condition=name,
                 level=drawn["level"].to_numpy(float),
                 score=drawn["score"].to_numpy(float),
-                at=np.array(by_level["score"].mean().index, float),
-                mean=by_level["score"].mean().to_numpy(),
-                error=np.asarray(by_level["score"].sem(), np.float64),
-                counts=np.asarray(by_level["score"].count(), np.int64),
+                at=np.array(scores.mean().index, float),
+                mean=scores.mean().to_numpy(),
+                error=np.asarray(scores.sem(), np.float64),
+                counts=np.asarray(scores.count(), np.int64),
                 expected=None if known is None else known.expected_ratings(at),
             )
         )
-    return Levels(conditions=tuple(made), scale=found.scale)
-
-
-def _contrasts(found: Findings) -> FloatArray:
-    """Return the predicted contrast of each scored trial."""
-    return found.trials.contrasts.by_law[LAW][
-        found.loaded.trials.index.isin(found.loaded.scored.index)
-    ]
+    return tuple(made)
 
 
 def people(found: Findings) -> People:
@@ -299,53 +274,42 @@ def scatter_figure(data: Scatter, words: Words) -> Drawing:
     return drawing(words, draw, HEIGHT_IN + LEGEND_ROW_IN * (shown + 2) / 2)
 
 
-def gains_figure(data: Gains, words: Words) -> Drawing:
+def gains_figure(models: Mapping[str, Lines], words: Words) -> Drawing:
     """Return each subject's gain with its 95% interval, with the models side by side."""
 
     def draw(axes: Axes) -> None:
-        for number, (model, lines) in enumerate(data.models.items()):
-            subjects = [lines.subjects[place] for place in data.shown]
+        for number, (model, lines) in enumerate(models.items()):
             # Side by side, so that the intervals of two models do not cover each other.
-            offset = 0.25 * (number - (len(data.models) - 1) / 2)
-            intervals(
-                axes,
-                np.arange(len(data.shown), dtype=np.float64) + offset,
-                np.array([line.gain for line in subjects]),
-                np.array([line.gain_interval for line in subjects]),
-                number,
-                f"{model}, 95% interval",
-            )
+            offset = 0.25 * (number - (len(models) - 1) / 2)
+            _subject_intervals(axes, lines, "gain", offset, number, f"{model}, 95% interval")
             if lines.group_known:
                 axes.axhline(lines.gain, color=COLOURS[number], linewidth=0.8, linestyle="--")
-        _name_subjects(axes, data, next(iter(data.models.values())))
         axes.set_ylabel("gain, points per unit of contrast")
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
 
     return drawing(words, draw)
 
 
-def relative_gains_figure(data: Gains, words: Words) -> Drawing:
-    """Return each subject's gain less the mean gain, with its 95% interval, by the first model."""
+def relative_gains_figure(lines: Lines, words: Words) -> Drawing:
+    """Return each subject's gain less the mean gain, with its 95% interval."""
 
     def draw(axes: Axes) -> None:
-        lines = next(iter(data.models.values()))
-        subjects = [lines.subjects[place] for place in data.shown]
-        intervals(
-            axes,
-            np.arange(len(subjects)),
-            np.array([line.relative_gain for line in subjects]),
-            np.array([line.relative_gain_interval for line in subjects]),
-        )
+        _subject_intervals(axes, lines, "relative_gain")
         axes.axhline(0.0, color=GREY, linewidth=0.8, linestyle="--")
-        _name_subjects(axes, data, lines)
         axes.set_ylabel("relative gain, points per unit")
 
     return drawing(words, draw)
 
 
-def _name_subjects(axes: Axes, data: Gains, lines: Lines) -> None:
-    names = tuple(lines.subjects[place].subject for place in data.shown)
-    name_places(axes, labels_of(names, "subject"))
+def _subject_intervals(
+    axes: Axes, lines: Lines, of: str, offset: float = 0.0, number: int = 0, label: str = ""
+) -> None:
+    subjects = drawn_subjects(lines)
+    middle = np.array([getattr(line, of) for line in subjects])
+    ends = np.array([getattr(line, f"{of}_interval") for line in subjects])
+    places = np.arange(len(subjects), dtype=np.float64) + offset
+    intervals(axes, places, middle, ends, number, label)
+    name_places(axes, labels_of(tuple(line.subject for line in subjects), "subject"))
     axes.set_xlabel("subject")
 
 
@@ -445,33 +409,26 @@ def course_figure(data: Course, words: Words) -> Drawing:
     return drawing(words, draw)
 
 
-def levels_figure(data: Levels, words: Words) -> Drawing:
+def levels_figure(data: Sequence[ByLevel], scale: Scale, words: Words) -> Drawing:
     """Return scores against the level of each condition: all of them, means, and M2's curve."""
 
     def draw(grid: Sequence[Axes]) -> None:
-        for axes, own in zip(grid, data.conditions, strict=False):
-            axes.plot(
-                own.level,
-                own.score + jitter(len(own.score), data.scale),
-                ".",
-                color=GREY,
-                alpha=0.5,
-            )
+        for axes, own in zip(grid, data, strict=False):
+            scores = own.score + jitter(len(own.score), scale)
+            axes.plot(own.level, scores, ".", color=GREY, alpha=0.5)
             # A level with a single score has no bar.
-            axes.errorbar(
-                own.at, own.mean, yerr=np.nan_to_num(own.error), fmt="o", color=COLOURS[0]
-            )
+            errors = np.nan_to_num(own.error)
+            axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=COLOURS[0])
             if own.expected is not None:
                 axes.plot(own.at, own.expected, color="black", label="M2")
             axes.set_title(own.condition, fontsize="medium")
-            axes.set_ylim(limits(data.scale))
-        grid[0].set_ylabel(f"score, {data.scale}")
+            axes.set_ylim(limits(scale))
+        grid[0].set_ylabel(f"score, {scale}")
         for axes in grid:
             axes.set_xlabel("level")
 
-    count = len(data.conditions)
-    columns = min(count, 3)
-    rows = -(-count // columns)
+    columns = min(len(data), 3)
+    rows = -(-len(data) // columns)
     return grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
 
 

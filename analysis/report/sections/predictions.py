@@ -9,7 +9,7 @@ from analysis.report.blocks import Block, Column, Figure, Section, Table, column
 from analysis.report.figure_data import (
     HEADLINE,
     SIMPLE,
-    Levels,
+    ByLevel,
     levels,
     levels_figure,
     scatter,
@@ -90,7 +90,7 @@ def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
 
 def _levels_figure(found: Findings) -> Figure:
     data = levels(found)
-    if data is None:
+    if not data:
         return Figure(name="levels")
     return Figure(
         name="levels",
@@ -98,16 +98,16 @@ def _levels_figure(found: Findings) -> Figure:
         caption="Scores against the level of each condition: small points are single scores, "
         "large ones means with standard errors. The line is the mean rating that M2 expects of "
         "the group's average subject at the predicted contrasts.",
-        draw=partial(levels_figure, data),
+        draw=partial(levels_figure, data, found.scale),
         keep=found.keep,
         table=_levels_table(data),
     )
 
 
-def _levels_table(data: Levels) -> Table:
+def _levels_table(data: Sequence[ByLevel]) -> Table:
     rows = [
         [own.condition, f"{at:g}", str(count), number(mean, 2), number(error, 2)]
-        for own in data.conditions
+        for own in data
         for at, count, mean, error in zip(own.at, own.counts, own.mean, own.error, strict=True)
     ]
     return Table(

@@ -8,7 +8,14 @@ from types import SimpleNamespace
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table, estimate
-from analysis.report.figure_data import HEADLINE, SIMPLE, gains, gains_figure, relative_gains_figure
+from analysis.report.figure_data import (
+    HEADLINE,
+    SIMPLE,
+    drawn_subjects,
+    gains,
+    gains_figure,
+    relative_gains_figure,
+)
 from analysis.report.findings import Findings
 from analysis.report.wording import (
     SIMPLE_ONLY,
@@ -150,35 +157,34 @@ def _too_few_means(count: int) -> str:
 
 
 def _gains_figure(trials: TrialStatistics) -> Figure:
-    data = gains(trials)
-    if data is None:
+    models = gains(trials)
+    if not models:
         return Figure(name="sensitivity")
+    model, lines = next(iter(models.items()))
     return Figure(
         name="sensitivity",
         title="Sensitivity of each subject",
         caption="Sensitivity of each subject with its 95% interval; dashed lines show the group, "
         f"if there are several subjects. {SKIN_IN_SHORT}"
-        f"{of_all(len(data.shown), data.of, 'subjects')}",
-        draw=partial(gains_figure, data),
+        f"{of_all(len(drawn_subjects(lines)), len(lines.subjects), 'subjects')}",
+        draw=partial(gains_figure, models),
         keep=trials.keep,
-        table=_gains_table(*next(iter(data.models.items()))),
+        table=_gains_table(model, lines),
     )
 
 
 def _relative_figure(trials: TrialStatistics) -> Figure:
     """Return who is more sensitive than whom, if there are several subjects."""
-    data = gains(trials)
-    known = data is not None and next(iter(data.models.values())).subjects[0].relative_gain_known
-    if data is None or not known:
+    model, lines = next(iter(gains(trials).items()), ("", None))
+    if lines is None or not lines.subjects[0].relative_gain_known:
         return Figure(name="relative-gains")
-    model = next(iter(data.models))
     return Figure(
         name="relative-gains",
         title="Who is more sensitive than whom",
         caption=f"Relative gain of each subject by {model}, a model of the ratings: the gain less "
         f"the mean gain of the subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
-        f"{of_all(len(data.shown), data.of, 'subjects')}",
-        draw=partial(relative_gains_figure, data),
+        f"{of_all(len(drawn_subjects(lines)), len(lines.subjects), 'subjects')}",
+        draw=partial(relative_gains_figure, lines),
         keep=trials.keep,
         front=True,
     )

@@ -13,15 +13,14 @@ from tests.analysis.reports import imported, plain_report, study_report, with_m2
 
 def test_conditions_with_several_levels_are_drawn_against_them() -> None:
     found = levels(study_report())
-    assert found is not None
     several = {entry.name for entry in study_report().study.condition if len(entry.levels) > 1}
-    assert {own.condition for own in found.conditions} == several
-    for own in found.conditions:
+    assert {own.condition for own in found} == several
+    for own in found:
         assert own.counts.sum() == len(own.score)
         for at, mean in zip(own.at, own.mean, strict=True):
             np.testing.assert_allclose(own.score[own.level == at].mean(), mean)
         assert own.expected is None or len(own.expected) == len(own.at)
-    assert levels(plain_report()) is None
+    assert levels(plain_report()) == ()
 
 
 def test_each_subject_has_a_panel_with_all_scores() -> None:

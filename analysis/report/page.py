@@ -21,21 +21,19 @@ from analysis.report.blocks import (
     TableGroup,
 )
 from analysis.report.findings import Findings
-from analysis.report.registration import registered
-from analysis.report.registration.registered import marked
 from analysis.report.sections import (
     differences,
     effects,
     measured,
     methods,
     model_checks,
+    multiverse,
     predictions,
+    registration,
     scores,
     sensitivity,
     session_checks,
 )
-from analysis.report.specification import specification_curves
-from analysis.report.specification.specification_curves import MULTIVERSE
 from analysis.report.wording import count_of
 from device.friction.laws import LAWS
 from protocol.errors import BadInput
@@ -139,7 +137,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
     {
         "table4": scores.section,
         "methods": methods.section,
-        "registration": registered.section,
+        "registration": registration.section,
         "tests": differences.section,
         "agreement": effects.section,
         "sensitivity": sensitivity.section,
@@ -151,7 +149,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
         "predictive": model_checks.predictive,
         "recovery": model_checks.recovery,
         "contrasts": model_checks.section,
-        MULTIVERSE: specification_curves.section,
+        multiverse.MULTIVERSE: multiverse.section,
         "glossary": glossary,
         "provenance": methods.provenance,
         "trials": scores.trials,
@@ -191,7 +189,9 @@ def page_html(
     shown = [each for each in folded or sections if any(map(_is_folded, each.blocks))]
     # The results stand on the page whichever sections are folded below.
     front = [block for each in sections for block in each.blocks if _is_front(block)]
-    return rendered(masthead(found), _notices(found), shown, list(marked(found)), front)
+    return rendered(
+        masthead(found), _notices(found), shown, list(registration.marked(found)), front
+    )
 
 
 def rendered(

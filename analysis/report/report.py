@@ -15,7 +15,7 @@ from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import FRONTS, SECTIONS, page_html, require_sections
-from analysis.report.specification.specification_curves import MULTIVERSE
+from analysis.report.sections.multiverse import MULTIVERSE
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import LINKS, TrialStatistics
 from device.friction.changes import LAW

@@ -281,8 +281,8 @@ def _made(
     from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import marks, study_data
     from analysis.report.page import require_sections
-    from analysis.report.registration.registered import registered_lines
     from analysis.report.report import FIGURE_FILES, asks_for_multiverse, report_files
+    from analysis.report.sections.registration import registered_lines
     from analysis.report.sections.session_checks import left_out_lines
     from analysis.report.table4_text import table4_lines
     from analysis.report.wording import omnibus_line

@@ -253,7 +253,7 @@ def register(
     seeds every order, so that the data prove that the plan came first.
     """
     from analysis.loading.study_data import rules_in_words
-    from analysis.report.registration.registered import analysis_settings
+    from analysis.report.sections.registration import analysis_settings
     from device.friction.changes import LAW, RUNG
     from protocol.registration.registration import FILE, OMNIBUS
     from protocol.registration.registry_text import registry_text

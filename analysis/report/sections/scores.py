@@ -24,7 +24,7 @@ from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
 from analysis.statistics.summary import Reading, Table4
 from analysis.trials.answers import Answers, answers_by_question
-from device.friction.contrasts import RUNG
+from device.friction.changes import RUNG
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
 

@@ -21,7 +21,7 @@ from tests.analysis.chains import chain, published_chain
 from tests.analysis.export.data_slips import csv_rows
 from tests.analysis.export.test_formats import nasty
 from tests.analysis.friction.recorded_sessions import recorded_cohort
-from tests.analysis.report.registration.test_registered import NEW, OLD, REGISTERED, SHA256, session
+from tests.analysis.report.sections.test_registered import NEW, OLD, REGISTERED, SHA256, session
 from tests.analysis.reports import PAPER, session_events
 
 Chains = Sequence[Sequence[StoredEvent]]

@@ -16,7 +16,7 @@ from analysis.report.report import (
     report_html,
     report_json,
 )
-from analysis.report.specification.specification_curves import in_words
+from analysis.report.sections.multiverse import in_words
 from protocol.journal.events import TrialExcluded
 from tests.analysis.chains import chain, published_chain, scored_session
 from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report

@@ -12,7 +12,8 @@ from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.loading.study_lock import StudyLock
 from analysis.report.findings import Origin
-from analysis.report.registration.registered import (
+from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.sections.registration import (
     NamedResult,
     analysis_settings,
     conduct,
@@ -21,7 +22,6 @@ from analysis.report.registration.registered import (
     named_results,
     registered_lines,
 )
-from analysis.report.report import Report, report, report_html, report_json
 from analysis.trials.order_as_run import order_as_run
 from device.friction.changes import LAW, RUNG
 from device.friction.scenes import NOMINAL, Calibration

@@ -90,7 +90,8 @@ def test_power_follows_no_link(
     outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
     (study / link).parent.mkdir(exist_ok=True)
     (study / link).symlink_to(outside / target)
-    line = refused(capsys, "power", study, "--tests-only", "--studies", "2", "--workers", "1")
+    few = ("--studies", "2", "--null-studies", "2", "--workers", "1")
+    line = refused(capsys, "power", study, "--tests-only", *few)
     assert f"{link}: touchbeam writes here and follows no link" in line
     assert_untouched(outside)
 

@@ -3,16 +3,36 @@
 import errno
 import json
 import os
+import pickle
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from analysis.report.drawing import Panel, panels_figure
 from protocol.study_file.loading import text_digest
 from runner.study import files
 from tests.runner.command_line import typed
 
 FEW = ("--participants", "4", "--workers", "1")
 QUICK = (*FEW, "--studies", "30", "--null-studies", "20", "--tests-only")
+
+
+_DRAWN: dict[bytes, bytes] = {}
+
+
+@pytest.fixture(autouse=True)
+def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[bytes, bytes]:
+    """Figures drawn before: the same one is not drawn again, which takes longer than all else."""
+
+    def once(panels: Sequence[Panel], kind: str) -> bytes:
+        key = pickle.dumps((panels, kind))
+        if key not in _DRAWN:
+            _DRAWN[key] = panels_figure(panels, kind)
+        return _DRAWN[key]
+
+    monkeypatch.setattr("analysis.power.power_report.panels_figure", once)
+    return _DRAWN
 
 
 @pytest.fixture
@@ -195,12 +215,17 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
 
 
 def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_lost(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path,
+    drawn: dict[bytes, bytes],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole = folder.with_name("whole")
     whole.mkdir()
     (whole / "study.toml").write_bytes((folder / "study.toml").read_bytes())
+    drawn.clear()
     assert typed("power", whole, *QUICK) == 0
+    drawn.clear()  # so that the same bytes are drawn twice
     kept, left, create = 0, 0, files._create
 
     def full(path: Path, data: bytes, mode: int) -> None:

@@ -233,7 +233,11 @@ def test_where_nothing_can_be_written_a_copy_is_read_with_the_log(
         assert copy.events("P01/1")[-1].payload == {"text": "in the log alone"}
 
 
-def test_a_copy_goes_where_there_is_room(unindexed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_copy_goes_where_there_is_room(
+    unindexed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
     full, tried = [tempfile.gettempdir()], list[Path]()
 
     def copied(part: Path, copy: Path) -> None:

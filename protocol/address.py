@@ -39,11 +39,7 @@ def is_address(text: str) -> bool:
 
 
 def checked_address(text: str) -> str:
-    """Return `text` if it may be the address of a device.
-
-    Raises:
-        AddressError: it may not; the message gives the rule.
-    """
+    """Return `text` if it may be the address of a device, else raise an AddressError."""
     if not is_address(text):
         raise AddressError(f"{text}: not the address of a device; it {ADDRESS_RULE}")
     return text

@@ -414,9 +414,8 @@ TAGS: Mapping[str, type[Event]] = {event.TAG: event for event in EVENTS}
 def event_of(tag: str, payload: Mapping[str, Any]) -> Event:
     """Return the event stored in a journal as `tag` and `payload`.
 
-    Raises:
-        KeyError: no event has this tag, or the payload lacks a required key.
-        TypeError, AttributeError: a value has a shape that no build has written.
+    An unknown tag or a missing key is a KeyError; a value of a shape that no build has written a
+    TypeError or AttributeError.
     """
     return TAGS[tag].from_json(payload)
 

@@ -67,11 +67,9 @@ class JsonRecord:
 
     @classmethod
     def from_json(cls, payload: Mapping[str, Any]) -> Self:
-        """Return the record of a JSON object; keys that this build does not know are ignored.
+        """Return the record of a JSON object; unknown keys are ignored.
 
-        Raises:
-            KeyError: a required key is missing.
-            TypeError, AttributeError: a value has a shape that no build has written.
+        A missing key is a KeyError, a value of a wrong shape a TypeError or AttributeError.
         """
         plain, read, missing = cls._reading()
         record = cls.__new__(cls)

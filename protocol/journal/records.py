@@ -259,8 +259,7 @@ class Recording(JsonRecord):
     def counts(self) -> bytes:
         """Return the samples as 16-bit counts, least byte first, one channel after the other.
 
-        Raises:
-            DamagedSamplesError: they are not those that were recorded.
+        A DamagedSamplesError says that they are not those that were recorded.
         """
         # The count is a stranger's in an imported journal: it says how much memory is taken below.
         if not 0 <= self.count <= MOST_COUNTS:  # compressed, they fit into a thousandth of it

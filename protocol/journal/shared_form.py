@@ -79,11 +79,7 @@ def shared_text(place: int, events: Sequence[StoredEvent]) -> str:
 
 
 def shared_session(source: str, text: str) -> SharedSession:
-    """Return the session in `text`.
-
-    Raises:
-        BadInput: it is none; the message begins with the name `source`.
-    """
+    """Return the session in `text`; if it is none, a BadInput begins with the name `source`."""
     # Not `splitlines`, which also ends a line at U+2028, and a text may hold that.
     first, *lines = text.split("\n")[:-1] or [""]
     try:

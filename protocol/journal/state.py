@@ -82,11 +82,7 @@ class NotAllowed(WorkFailed):
 
 
 def next_state(state: str, tag: str) -> str:
-    """Return the state after the event `tag`.
-
-    Raises:
-        NotAllowed: the table has no such transition.
-    """
+    """Return the state after the event `tag`, or raise NotAllowed if the table has none."""
     try:
         return TRANSITIONS[state, tag]
     except KeyError:
@@ -173,12 +169,7 @@ class SessionState:
         return EXCLUDED[0] if self.is_excluded else self.name
 
     def take(self, event: StoredEvent) -> None:
-        """Apply one more event.
-
-        Raises:
-            NotAllowed: the state does not allow it; nothing changes.
-            KeyError, TypeError, AttributeError: no build has written such a payload.
-        """
+        """Apply one more event. Where the state does not allow it, NotAllowed changes nothing."""
         tag = event.tag
         # First of all, so that a refused event changes nothing.
         self.name = next_state(self.name, tag)
@@ -253,9 +244,8 @@ class SessionState:
 def folded(chain: Iterable[StoredEvent]) -> SessionState:
     """Return the state to which the events of `chain` lead from the beginning.
 
-    Raises:
-        NotAllowed: one of them is not allowed in the state before it.
-        KeyError, TypeError, AttributeError: no build has written such a payload.
+    Besides NotAllowed this raises a KeyError, TypeError or AttributeError for a payload that no
+    build has written.
     """
     state = SessionState()
     for event in chain:

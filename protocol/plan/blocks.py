@@ -40,9 +40,6 @@ class Stream:
 
         Bits are drawn until they form a number below `limit`, so that all values are equally
         likely (a remainder would favour small ones).
-
-        Raises:
-            ValueError: `limit` is below 1.
         """
         if limit < 1:
             raise ValueError(f"limit must be at least 1, got {limit}")
@@ -84,10 +81,8 @@ class Stream:
 def shuffle(kinds: int, repeats: int, max_run: int, stream: Stream) -> list[int]:
     """Return `kinds` items, each `repeats` times, in random order with short runs.
 
-    Every order in which no item comes more than `max_run` times in a row is equally likely.
-
-    Raises:
-        ValueError: no such order exists.
+    Every order in which no item comes more than `max_run` times in a row is equally likely. If
+    there is none, a ValueError says so.
     """
     if kinds == 1 and repeats > max_run:
         raise ValueError(f"one item {repeats} times cannot have runs of at most {max_run}")
@@ -169,10 +164,7 @@ def _completions(kinds: int, repeats: int, kind: int, bad: int) -> int:
 def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -> list[int]:
     """Return `number` of the ascending places `allowed`, each at least `apart` after the last.
 
-    Every such choice is equally likely.
-
-    Raises:
-        ValueError: no such choice exists.
+    Every such choice is equally likely; if there is none, a ValueError says so.
     """
     # ways[i][k]: the number of choices of k places among allowed[i:]
     after = [bisect_left(allowed, place + apart) for place in allowed]
@@ -211,9 +203,6 @@ def williams_sequences(n: int) -> Orders:
 
     >>> williams_sequences(4)
     ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))
-
-    Raises:
-        ValueError: `n` is below 1.
     """
     if n < 1:
         raise ValueError(f"a design needs at least 1 condition, got {n}")
@@ -244,11 +233,8 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
     relabelled at random for every block. A cohort of whole cycles is therefore balanced, and the
     order of a single slot is uniform over all orders.
 
-    Args:
-        wanted: the blocks. No condition comes more than `max_run` times in a row, also across the
-            end of a block; the caller must check this for a single condition.
-        name: seed and names of the random stream.
-        slot: slot of the participant, from 0.
+    No condition comes more than `max_run` times in a row, also across the end of a block; the
+    caller must check this for a single condition.
     """
     # Nothing is drawn, so that no stream is used.
     if wanted.order == "fixed" or wanted.conditions == 1:

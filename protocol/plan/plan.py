@@ -16,7 +16,7 @@ from protocol.plan.blocks import (
     practice_pool,
     spaced_places,
 )
-from protocol.plan.trials import Beams, Plan, Trial, beams_of, swap_count
+from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Opening, Study
 from protocol.study.study_question import no_change
 from protocol.study.touch import Slide, SlidePass
@@ -67,11 +67,8 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for a `slot`, counted from 0 over the cohort, and a `session`, from 1.
 
     The study's seed determines the plan: orders (see `protocol.plan.blocks`), levels,
-    opposite, catch and practice trials are each drawn from a random stream of their own.
-
-    Raises:
-        ValueError: the design's constraints cannot be met (`protocol.study_file.limits` reports
-            this beforehand).
+    opposite, catch and practice trials are each drawn from a random stream of their own. Whether
+    the design can be met `protocol.study_file.limits` says beforehand.
     """
 
     # A stream for each purpose: a change of one part of the design leaves the others as they were.
@@ -166,12 +163,7 @@ Deferral = tuple[int, int]
 
 
 def running_order(trials: Sequence[Trial], deferrals: Iterable[Deferral]) -> list[Trial]:
-    """Return the trials of a session in the order in which they are run.
-
-    Args:
-        trials: as planned.
-        deferrals: in the order in which they happened.
-    """
+    """Return the trials of a plan in the order in which they are run, after these deferrals."""
     order = list(trials)
     for index, after in deferrals:
         here = _place(order, index)
@@ -191,14 +183,8 @@ def deferral(
 
     Each place is equally likely where it needs no further beam swap and breaks no rule of the
     design that the order has kept so far. Without such a place, and before the first block, the
-    trial comes at once.
-
-    Args:
-        study: whose design the order follows.
-        order: the trials as they are run, `trial` among them.
-        trial: the running one.
-        mounted: the beam on the rig.
-        stream: of the draw.
+    trial comes at once. `order` has the trials as they are run, `trial` among them; `mounted` is
+    the beam on the rig.
     """
     here = _place(order, trial.index)
     later = [entry for entry in order[here + 1 :] if trial.block == entry.block > 0]
@@ -206,7 +192,9 @@ def deferral(
     def costs(after: int) -> tuple[int, int, int]:
         """Return beam swaps from now on, those of the whole order, and the rules that it breaks."""
         moved = running_order(order, [(trial.index, after)])
-        return _swaps(study, moved[here:], mounted), _swaps(study, moved), _broken(study, moved)
+        own = study.touch.beam
+        left, whole = swaps(study, moved[here:], mounted or own), swaps(study, moved, own)
+        return left, whole, _broken(study, moved)
 
     at_once = costs(trial.index)
     fitting = [
@@ -218,29 +206,20 @@ def deferral(
     return trial.index, stream.one_of(fitting) if fitting else trial.index
 
 
-def _swaps(study: Study, order: Sequence[Trial], mounted: str | None = None) -> int:
-    own = study.touch.beam
-    touches = [touch for trial in order for touch in trial.touches]
-    return swap_count((mounted or own, *beams_of(touches, own)))
-
-
 def _broken(study: Study, order: Sequence[Trial]) -> int:
     """Return how often an order breaks the rules on runs of a condition and on catch trials."""
     runs = groupby(trial.condition for trial in order if trial.kind == "trial")
     long_runs = [max(len(list(run)) - study.design.max_alike_in_row, 0) for _, run in runs]
     catches = [place for place, trial in enumerate(order) if trial.kind == "catch"]
     close = [later - place - 1 < study.design.catch_apart for place, later in pairwise(catches)]
+    own = study.touch.beam
     misplaced = [
         place == 0
         or order[place].block != order[place - 1].block
-        or _beams(study, order[place]) != _beams(study, order[place - 1])
+        or beams_of(order[place].touches, own) != beams_of(order[place - 1].touches, own)
         for place in catches
     ]
     return sum(long_runs) + sum(close) + sum(misplaced)
-
-
-def _beams(study: Study, trial: Trial) -> Beams:
-    return beams_of(trial.touches, study.touch.beam)
 
 
 # The plan of a sliding experiment: its passes in random order, references spread among them.

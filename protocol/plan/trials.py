@@ -90,7 +90,7 @@ def trial_s(study: Study, trial: Trial) -> float:
 
 def plan_swaps(study: Study, plan: Plan) -> int:
     """Return how often the operator swaps beams, starting with the study's own beam mounted."""
-    return _swaps(study, plan.trials, study.touch.beam)
+    return swaps(study, plan.trials, study.touch.beam)
 
 
 def session_s(study: Study, plan: Plan) -> float:
@@ -101,18 +101,13 @@ def session_s(study: Study, plan: Plan) -> float:
 
 
 def remaining_s(study: Study, trials: Sequence[Trial], mounted: str | None) -> float:
-    """Return how long `trials` are expected to take, breaks and beam swaps included, s.
-
-    Args:
-        study: gives the pauses and the times that people are assumed to take.
-        trials: the trials that are left, in order.
-        mounted: the beam on the rig before the first of them.
-    """
-    swaps_s = _swaps(study, trials, mounted) * study.timing.beam_swap_s
+    """Return how long `trials` take with breaks and swaps from the beam `mounted`, s."""
+    swaps_s = swaps(study, trials, mounted) * study.timing.beam_swap_s
     return sum(trial_s(study, trial) for trial in trials) + swaps_s
 
 
-def _swaps(study: Study, trials: Sequence[Trial], mounted: str | None) -> int:
+def swaps(study: Study, trials: Iterable[Trial], mounted: str | None) -> int:
+    """Return how often the operator swaps beams for these trials, the first of them included."""
     touches = [touch for trial in trials for touch in trial.touches]
     return swap_count((mounted, *beams_of(touches, study.touch.beam)))
 

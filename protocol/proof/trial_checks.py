@@ -458,13 +458,7 @@ def sequences(study: Study) -> int:
 
 
 def order_problems(study: Study, plan: Plan, order: Sequence[int]) -> list[Problem]:
-    """Return every rule that the trials break in the order in which they were answered.
-
-    Args:
-        study: the study.
-        plan: of the session.
-        order: the numbers of the trials, as far as the session came.
-    """
+    """Return every rule that the trials of a plan break in the `order` of their answers."""
     by_index = {trial.index: trial for trial in plan.trials}
     broken: list[tuple[str, str]] = []
     if twice := [index for index, times in Counter(order).items() if times > 1]:

@@ -33,11 +33,7 @@ def printable(text: str) -> str:
 
 
 def require_printable(text: str) -> str:
-    """Return `text`.
-
-    Raises:
-        ValueError: it holds such characters.
-    """
+    """Return `text`, or raise a ValueError if it holds such characters."""
     if unprintable(text):
         raise ValueError(UNWANTED)
     return text

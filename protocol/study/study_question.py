@@ -37,12 +37,9 @@ Effect = Literal["friction", "depth", "places"]
 class QuestionType:
     """A question after a touch; its texts and those of its answers are in each language's file.
 
-    Attributes:
-        effect: what the question is about.
-        meaning: of the question, for exported data.
-        answers: each with its meaning. The first is the one for which a predicted contrast is
-            positive, and the last says that nothing changed; one between them is the contrary of
-            the first.
+    Each answer has its meaning, for exported data as that of the question. For the first one a
+    predicted contrast is positive, the last says that nothing changed; one between them is the
+    contrary of the first.
     """
 
     effect: Effect
@@ -247,8 +244,7 @@ class StudyQuestion(Record):
     def answer(self, given: str) -> Answer:
         """Return what `given` means: a value, several with `;` between, a number or a text.
 
-        Raises:
-            ValueError: the question does not allow it; the message says what it allows.
+        If the question does not allow it, a ValueError says what it allows.
         """
         if not given and not self.required:
             return None

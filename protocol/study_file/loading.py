@@ -403,11 +403,7 @@ class StudyError(BadInput):
 
 
 def template(name: str) -> str:
-    """Return the text of the built-in study `name`, one of `TEMPLATES`.
-
-    Raises:
-        ValueError: there is no such template.
-    """
+    """Return the text of the built-in study `name`, one of `TEMPLATES`."""
     if name not in TEMPLATES:
         raise ValueError(f"the template must be one of {', '.join(TEMPLATES)}, got {name!r}")
     return (files("protocol") / "templates" / f"{name}.toml").read_text(encoding="utf-8")

@@ -262,7 +262,7 @@ def _spread(
     """Return the distance of each subject's squared residuals, in categories, from expected."""
     present, place = np.unique(trials.subject, return_inverse=True)
     mean, square = np.zeros(below[0].shape), np.zeros(below[0].shape)
-    for k, each in enumerate(below):
+    for k, each in enumerate(below):  # (31), mathematics/sensitivity
         mean += 1 - each
         square += (2 * k + 1) * (1 - each)
     expected = _sums(square - mean**2, place, len(present))

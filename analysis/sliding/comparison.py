@@ -114,6 +114,7 @@ def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: f
         squares, points = _squares(near, shape, noise, steps)
         spare = points - 3
         best = int(np.argmin(squares))
+        # (12), mathematics/sliding
         rise = f_distribution.ppf(0.95, 1, spare) * max(1.0, squares[best] / spare)
         inside = np.flatnonzero(squares <= squares[best] + rise)
         if inside[0] == 0 or inside[-1] == steps.size - 1:
@@ -156,7 +157,7 @@ def _squares(
     mu = mu - level * (level @ mu)
     shapes = shapes - np.outer(level, level @ shapes)
     size = np.maximum(np.einsum("ij,ij->j", shapes, shapes), 1e-300)
-    swing = np.maximum(mu @ shapes, 0.0)
+    swing = np.maximum(mu @ shapes, 0.0)  # (11), mathematics/sliding
     return np.asarray(mu @ mu - swing**2 / size), mu.size
 
 

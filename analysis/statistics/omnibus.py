@@ -95,6 +95,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             sums, chances = _summed(tuple(rows[: count + 1]))
     last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
+    # (18), mathematics/ordinal
     constant = (sums**2).sum(axis=1)[:, None] + (last[0] ** 2).sum()
     as_unequal = constant + 2 * (sums @ last.T) >= observed
     return float((chances * as_unequal.mean(axis=1)).sum())
@@ -117,6 +118,7 @@ def _summed(rows: tuple[tuple[int, ...], ...]) -> tuple[IntArray, FloatArray]:
 
 
 def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:
+    # (17), mathematics/ordinal
     reached = np.sort((sums[:, None, :] + row).reshape(-1, row.shape[1]), axis=1)
     base = int(reached.max()) + 1
     # The total is fixed, so all sums but one identify the set.

@@ -33,7 +33,7 @@ class _Pieces(NamedTuple):
     pivot_m: FloatArray
 
 
-# start, constant, sign of λ/4l_s, slope, pivot; places of γ = 0, in metres
+# start, constant, sign of λ/4l_s, slope, pivot; places of γ = 0, in metres: (12), mathematics/friction
 _OPENING = ((0.0, 0.0, 0.0, 0.0, 0.0), (0.0131, 0.0, 0.0, 1.0, 0.0131))
 _PERIODIC = (
     (0.0218, 0.0, 1.0, 0.0, 0.0),

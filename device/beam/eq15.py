@@ -33,7 +33,7 @@ class _Pieces(NamedTuple):
     pivot_m: FloatArray
 
 
-# start, constant, sign of λ/4l_s, slope, pivot; places of γ = 0, in metres: (12), mathematics/friction
+# (12), mathematics/friction: start, constant, sign of λ/4l_s, slope, pivot for γ = 0, in metres
 _OPENING = ((0.0, 0.0, 0.0, 0.0, 0.0), (0.0131, 0.0, 0.0, 1.0, 0.0131))
 _PERIODIC = (
     (0.0218, 0.0, 1.0, 0.0, 0.0),

@@ -1,9 +1,9 @@
 """Certified ranges of the top rung's terms for a scene, from a precomputed table.
 
-The table (`certified_bounds.json`, made by `certify`) covers the paper's beam: at resonance, the
-ranges of the top rung's zone edges, areas, tip speed and inertia over the domain; off resonance,
-upper bounds on its motion, and the errors of `timoshenko-modes`, at each frequency. Numbers of
-equations are those of docs/mathematics/bounds.md.
+The table (`certified_bounds.json`, made by `handbook/certify.py`) covers the paper's beam: at
+resonance, the ranges of the top rung's zone edges, areas, tip speed and inertia over the domain;
+off resonance, upper bounds on its motion, and the errors of `timoshenko-modes`, at each frequency.
+Numbers of equations are those of docs/mathematics/bounds.md.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Generator of the table of certified bounds, from which cheap rungs' errors are bounded.
 
-`python -m device.friction.certify > device/friction/certified_bounds.json` writes the table again.
+`python -m handbook.certify > device/friction/certified_bounds.json` writes the table again.
 For each mode at resonance, the top rung is solved over the damping ratios of the domain; the table
 contains the ranges of its zone edges, its running area ∫|W|, and its tip speed and inertia relative
 to those of the rung `mode`. For a drive at a given frequency it contains upper bounds on the top

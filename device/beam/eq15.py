@@ -85,9 +85,10 @@ def same_direction_ratio(
     array([0.87])
     """
     one_of("eq15_overlap", overlap, get_args(Overlap))
-    outside = ~((x_m >= 0) & (x_m <= REACH_M))
-    if outside.any():
-        raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[outside][0])
+    outside = np.flatnonzero(~((x_m >= 0) & (x_m <= REACH_M)))
+    if outside.size:
+        row = int(outside[0])
+        raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[row], row)
     ratio = _printed_ratio(_pieces(overlap), x_m, contact_m)
     # What leaves [0, 1] by rounding alone, as at the end of a piece, is its bound.
     bounded = np.clip(ratio, 0.0, 1.0)

@@ -37,8 +37,8 @@ def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
     places = np.atleast_1d(np.asarray(scene.touch.x_m if x_m is None else x_m, dtype=np.float64))
     length_m = scene.structure.beam.length_m
     if places.size and not (places.min() >= 0 and places.max() <= length_m):
-        wrong = places[~((places >= 0) & (places <= length_m))][0]
-        raise OutOfRangeError("x_m", f"must lie in [0, {length_m:g}]", wrong)
+        row = int(np.flatnonzero(~((places >= 0) & (places <= length_m)))[0])
+        raise OutOfRangeError("x_m", f"must lie in [0, {length_m:g}]", places[row], row)
     return places
 
 
@@ -92,7 +92,11 @@ def friction_coefficient(
     mu = np.empty(places.shape)
     for first in range(0, places.size, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
-        terms = law_state(contact_of(scene, places[part]), field, rung, choice).terms
+        try:
+            terms = law_state(contact_of(scene, places[part]), field, rung, choice).terms
+        except OutOfRangeError as error:
+            error.row += first  # it counts from the part's first place
+            raise
         mu[part] = choice.law(terms)
     return mu
 

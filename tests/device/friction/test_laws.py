@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from device.beam.beam import Beam
 from device.beam.eq15 import same_direction_ratio
+from device.errors import OutOfRangeError
 from device.friction import laws
 from device.friction.coefficient import (
     auto_prediction,
@@ -113,6 +114,19 @@ def test_eq15_as_printed_has_its_plateaus_and_overlaps() -> None:
 def test_eq15_is_refused_beyond_its_range() -> None:
     with pytest.raises(ValueError, match=r"x_m must lie in \[0, 0.1\] for Eq 15, got 0.11"):
         same_direction_ratio(np.array([0.05, 0.11]), 0.01)
+
+
+@pytest.mark.parametrize("row", [1, 2999, 3000, 7000])
+def test_an_error_names_the_place_among_all_places(row: int) -> None:
+    """However many are computed together."""
+    smooth_m = 0.01  # where the ratio of Eq 15 is 0, however short the contact
+    scene = Scene(touch=FingerContact(contact_m=1e-3))
+    places = np.full(8000, smooth_m)
+    for place, name in ((0.2, "x_m"), (0.0145, "contact_m")):
+        places[row] = place
+        with pytest.raises(OutOfRangeError, match=f"^{name} must") as refused:
+            friction_coefficient(scene, rung="eq15", x_m=places)
+        assert refused.value.row == row
 
 
 @st.composite

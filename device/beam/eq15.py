@@ -89,14 +89,11 @@ def same_direction_ratio(
     if outside.size:
         row = int(outside[0])
         raise OutOfRangeError("x_m", f"must lie in [0, {REACH_M}] for Eq 15", x_m[row], row)
-    ratio = _printed_ratio(_pieces(overlap), x_m, contact_m)
-    # What leaves [0, 1] by rounding alone, as at the end of a piece, is its bound.
-    bounded = np.clip(ratio, 0.0, 1.0)
-    return np.where(np.abs(ratio - bounded) < _ROUNDING, bounded, ratio)
-
-
-def _printed_ratio(pieces: _Pieces, x_m: FloatArray, contact_m: FloatArray | float) -> FloatArray:
+    pieces = _pieces(overlap)
     piece = np.searchsorted(pieces.start_m[1:], x_m, side="right")
     rise = pieces.slope.take(piece) * (x_m - pieces.pivot_m.take(piece))
     rise += pieces.quarter.take(piece) * (WAVELENGTH_M / 4)
-    return pieces.constant.take(piece) + rise / contact_m
+    ratio = pieces.constant.take(piece) + rise / contact_m
+    # What leaves [0, 1] by rounding alone, as at the end of a piece, is its bound.
+    bounded = np.clip(ratio, 0.0, 1.0)
+    return np.where(np.abs(ratio - bounded) < _ROUNDING, bounded, ratio)

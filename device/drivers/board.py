@@ -203,7 +203,9 @@ class Board(Driver):
         """
         deadline_s = self.monotonic() + DISCHARGE_S
         while True:
-            on, monitor_v = self.link.certain(_OFF, _output_and_monitor)
+            on, monitor_v = self.link.certain(
+                _OFF, lambda answers: (switch(answers[0]), number(answers[1]))
+            )
             if on:
                 return "says that its output is on"
             if abs(monitor_v) < MONITOR_ABS_TOL_V:
@@ -251,7 +253,9 @@ class Board(Driver):
     def start_sampling(self, rate_hz: float) -> Scale:
         self.send("TRAC:STAT OFF")  # a session that was killed, or broken off, left it on
         self.set_number("TRAC:RATE", rate_hz)
-        scale = self.link.query("TRAC:SCAL?", _scale)
+        scale = self.link.query(
+            "TRAC:SCAL?", lambda said: scale_of([number(size) for size in said.split(",")])
+        )
         self.send("TRAC:STAT ON")
         return scale
 
@@ -346,15 +350,6 @@ def _read_back(reply: str) -> tuple[ReadBack, float]:
         device_time_s=time_s,
     )
     return read_back, instant_v
-
-
-def _scale(reply: str) -> Scale:
-    return scale_of([number(size) for size in reply.split(",")])
-
-
-def _output_and_monitor(answers: list[str]) -> tuple[bool, float]:
-    on, monitor_v = answers
-    return switch(on), number(monitor_v)
 
 
 def _tripped(reply: str) -> bool:

@@ -44,7 +44,9 @@ class LineGauge(GaugeDriver):
         if not math.isclose(kept_hz, rate_hz, rel_tol=1e-6):
             raise DeviceError(f"the gauge's RATE was set to {rate_hz:g} and is {kept_hz:g}")
         # Before the start, because the counts of the first samples need it.
-        self._scale = self.link.query("RANG?", _scale)
+        self._scale = self.link.query(
+            "RANG?", lambda said: scale_of([number(most) / FULL_SCALE for most in said.split(",")])
+        )
         self._switch("STAR", on=True)
         return self._scale
 
@@ -93,10 +95,6 @@ def _counts(sample: str, scale: Scale) -> list[int]:
         raise ProtocolError(f"a sample must lie in its range, got {sample!r}")
     # Full scale is what marks a saturated sensor, so that nothing may exceed it.
     return [max(-FULL_SCALE, min(FULL_SCALE, count)) for count in counts]
-
-
-def _scale(reply: str) -> Scale:
-    return scale_of([number(largest) / FULL_SCALE for largest in reply.split(",")])
 
 
 GAUGE = LineGauge

@@ -1,5 +1,8 @@
 """The wire codec: lines, numbers and errors in SCPI's notation. Does no I/O.
 
+Functions that read an answer raise `ProtocolError` for what they cannot read, such as a word in
+place of a number, SCPI's codes for infinity and not-a-number, or a wrong count of fields.
+
 Source: IEEE 488.2 (blocks: 8.7.9) and SCPI-99; docs/wire-protocol.md lists the board's commands.
 """
 
@@ -47,11 +50,7 @@ def number_text(value: float) -> str:
 
 
 def number(reply: str) -> float:
-    """Return the number in `reply`.
-
-    Raises:
-        ProtocolError: it is not a number, or is SCPI's code for infinity or not-a-number.
-    """
+    """Return the number in `reply`."""
     # Not `float` alone, which takes `1_000`, `nan` and `inf`: such a device is out of order.
     text = reply.strip()
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
@@ -66,9 +65,6 @@ def impedance(reply: str) -> float:
 
     >>> impedance("9.9E+37")
     inf
-
-    Raises:
-        ProtocolError: it is not a number.
     """
     text = reply.strip()
     if _NUMBER.fullmatch(text) and float(text) >= _SCPI_NOT_A_NUMBER:
@@ -77,11 +73,7 @@ def impedance(reply: str) -> float:
 
 
 def switch(reply: str) -> bool:
-    """Return the on/off state in `reply`.
-
-    Raises:
-        ProtocolError: it is not 1, 0, ON or OFF.
-    """
+    """Return the on/off state in `reply`."""
     states = {"1": True, "ON": True, "0": False, "OFF": False}
     try:
         return states[reply.strip().upper()]
@@ -94,9 +86,6 @@ def queued_error(reply: str) -> str | None:
 
     >>> queued_error('-222,"Data out of range"')
     '-222 Data out of range'
-
-    Raises:
-        ProtocolError: the answer does not have the form of an error.
     """
     entry = _ERROR.fullmatch(reply.strip())
     if entry is None:
@@ -205,11 +194,7 @@ def block(content: bytes) -> bytes:
 
 
 def text(line: bytes) -> str:
-    """Return `line` as text.
-
-    Raises:
-        ProtocolError: it is not printable ASCII.
-    """
+    """Return `line` as text."""
     if line.isascii() and (decoded := line.decode("ascii").strip()).isprintable():
         return decoded
     raise ProtocolError(f"the device must answer in ASCII, got {line[:40]!r}")
@@ -220,9 +205,6 @@ def fields(reply: str, count: int) -> list[str]:
 
     >>> fields('1;24221.37;0,"No error"', 3)
     ['1', '24221.37', '0,"No error"']
-
-    Raises:
-        ProtocolError: the number of answers is not `count`.
     """
     answers = reply.split(";")
     if len(answers) != count:
@@ -231,11 +213,7 @@ def fields(reply: str, count: int) -> list[str]:
 
 
 def whole(reply: str) -> int:
-    """Return the whole number in `reply`.
-
-    Raises:
-        ProtocolError: it is not a whole number.
-    """
+    """Return the whole number in `reply`."""
     value = number(reply)
     if value != int(value):
         raise ProtocolError(f"the device must answer with a whole number, got {reply[:60]!r}")

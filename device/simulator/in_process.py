@@ -9,7 +9,6 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from datetime import datetime, timedelta
 from typing import Any
 
 from device.drivers.discovery import driver_of
@@ -330,22 +329,3 @@ def sleep(seconds: float, device: InProcessDevice, rig: Rig) -> None:
         device.advance(left_s if idle_s is None else min(left_s, max(idle_s, _MOMENT_S)))
         if idle_s is not None and idle_s <= left_s:
             rig.step()
-
-
-class InProcessClock:
-    """The clock of a session in one thread; while it sleeps, the owner of the port works."""
-
-    def __init__(self, start: datetime, device: InProcessDevice, rig: Rig) -> None:
-        self._start = start
-        self._device = device
-        self._rig = rig
-
-    def utc(self) -> datetime:
-        """Return the date and time, UTC, from `start` at the device's beginning."""
-        return self._start + timedelta(seconds=self._device.now_s())
-
-    def monotonic_s(self) -> float:
-        return self._device.now_s()
-
-    def sleep(self, seconds: float) -> None:
-        sleep(seconds, self._device, self._rig)

@@ -10,7 +10,7 @@ from analysis.loading.study_data import StudyData, load_study_data
 from device.friction.changes import LAW, RUNG
 from device.people.person import Population, person_of, session_name
 from device.simulator.client import swapping
-from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
+from device.simulator.in_process import InProcessDevice, in_process_rig
 from device.study_limits import device_limits
 from protocol.study.participant_texts import study_wording
 from protocol.study.rules import Exclusions
@@ -26,6 +26,7 @@ from runner.people.virtual_participant import VirtualParticipant, VirtualPartici
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.study.folder import StudyFolder
+from tests.device.in_process_clock import InProcessClock
 
 
 def loaded_rehearsals(

@@ -22,7 +22,8 @@ from device.errors import DeviceError, EmergencyStop, OutputUnknown
 from device.link.link import open_link
 from device.rig import FEEDS_PER_WATCHDOG, open_rig
 from device.simulator.client import ControlClient, Endpoints, simulator_process
-from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
+from device.simulator.in_process import InProcessDevice, in_process_rig
+from tests.device.in_process_clock import InProcessClock
 from tests.device.rigs import DRIVE, LIMITS, TOUCHBEAM, driven_on, opened, until
 
 pytestmark = pytest.mark.waits

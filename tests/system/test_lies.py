@@ -27,7 +27,7 @@ from device.link.codec import block as in_block
 from device.link.link import Link
 from device.resonance import Resonance
 from device.rig import RAMP_STEP_S, Rig
-from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
+from device.simulator.in_process import InProcessDevice, in_process_rig
 from runner.journal.opening import open_journal
 from runner.screens import Instruction, Pacing, Screen
 from runner.session.loop import run
@@ -36,6 +36,7 @@ from tests.device.fault_table import BOARD as FAULTS_OF_A_BOARD
 from tests.device.fault_table import RECORDING, Row
 from tests.device.gauges.test_gauge import LIES as GAUGE_LIES
 from tests.device.gauges.test_gauge import GaugePort
+from tests.device.in_process_clock import InProcessClock
 from tests.device.lying import SteppedClock, WatchedRig, watched
 from tests.device.rigs import LIMITS as ANY_LIMITS
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator

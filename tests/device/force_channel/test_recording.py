@@ -9,8 +9,9 @@ import pytest
 from device.errors import CannotRecord, DeviceError
 from device.force_channel.recording import Samples
 from device.rig import RAMP_STEP_S, Rig
-from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
+from device.simulator.in_process import InProcessDevice, in_process_rig
 from device.simulator.models.board_model import BoardDialect
+from tests.device.in_process_clock import InProcessClock
 from tests.device.rigs import DRIVE, LIMITS
 
 BEAT_S = 0.02

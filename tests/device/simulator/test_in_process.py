@@ -8,7 +8,8 @@ import pytest
 
 from device.errors import DeviceError, OutputUnknown
 from device.rig import Rig
-from device.simulator.in_process import InProcessClock, InProcessDevice, in_process_rig
+from device.simulator.in_process import InProcessDevice, in_process_rig
+from tests.device.in_process_clock import InProcessClock
 from tests.device.rigs import DRIVE, LIMITS
 
 

@@ -22,7 +22,7 @@ from device.link.port import Port, advice
 from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import swapping
-from device.simulator.in_process import InProcessClock, InProcessDevice
+from device.simulator.in_process import InProcessDevice
 from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
@@ -43,6 +43,7 @@ from runner.signals import signals_raise
 from runner.study.calibration import keep_calibration, kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
+from tests.device.in_process_clock import InProcessClock
 from tests.system.day.disk import Disk
 from tests.system.day.invariants import require
 from tests.system.day.people import Person, Typist

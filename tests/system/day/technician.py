@@ -14,10 +14,10 @@ from device.errors import CannotRecord, DeviceError
 from device.link.codec import number_text
 from device.link.link import Link
 from device.rig import Rig
-from device.simulator.in_process import InProcessClock
 from device.simulator.models.scpi import ScpiError
 from protocol.study.touch import Touch
 from runner.launch.device_access import probed
+from tests.device.in_process_clock import InProcessClock
 from tests.system.day.invariants import require
 from tests.system.day.lab import MORNING, PORT, Lab
 from tests.system.day.watch import LEAK

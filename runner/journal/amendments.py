@@ -64,22 +64,14 @@ def include_trial(journal: Journal, clock: Clock, session: str, index: int, reas
 
 
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Exclude a session from the analysis; an unfinished one frees its slot.
-
-    Raises:
-        BadInput: there is no such session, or it is already excluded or withdrawn.
-    """
+    """Exclude a session; an unfinished one frees its slot; raises `BadInput` if it is over."""
     log = _log(journal, clock, session)
     close_interrupted(log)
     _append(log, session, SessionExcluded(reason=reason))
 
 
 def include_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Take the exclusion of a session back; it is then what it was before.
-
-    Raises:
-        BadInput: there is no such session, or it is not excluded.
-    """
+    """Take the exclusion of a session back; raises `BadInput` if it is not excluded."""
     log = _log(journal, clock, session)
     if not log.state.is_excluded:
         trials = ", ".join(map(str, log.state.excluded))
@@ -107,9 +99,6 @@ def withdraw(
     """Erase the data of `participant` in `sessions_of`; return the names of these sessions.
 
     The events remain without their payloads, and their chains still verify.
-
-    Raises:
-        BadInput: `participant` has no session.
     """
     sessions = sessions_of(journal, participant, rehearsal=rehearsal)
     # All sessions or none: an error must not leave a participant half withdrawn.
@@ -140,10 +129,7 @@ def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
 def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[str]:
     """Return the names of the sessions of `participant`, or else of the rehearsals of that name.
 
-    With `rehearsal`, return those of the rehearsals only.
-
-    Raises:
-        BadInput: there are none, or nobody took part in them.
+    With `rehearsal`, those of the rehearsals only; raises `BadInput` if there are none.
     """
     if participant == SLIDE:
         raise BadInput(

@@ -369,10 +369,8 @@ def _tips(connection: sqlite3.Connection) -> Tips:
 def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None:
     """Close a connection; the last one to leave the file also merges and removes its log.
 
-    Others are waited for `patience_s` long.
-
-    Raises:
-        LogNotCopiedError: the merged file lacks events; the log is kept beside it.
+    Others are waited for `patience_s` long. Raises `LogNotCopiedError` if the merged file lacks
+    events; the log is then kept beside it.
     """
     with stops_deferred():
         close_keeping_log(connection, path)

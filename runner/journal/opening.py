@@ -82,9 +82,6 @@ def journal_if_used(path: Path) -> Iterator[Journal]:
     """Yield the journal at `path`; create it if missing, remove it again if nothing was written.
 
     Another process that has opened it in between gets an error when it appends.
-
-    Raises:
-        JournalError: the journal cannot be opened.
     """
     before = path.exists()
     try:
@@ -174,8 +171,7 @@ def _opening(
 ) -> Iterator[sqlite3.Connection]:
     """Yield what `connect` returns for the journal at `path`, closed only if the body fails.
 
-    Raises:
-        JournalError: the body has raised an error of SQLite or of the system, or the log is aside.
+    Errors of SQLite and of the system become a `JournalError`, and so does a log that is aside.
     """
     if (aside := log_aside(path)).exists():  # opened without its log, the journal would lack events
         raise JournalError(

@@ -80,11 +80,7 @@ def stored_event(row: tuple[Any, ...]) -> StoredEvent:
 
 
 def chain_link(row: tuple[Any, ...]) -> ChainLink:
-    """Return the event in a row as for `stored_event`, followed by its digest, hash and salt.
-
-    Raises:
-        DamagedError: touchbeam cannot have written the row.
-    """
+    """Return the event in a row as for `stored_event`, followed by its digest, hash and salt."""
     # One comparison for the whole row, because a journal may have 100,000 of them.
     if tuple(map(type, row)) not in _LINK_TYPES:
         event = stored_event(row[:5])
@@ -279,11 +275,7 @@ class Journal:
             raise
 
     def append(self, session: str, event: StoredEvent) -> None:
-        """Add `event` to the chain of `session`; it is on the disk when this returns.
-
-        Raises:
-            JournalError: the event could not be written; the chain is unchanged.
-        """
+        """Add `event` to the chain of `session`: on the disk when this returns, or not at all."""
         self._require_in_place()
         body = payload_text(event)
         salt = self._random_bytes(SALT_BYTES) if self.salted else NO_SALT
@@ -303,11 +295,7 @@ class Journal:
             self._connection.executemany(self._sql.erase, [(name,) for name in sessions])
 
     def forget_erased(self) -> None:
-        """Remove all copies of erased payloads from the disk.
-
-        Raises:
-            JournalError: it failed; an old copy may remain.
-        """
+        """Remove all copies of erased payloads from the disk; if it fails, one may remain."""
         with self._errors_explained("written"):
             self._connection.execute("VACUUM")  # free pages still hold erased payloads
             busy = not self.checkpoint()  # the write-ahead log holds them, too
@@ -324,9 +312,7 @@ class Journal:
         """Copy the write-ahead log into the main file; the next event starts the log anew.
 
         Return False if a reader or another process prevents it; the log then goes on growing.
-
-        Raises:
-            JournalError: it failed, or the main file alone lacks events afterwards.
+        Raises `JournalError` if the main file alone lacks events afterwards.
         """
         self._require_in_place()
         # The hash that this process wrote: not everything is compared with what SQLite says.

@@ -162,11 +162,8 @@ def readable_chains(
 ) -> Iterator[list[StoredEvent]]:
     """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
 
-    Withdrawn rehearsals are not yielded.
-    With `participant`, only that person's chains are read.
-
-    Raises:
-        JournalError: a session is damaged or has lost payloads.
+    Withdrawn rehearsals are not yielded, and with `participant` only that person's chains. Raises
+    `JournalError` if a session is damaged or has lost payloads.
     """
     for name in journal.sessions():
         if participant not in {None, name.rpartition("/")[0]}:

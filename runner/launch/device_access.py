@@ -107,11 +107,7 @@ def session_rig(
 
 
 def require_real(idn: str, url: str) -> None:
-    """Refuse a device at an address that says of itself that it is simulated.
-
-    Raises:
-        BadInput: nobody can feel it; what a person says there is a rehearsal.
-    """
+    """Refuse a device that says of itself that it is simulated: nobody can feel it."""
     if idn.split(",")[2:3] == [_SIMULATED_SERIAL]:
         raise BadInput(
             f"the device at {url} is simulated ({idn}): what a person does there is a rehearsal, "
@@ -181,10 +177,8 @@ def _identified(link: Link, url: str) -> tuple[str, type[Driver]]:
 def answered(link: Link, query: str) -> str | None:
     """Return the answer to `query`, None of a device that has nothing to say to it.
 
-    A board without a thermometer, for example, answers nothing when asked for its temperature.
-
-    Raises:
-        DeviceError: the device answers nothing at all.
+    A board without a thermometer, for example, answers nothing when asked for its temperature. A
+    device that answers nothing at all has failed.
     """
     try:
         return link.ask(query)

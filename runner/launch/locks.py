@@ -88,10 +88,7 @@ def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
 def session_lock(session: str, study: Path) -> Iterator[None]:
     """Lock a session of the study in the folder `study`, identified by the folder's inode.
 
-    Raises:
-        RigInUse: another process holds the session.
-        NoLocks: the system cannot lock a file.
-        UnsafeFolder: other users can open the folder of the locks.
+    Raises what `rig_lock` raises.
     """
     with _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON):
         yield

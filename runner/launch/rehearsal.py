@@ -79,10 +79,6 @@ def rehearse(
 
     Its events will be compared with `plan`, that of the first slot. All that is simulated follows
     from `seed`; a device that cannot measure its resonance has that of the `calibration`.
-
-    Raises:
-        StudyError: the study cannot be used.
-        DeviceError: the simulated device did not work.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
         folder = StudyFolder(path=Path(place))

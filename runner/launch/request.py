@@ -165,11 +165,7 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
 
 
 def require_meant(request: Request, confirm: Confirm) -> None:
-    """Have the operator confirm what is more often a slip than meant.
-
-    Raises:
-        BadInput: it is not confirmed, or a session is requested that the study does not plan.
-    """
+    """Have the operator confirm what may be a slip; refuse a session that is not planned."""
     options, planned = request.options, request.study.design.sessions
     if options.slides:  # a name that cannot be mistaken, and as many as anybody wants
         return

@@ -221,10 +221,8 @@ def checkpointed(journal: Journal) -> Iterator[None]:
 def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     """Return the session to run, and open it in the journal if it is new.
 
-    A slot is taken by opening the session; choosing and opening must therefore not be separated.
-
-    Raises:
-        WrongPlan: its plan was drawn wrongly; nothing is opened.
+    A slot is taken by opening the session; choosing and opening must therefore not be separated. A
+    session whose plan was drawn wrongly is not opened: `WrongPlan`.
     """
     options, registered = request.options, request.registration
     digest = None if registered is None else registered.digest
@@ -282,10 +280,8 @@ def _proved_plan(request: Request, study: Study, slot: int) -> Plan:
 def as_begun(request: Request) -> Request:
     """Return the request with the seed and the simulated beam of the session that it resumes.
 
-    The journal describes them where a virtual participant takes part.
-
-    Raises:
-        BadInput: an option gives another beam.
+    The journal describes them where a virtual participant takes part. Raises `BadInput` if an
+    option gives another beam.
     """
     begun, options = _begun(request), request.options
     truth = None if begun is None else begun.virtual
@@ -336,10 +332,8 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
 def _person(request: Request, before: SessionState | None) -> "Person":
     """Return a virtual participant: the same one in each of the study's sessions.
 
-    A session is resumed by the person who began it, whom the journal describes.
-
-    Raises:
-        BadInput: `--people` describes somebody else.
+    A session is resumed by the person who began it, whom the journal describes. Raises `BadInput`
+    if `--people` describes somebody else.
     """
     from device.people.person import DEFAULT, drawn_person, person_name, person_of
 

@@ -164,8 +164,7 @@ _QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
 def prepare(context: SessionContext) -> None:
     """Arm the device, measure the resonance of the untouched beam, then welcome the participant.
 
-    Raises:
-        BadInput: a touch would exceed a limit at the resonance of the mounted beam.
+    Raises `BadInput` if a touch would exceed a limit at the resonance of the mounted beam.
     """
     context.participant.show(Notice(text="wait"))
     update_view(context)

@@ -206,13 +206,7 @@ def wait(
 
 
 def tick(context: SessionContext, seconds: float) -> None:
-    """Check signals, device and operator once, then sleep for `seconds`.
-
-    Raises:
-        DeviceError: the device has failed since the last tick.
-        StoppedByOperator, RepeatTrial: the operator ordered it.
-        Stopped: a signal arrived.
-    """
+    """Check signals, device and operator once, then sleep for `seconds`; raises what they order."""
     # A signal's exception can get lost in foreign code; asked here, it takes effect soon.
     raise_if_stopped()
     context.device.beat()

@@ -15,10 +15,8 @@ _HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Ente
 def require_watchdog(context: SessionContext, idn: str) -> None:
     """Test the watchdog of the armed device, unless it has tripped today; record the result.
 
-    The operator first keeps everybody off the beam; a simulated beam is always free.
-
-    Raises:
-        DeviceError: the watchdog did not trip; the output is off.
+    The operator first keeps everybody off the beam; a simulated beam is always free. Raises
+    `DeviceError` if the watchdog did not trip; the output is off.
     """
     # Another device, or the same one at another port, is tested again.
     tripped = WatchdogTested(tripped=True, idn=idn, address=context.address)

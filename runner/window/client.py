@@ -111,7 +111,9 @@ class WindowParticipant:
         for message in messages:
             self._take(message)
         self._watch(heard=bool(messages))
-        self._press_due()
+        passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
+        while self._due and self._due[0][0] <= passed_s:
+            self.peer.send(press_message(self._due.pop(0)[1]))
         answer, self._answer = self._answer, None
         return answer
 
@@ -150,11 +152,6 @@ class WindowParticipant:
                 raise WindowGone(
                     f"the participant's window sent an answer without {error}; {GO_ON}"
                 ) from None
-
-    def _press_due(self) -> None:
-        passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
-        while self._due and self._due[0][0] <= passed_s:
-            self.peer.send(press_message(self._due.pop(0)[1]))
 
     def _watch(self, *, heard: bool) -> None:
         now_s = self.monotonic_s()
@@ -282,8 +279,7 @@ def participant_window(
 ) -> Iterator[WindowParticipant]:
     """Run `command`, which opens the window; yield its participant; leave the last page up.
 
-    Raises:
-        WorkFailed: the display, the screen or a font is missing, or the window does not open.
+    Raises `WorkFailed` if the display, the screen or a font is missing, or if it does not open.
     """
     # Before anything is started, because the message then names the remedy.
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):

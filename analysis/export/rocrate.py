@@ -13,7 +13,7 @@ from analysis.export.columns import known
 from analysis.export.csv_tables import csv_tables
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
-from analysis.loading.records import values
+from analysis.loading.records import CHANGED, values
 from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX
 
 METADATA = "ro-crate-metadata.json"
@@ -177,7 +177,8 @@ def _actions(data: Dataset, files: Mapping[str, bytes], today: date) -> list[dic
 
 def _ran(data: Dataset) -> list[str]:
     """Return the versions of touchbeam that ran the sessions."""
-    return values(data.trials["touchbeam_version"].dropna().drop_duplicates())
+    told = CHANGED.join(values(data.trials["touchbeam_version"].dropna().drop_duplicates()))
+    return list(dict.fromkeys(told.split(CHANGED))) if told else []
 
 
 def _application_id(version: str) -> str:

@@ -13,6 +13,7 @@ import pandas as pd
 from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces, reduced
 from analysis.loading.records import (
+    CHANGED,
     REHEARSED,
     AnswerRow,
     AttemptRow,
@@ -163,6 +164,10 @@ class Course:
 
     @_take.register
     def _session_resumed(self, event: SessionResumed) -> None:
+        told = self._session.versions = dict(self._session.versions)
+        for name, now in event.versions.items():  # none by which a part was recorded goes untold
+            if str(told.setdefault(name, now)).rpartition(CHANGED)[2] != now:
+                told[name] = f"{told[name]}{CHANGED}{now}"
         self._under(event)
         self._incident("resumed")
 

@@ -20,6 +20,9 @@ Row = TypeVar("Row")
 REHEARSED = " (rehearsal)"
 """Follows the name of a rehearsal's participant where the session of that name is there, too."""
 
+CHANGED = ", then "
+"""Between the versions that recorded a session that was resumed by another one."""
+
 TEXT = pd.StringDtype("python", na_value=np.nan)
 """The type of text columns. (The pyarrow storage refuses text that is not valid Unicode.)"""
 

@@ -64,7 +64,7 @@ def include_trial(journal: Journal, clock: Clock, session: str, index: int, reas
 
 
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Exclude a session; an unfinished one frees its slot; raises `BadInput` if it is over."""
+    """Exclude a session, unless it is excluded or withdrawn; an unfinished one frees its slot."""
     log = _log(journal, clock, session)
     close_interrupted(log)
     _append(log, session, SessionExcluded(reason=reason))

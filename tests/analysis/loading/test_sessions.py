@@ -80,6 +80,23 @@ def test_a_resumed_session_goes_on_under_the_amended_plan() -> None:
     assert after["press"][~of_last].tolist() == before["press"][~of_last].tolist()
 
 
+def test_each_version_that_recorded_a_session_is_told() -> None:
+    """A session that was resumed by another version is none of the first version alone."""
+    plain = paper_session(measured=False)
+    first = plain[0].to_json()["versions"]["touchbeam"]
+    resumed = [
+        SessionResumed.from_json({"versions": {"touchbeam": version, "python": "3.12.1"}})
+        for version in (first, "9.1.0", "9.1.0", first)
+    ]
+    (told,) = load_sessions([chain([*plain[:3], *resumed, *plain[3:]])]).sessions["versions"]
+    assert told["touchbeam"] == f"{first}, then 9.1.0, then {first}"
+    assert told["python"].endswith("3.12.1")
+    (alone,) = load_sessions([chain([*plain[:3], SessionResumed.from_json({})])]).sessions[
+        "versions"
+    ]
+    assert alone["touchbeam"] == first
+
+
 def test_interruptions_and_notes_are_incidents() -> None:
     events = paper_session()
     events[-1:] = [

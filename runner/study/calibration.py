@@ -55,7 +55,9 @@ def keep_fit(
         BadInput: there is no study in `folder`, `own_file` refuses the file, or a rehearsal would
             replace the fit of a rig.
     """
-    kept, is_rehearsal = _kept_or_nothing(folder / FILE), bool(fitted.get("rehearsal"))
+    path, is_rehearsal = folder / FILE, bool(fitted.get("rehearsal"))
+    # What a damaged file held may have been of a rig, which only a rig's own replaces.
+    kept = _kept(path) or {} if is_rehearsal else _kept_or_nothing(path)
     before = kept.get(FITTED)
     # The values of a simulated rig would quietly replace those of a real one.
     if is_rehearsal and isinstance(before, dict) and not before.get("rehearsal"):

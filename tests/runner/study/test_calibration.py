@@ -100,6 +100,15 @@ def test_a_damaged_file_is_replaced(folder: Path) -> None:
     assert kept_calibration(folder) == FOUND
 
 
+def test_a_rehearsal_replaces_no_damaged_file(folder: Path) -> None:
+    (folder / FILE).write_text('{"fitted": {"session": "slide/1",')
+    with pytest.raises(BadInput, match=r"calibration.json: not a calibration .*; measure it again"):
+        keep_fit(folder, SLID, "SIM", {**FITTED, "rehearsal": True})
+    assert (folder / FILE).read_text() == '{"fitted": {"session": "slide/1",'
+    keep_fit(folder, SLID, "BOARD", FITTED)
+    assert fitted_calibration(folder).gain == 1.05
+
+
 def test_a_fit_needs_a_study(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"no study here \(study\.toml is missing\)"):
         keep_fit(tmp_path, SLID, "BOARD", FITTED)

@@ -1,7 +1,7 @@
 """Rehearsals: whole sessions in stepped time with a simulated device and virtual participants."""
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,6 @@ from protocol.plan.trials import Plan
 from protocol.registration.registration import FILE, Registration
 from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
-from runner.launch.device_access import touchbeam_command
 from runner.launch.request import SessionOptions
 from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
@@ -94,7 +93,6 @@ def rehearse(
             consent="rehearsal",
             seed=seed,
             calibration=calibration,
-            touchbeam=touchbeam_command(),
         )
         state = run_session(options, say=lambda _: None)
         with open_journal(folder.journal) as journal:
@@ -107,7 +105,6 @@ def rehearse_cohort(
     folder: StudyFolder,
     participants: int,
     seed: int,
-    touchbeam: Sequence[str],
     after_each: Callable[[], None],
     people: "Population | None" = None,
 ) -> None:
@@ -126,7 +123,6 @@ def rehearse_cohort(
             ratings="virtual",
             seed=seed,
             people=people,
-            touchbeam=touchbeam,
         )
         with suppress(VirtualParticipantLeft):
             run_session(options, say=lambda _: None)

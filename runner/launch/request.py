@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from device.resonance import Resonance
@@ -27,6 +27,7 @@ from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
+from runner.launch.device_access import touchbeam_command
 from runner.people.participant_console import require_typist
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
@@ -70,7 +71,7 @@ class SessionOptions:
     extra: bool = False
     new_name: bool = False
     slides: bool = False
-    touchbeam: Sequence[str] = ("touchbeam",)
+    touchbeam: Sequence[str] = field(default_factory=touchbeam_command)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from touchbeam.cli.options import (
     StudyArgument,
     StudyOrBackupArgument,
     TrialOption,
+    study_folder,
     study_journal,
 )
 from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
@@ -37,10 +38,9 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
     from runner.journal.cohort import session_summaries, states
     from runner.journal.names import parsed_name
     from runner.launch.locks import held_sessions
-    from runner.study.folder import StudyFolder
     from runner.study.progress import Progress
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     with study_journal(folder) as journal:
         sessions = states(journal)
     progress = Progress(
@@ -84,9 +84,8 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     from runner.journal.opening import read_journal
     from runner.journal.verification import verdicts
     from runner.launch.locks import held_sessions
-    from runner.study.folder import StudyFolder
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     path = study if study.is_file() else folder.existing_journal()
     with read_journal(path, to_verify=True) as journal:
         checked, lacking = verdicts(journal), journal.lacking_triggers
@@ -124,9 +123,8 @@ def backup(
     The copy is one new file, and is verified.
     """
     from runner.journal.backup import backed_up
-    from runner.study.folder import StudyFolder
 
-    result = _verification(*backed_up(StudyFolder(path=study).existing_journal(), file))
+    result = _verification(*backed_up(study_folder(study).existing_journal(), file))
     if as_json:
         print_json({"file": str(file), **result})
     else:
@@ -221,10 +219,9 @@ def _decided(
     from protocol.journal.events import SLIDE
     from runner.journal.names import existing_chain, session_name, spoken_name
     from runner.launch.locks import session_lock
-    from runner.study.folder import StudyFolder
 
     with (
-        study_journal(StudyFolder(path=study), to_write=True) as journal,
+        study_journal(study_folder(study), to_write=True) as journal,
         session_lock(session_name(participant, number), study),
     ):
         chain = existing_chain(journal, participant, number, rehearsal=rehearsal)
@@ -239,9 +236,8 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
     from runner.clock import WallClock
     from runner.journal.amendments import amend as accept
     from runner.study.check import proved_study
-    from runner.study.folder import StudyFolder
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     text = folder.text()
     # Before it is accepted: an accepted file cannot be taken back, only replaced.
     proved_study(text, str(folder.study_file))
@@ -274,11 +270,10 @@ def withdraw(
     from runner.journal.names import chains_of, parsed_name, spoken_name
     from runner.launch.locks import session_lock
     from runner.launch.request import refused
-    from runner.study.folder import StudyFolder
     from runner.study.kept_files import forget
     from runner.study.old_results import old_results
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         chains = sessions_of(journal, participant, rehearsal=rehearsal)
         for name in dict.fromkeys(parsed_name(chain).plain for chain in chains):

@@ -232,6 +232,13 @@ ReasonOption = Annotated[
 ]
 
 
+def study_folder(path: Path) -> "StudyFolder":
+    """Return the study in the folder `path`."""
+    from runner.study.folder import StudyFolder
+
+    return StudyFolder(path=path)
+
+
 def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":
     """Open the journal of the study; raises `BadInput` if nothing has been recorded yet."""
     from runner.journal.opening import open_journal, read_journal

@@ -18,6 +18,7 @@ from touchbeam.cli.options import (
     RehearsalsOption,
     StudyArgument,
     named_folder,
+    study_folder,
     study_journal,
 )
 from touchbeam.cli.output import (
@@ -63,9 +64,7 @@ def report(
 
     Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
-    from runner.study.folder import StudyFolder
-
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
     write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named, figures=figures)
     if show:
@@ -97,13 +96,12 @@ def predict(
     from device.friction.scenes import NOMINAL
     from runner.study.calibration import fitted_calibration
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
-    from runner.study.folder import StudyFolder
 
     rig = fitted_calibration(study) if study else NOMINAL
     options = PredictOptions(
         law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap, rig=rig
     )
-    defaults = study_defaults(StudyFolder(path=study).study(), rig) if study else None
+    defaults = study_defaults(study_folder(study).study(), rig) if study else None
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:

@@ -15,6 +15,7 @@ from touchbeam.cli.options import (
     RehearsalsOption,
     StudyArgument,
     named_folder,
+    study_folder,
     study_journal,
 )
 from touchbeam.cli.output import complain, counted, followed, say
@@ -55,12 +56,11 @@ def import_scores(
     from analysis.loading.published import MOST_BYTES, published_table, unpredicted_note
     from runner.study.data_set import import_table
     from runner.study.files import bytes_of, text_of
-    from runner.study.folder import StudyFolder
 
     content = bytes_of(scores, most=MOST_BYTES)
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
-    import_table(StudyFolder(path=study), rows, scores.name, content)
+    import_table(study_folder(study), rows, scores.name, content)
     note = unpredicted_note(table.conditions)
     if note:
         say(note)
@@ -71,14 +71,13 @@ def import_scores(
 def _import_data_set(source: Path, study: Path) -> None:
     from analysis.loading.sessions import load_sessions
     from runner.study.data_set import import_data_set, read_data_set
-    from runner.study.folder import StudyFolder
 
     data = read_data_set(source)
     try:  # the events are in order, but a value in them may have been changed
         load_sessions(session.events for session in data.sessions.values())
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise BadInput(f"{source}: a session cannot be read ({error})") from error
-    import_data_set(StudyFolder(path=study), data)
+    import_data_set(study_folder(study), data)
     imported = counted(len(data.sessions), "session")
     say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
 
@@ -108,9 +107,8 @@ def export(
     from runner.journal.verification import readable_chains
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
-    from runner.study.folder import StudyFolder
 
-    source = StudyFolder(path=study)
+    source = study_folder(study)
     broken: list[str] = []
     with study_journal(source) as journal:
         _require_known(participant, journal.sessions())

@@ -15,6 +15,7 @@ from touchbeam.cli.options import (
     SimulatedLawOption,
     SimulatedRungOption,
     StudyArgument,
+    study_folder,
     study_journal,
 )
 from touchbeam.cli.output import complain, print_json, say
@@ -58,12 +59,10 @@ def slide(
     device it is a rehearsal. The result is printed and written to STUDY/slide.
     """
     from protocol.journal.events import SLIDE
-    from runner.launch.device_access import touchbeam_command
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
-    from runner.study.folder import StudyFolder
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     if analyse:
         write_result(folder, session, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)
         return
@@ -84,7 +83,6 @@ def slide(
         law=law,
         rung=rung,
         slides=True,
-        touchbeam=touchbeam_command(),
     )
     # Standard output then holds the JSON document alone.
     tell = complain if as_json else say

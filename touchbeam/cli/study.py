@@ -21,6 +21,7 @@ from touchbeam.cli.options import (
     StudyArgument,
     TemplateOption,
     people_in_file,
+    study_folder,
 )
 from touchbeam.cli.output import (
     complain,
@@ -52,15 +53,14 @@ def demo(
     """
     from device.people.person import SENSITIVE
     from protocol.study_file.loading import template
-    from runner.launch.device_access import touchbeam_command
     from runner.launch.rehearsal import rehearse_cohort
-    from runner.study.folder import StudyFolder, new_study, numbered
+    from runner.study.folder import new_study, numbered
 
     population = SENSITIVE if people is None else people_in_file(people)
-    folder = StudyFolder(path=out or numbered(Path("demo")))
+    folder = study_folder(out or numbered(Path("demo")))
     # If the demo fails before its first session, its folder is removed again.
     with new_study(folder, template("paper")), progress("participants", participants) as step:
-        rehearse_cohort(folder, participants, seed, touchbeam_command(), step, population)
+        rehearse_cohort(folder, participants, seed, step, population)
     # Rehearsals: a simulated device makes nothing else.
     write_report(folder, None, rehearsals=True, as_json=False)
     sessions = "the session" if participants == 1 else f"each of {participants} sessions"
@@ -80,9 +80,9 @@ def new(
     """Create a study to edit."""
     from protocol.study_file.loading import template as template_text
     from protocol.study_file.loading import template_tests
-    from runner.study.folder import StudyFolder, named_after, new_study
+    from runner.study.folder import named_after, new_study
 
-    study = StudyFolder(path=folder)
+    study = study_folder(folder)
     text = named_after(folder.resolve().name, template_text(template))
     with new_study(study, text):
         study.test_file.write_text(template_tests(), encoding="utf-8")
@@ -102,9 +102,7 @@ def translate(
 
     Writes texts/CODE.toml in English, or in the built-in language of that code.
     """
-    from runner.study.folder import StudyFolder
-
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     file = folder.add_language(code)
     say(
         f'Translate {file}. Name "{code}" in `languages` of [session] in {folder.study_file}. Then:'
@@ -122,9 +120,8 @@ def check(
 ) -> None:
     """Show a study's plan, or list all its problems."""
     from runner.study.check import checked
-    from runner.study.folder import StudyFolder
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     lines, problems, in_order = checked(folder, participants, as_json=as_json)
     for problem in problems:
         complain(f"touchbeam: {problem}")
@@ -189,13 +186,11 @@ def run(
     An interrupted session resumes at the trial in which it stopped. With a simulated device or
     virtual ratings it is a rehearsal, which leaves the participant's name free.
     """
-    from runner.launch.device_access import touchbeam_command
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
-    from runner.study.folder import StudyFolder
 
     options = SessionOptions(
-        folder=StudyFolder(path=study),
+        folder=study_folder(study),
         participant=participant,
         number=session,
         device=device,
@@ -214,7 +209,6 @@ def run(
         damping=damping,
         people=None if people is None else people_in_file(people),
         at_window=at_window,
-        touchbeam=touchbeam_command(),
     )
     state = run_session(options, say=say, confirm=require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
@@ -261,11 +255,10 @@ def register(
     from runner.journal.location import checked_place, mounts_of_this_machine
     from runner.study.calibration import fitted_calibration
     from runner.study.check import validated_study
-    from runner.study.folder import StudyFolder
     from runner.study.registered import REGISTRY_FILE, Choice, new_registration
     from runner.study.registered import register as write
 
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     text = folder.text()
     checked = validated_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())

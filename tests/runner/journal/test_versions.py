@@ -8,7 +8,6 @@ import pytest
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
-from runner.launch.device_access import touchbeam_command
 from runner.launch.request import SessionOptions
 from runner.launch.run_session import run_session
 from runner.study.folder import StudyFolder
@@ -33,7 +32,6 @@ def said_on_resuming(folder: Path) -> list[str]:
         folder=StudyFolder(path=folder),
         participant="P01",
         ratings="virtual",
-        touchbeam=touchbeam_command(),
     )
     run_session(options, said.append)
     return [line for line in said if "recorded by touchbeam" in line]

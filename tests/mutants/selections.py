@@ -32,7 +32,10 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         "tests/runner/journal/test_log.py", "tests/runner/journal/test_backup.py",
         "tests/runner/journal/test_guessing.py",
     ),
-    "verification": ("tests/runner/journal/test_verification.py", _STORE, _AMENDED),
+    "verification": (
+        "tests/runner/journal/test_verification.py", _STORE, _AMENDED,
+        "tests/runner/study/test_registered.py",
+    ),
 }  # fmt: skip
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",

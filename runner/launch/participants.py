@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
+from device.people.person import person_of, session_name
 from device.simulator.client import BeamControl, swapping
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
@@ -29,15 +29,17 @@ from runner.people.operator_console import (
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.sliding_block import SlidePlot, SlidingBlock
 from runner.people.terminal import at_terminal, terminal_keys
-from runner.people.virtual_participant import UntouchedBeam, VirtualAtWindow
+from runner.people.virtual_participant import (
+    Finger,
+    UntouchedBeam,
+    VirtualAtWindow,
+    VirtualParticipant,
+)
 from runner.screen_list import ScreenPlace, listed_screens, numbered_screens
 from runner.screens import Operator, Participant, PlanUnit
 from runner.session.session import Session
 from runner.study.files import state_folder
 from runner.window.client import WindowParticipant
-
-if TYPE_CHECKING:
-    from runner.people.virtual_participant import Finger
 
 Say = Callable[[str], None]
 """Prints a line."""
@@ -52,7 +54,7 @@ def participant_and_operator(
     clock: Clock,
     say: Say,
     window: WindowParticipant | None,
-    finger: "Finger | None",
+    finger: Finger | None,
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
@@ -117,7 +119,7 @@ def _block_and_operator(
         yield block, operator
 
 
-def _swap(session: Session, rig: SessionRig, finger: "Finger | None") -> Callable[[str], None]:
+def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
     """Return what else happens when the operator is asked to mount a beam."""
     if rig.control is not None:
         return swapping(rig.control, session.study.beams)
@@ -125,12 +127,9 @@ def _swap(session: Session, rig: SessionRig, finger: "Finger | None") -> Callabl
 
 
 def _virtual_participant(
-    session: Session, finger: "Finger", clock: Clock, control: BeamControl | None
+    session: Session, finger: Finger, clock: Clock, control: BeamControl | None
 ) -> Participant:
     """Return the participant that the journal describes; a simulated beam gets its skin."""
-    from device.people.person import person_of, session_name
-    from runner.people.virtual_participant import VirtualParticipant
-
     assert session.virtual is not None, "a virtual participant has parameters"
     person = person_of(session.virtual)
     if control is not None:

@@ -17,6 +17,7 @@ from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
 from runner.launch.request import SessionOptions
 from runner.launch.run_session import run_session
+from runner.people.virtual_participant import VirtualParticipantLeft
 from runner.study.folder import StudyFolder
 
 if TYPE_CHECKING:
@@ -113,8 +114,6 @@ def rehearse_cohort(
     They are drawn from `people`, by default from the default population; one who drops out leaves
     the session unfinished. `after_each` is called after each session.
     """
-    from runner.people.virtual_participant import VirtualParticipantLeft
-
     for number in range(1, participants + 1):
         options = SessionOptions(
             folder=folder,

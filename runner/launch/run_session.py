@@ -6,9 +6,18 @@ What the journal already knows of a session that is resumed comes from there: it
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from device.friction.scenes import NOMINAL
+from device.people.person import (
+    DEFAULT,
+    Person,
+    World,
+    drawn_person,
+    person_name,
+    person_of,
+    truth_of,
+)
 from device.resonance import Resonance
 from device.simulator.client import Friction
 from protocol.address import SIMULATED, AddressError
@@ -48,7 +57,7 @@ from runner.launch.request import (
     require_meant,
 )
 from runner.people.terminal import said_in_background
-from runner.people.virtual_participant import UntouchedBeam
+from runner.people.virtual_participant import Finger, UntouchedBeam
 from runner.session.loop import require_resumable, run
 from runner.session.session import Session, SessionContext, answer_order, versions
 from runner.signals import Stopped
@@ -58,10 +67,6 @@ from runner.study.registered import require_registered
 from runner.window.client import WindowParticipant
 from runner.window.messages import Settings
 from runner.window.preflight import study_window
-
-if TYPE_CHECKING:
-    from device.people.person import Person
-    from runner.people.virtual_participant import Finger
 
 
 def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -> SessionState:
@@ -175,7 +180,7 @@ def _clock(request: Request, rig: SessionRig) -> Clock:
 
 def _finger(
     request: Request, rig: SessionRig, say: Say, resonance_hz: Callable[[], float]
-) -> "Finger | None":
+) -> Finger | None:
     """Return what a virtual participant feels with; None for a person or a block."""
     if request.options.ratings != "virtual" or request.options.slides:
         return None
@@ -318,7 +323,6 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
     options = request.options
     if options.ratings != "virtual" or options.slides:
         return None
-    from device.people.person import World, truth_of
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 
     person = _person(request, before)
@@ -329,14 +333,12 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
     return truth_of(person, SimulatedBeam(request.seed, **given).world)
 
 
-def _person(request: Request, before: SessionState | None) -> "Person":
+def _person(request: Request, before: SessionState | None) -> Person:
     """Return a virtual participant: the same one in each of the study's sessions.
 
     A session is resumed by the person who began it, whom the journal describes. Raises `BadInput`
     if `--people` describes somebody else.
     """
-    from device.people.person import DEFAULT, drawn_person, person_name, person_of
-
     options = request.options
     name = person_name(request.seed, options.participant)
     person = drawn_person(options.people or DEFAULT, name)

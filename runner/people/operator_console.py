@@ -285,15 +285,10 @@ def line_help(unit: PlanUnit = "trial") -> list[str]:
 class OperatorConsole:
     """An operator at a console.
 
-    Args:
-        typed: returns the characters typed since its last call; its argument is True while a
-            question is open.
-        display: shows the session and the open question.
-        swap: mounts a simulated beam.
-        forget: discards input typed before a question, which cannot answer it.
-        piped: input comes from a file or a program; any line confirms a beam.
-        alone: there is no operator; every question gets an empty answer at once.
-        time_of_day: returns the time at which a message is shown, such as `14:03:22`.
+    `typed` returns the characters typed since its last call; its argument is True while a question
+    is open. `forget` discards what was typed before a question, which cannot answer it. If input is
+    `piped` from a file or a program, any line confirms a beam. If `alone`, there is no operator,
+    and every question gets an empty answer at once. `swap` mounts a simulated beam.
     """
 
     typed: Callable[[bool], str]

@@ -208,19 +208,18 @@ class WindowProcess:
         messages: list[Mapping[str, Any]] = []
         while not self._messages.empty():
             message = self._messages.get()
-            if message is not None and "garbled" in message:
+            if message is None:
+                self._messages.put(None)  # keep the end marker for the next call
+                # An answer that came before the end still counts.
+                if messages:
+                    return messages
+                raise self._gone()
+            if "garbled" in message:
                 raise WindowGone(
                     f"the participant's window sent an invalid message ({message['garbled'][:120]})"
                     f"; {GO_ON}"
                 )
-            if message is not None:
-                messages.append(message)
-                continue
-            self._messages.put(None)  # keep the end marker for the next call
-            # An answer that came before the end still counts.
-            if messages:
-                return messages
-            raise self._gone()
+            messages.append(message)
         return messages
 
     def end(self) -> None:

@@ -58,12 +58,11 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     ]
     for cue in cues:
         screens += [Instruction(text=cue.text, touch=cue.touch), lead_in(cue, study.touch), cue]
-    screens += [ask_change(item.question) for item in items if item.question is not None]
-    screens.append(ask_score(study.rating))
-    screens += [Ask(question=question) for question in study.question]
     screens += [
-        Instruction(text=page_key(number), picture=page.picture)
-        for number, page in enumerate(study.page)
+        *(ask_change(item.question) for item in items if item.question is not None),
+        ask_score(study.rating),
+        *(Ask(question=question) for question in study.question),
+        *(Instruction(text=page_key(at), picture=own.picture) for at, own in enumerate(study.page)),
     ]
     # Not a set, because the window prepares them in this order.
     return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])

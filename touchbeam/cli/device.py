@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runner.clock import WallClock
 from touchbeam.cli.options import (
     Choosing,
     DialectOption,
@@ -80,7 +81,6 @@ def device_sweep(
 
     Searches within 5% of --near, then turns the output off.
     """
-    from runner.clock import WallClock
     from runner.launch.device_access import swept, touchbeam_command
     from runner.launch.locks import rig_lock
     from runner.study.calibration import keep_calibration

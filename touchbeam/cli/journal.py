@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from runner.clock import WallClock
 from touchbeam.cli.options import (
     JsonOption,
     OfRehearsalOption,
@@ -34,7 +35,6 @@ app = typer.Typer()
 @app.command()
 def status(study: StudyArgument, as_json: JsonOption = False) -> None:
     """Show the progress of each session and what to do next."""
-    from runner.clock import WallClock
     from runner.journal.cohort import session_summaries, states
     from runner.journal.names import parsed_name
     from runner.launch.locks import held_sessions
@@ -176,7 +176,6 @@ def exclude(
     Reports omit and count it. An unfinished session frees its slot of the design. `touchbeam
     include` takes it back.
     """
-    from runner.clock import WallClock
     from runner.journal.amendments import exclude_session, exclude_trial
 
     with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
@@ -200,7 +199,6 @@ def include(
 
     The journal keeps both decisions, and reports name them.
     """
-    from runner.clock import WallClock
     from runner.journal.amendments import include_session, include_trial
 
     with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
@@ -233,7 +231,6 @@ def _decided(
 @app.command()
 def amend(study: StudyArgument, reason: ReasonOption) -> None:
     """Accept changes to study.toml."""
-    from runner.clock import WallClock
     from runner.journal.amendments import amend as accept
     from runner.study.check import proved_study
 
@@ -264,7 +261,6 @@ def withdraw(
     Shows what will be erased and asks first. This cannot be undone. The journal keeps the number
     and times of the events, not their content.
     """
-    from runner.clock import WallClock
     from runner.journal.amendments import sessions_of, unerased
     from runner.journal.amendments import withdraw as erase
     from runner.journal.names import chains_of, parsed_name, spoken_name

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from runner.clock import Pace
+from runner.clock import Pace, WallClock
 from touchbeam.cli.options import (
     Choosing,
     ConsentOption,
@@ -251,7 +251,6 @@ def register(
     from device.friction.changes import LAW, RUNG
     from protocol.registration.registration import FILE, OMNIBUS
     from protocol.registration.registry_text import registry_text
-    from runner.clock import WallClock
     from runner.journal.location import checked_place, mounts_of_this_machine
     from runner.study.calibration import fitted_calibration
     from runner.study.check import validated_study

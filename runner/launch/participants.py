@@ -202,13 +202,9 @@ def keys_and_display(
 def participants_screen(
     touchbeam: Sequence[str], wanted: int | None, say: Say, *, windowed: bool = False
 ) -> int:
-    """Return the number of the participant's screen.
+    """Return the number of the participant's screen, which the operator may have given (`wanted`).
 
-    The operator may have given the number `wanted`. A window that is `windowed` covers only a part
-    of the screen.
-
-    Raises:
-        BadInput: there are several screens, and nobody can be asked which it is.
+    Raises `BadInput` if there are several, and nobody can be asked which it is.
     """
     if wanted is not None:
         return wanted

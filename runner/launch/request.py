@@ -45,10 +45,7 @@ Confirm = Callable[[str, str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions:
-    """The options of `touchbeam run`, and of `touchbeam slide` if the session `slides`.
-
-    A sliding experiment has the participant `SLIDE`.
-    """
+    """The options of `touchbeam run`; if it `slides`, of `slide`, with the participant `SLIDE`."""
 
     folder: StudyFolder
     participant: str

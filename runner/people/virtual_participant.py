@@ -92,10 +92,7 @@ class _Touch:
         self._friction: list[float] = []
 
     def go_on(self, part: float) -> None:
-        """Feel what is due at this part of the touch's time, and put the finger where it is.
-
-        The end is felt anew as long as the touch lasts.
-        """
+        """Feel what is due at this part of the touch's time, and put the finger where it is."""
         way, last = self._way, len(self._parts) - 1
         due = self._parts[
             min(len(self._friction), last) : np.searchsorted(self._parts, part, "right")

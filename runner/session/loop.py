@@ -214,9 +214,7 @@ def require_resumable(
 ) -> None:
     """Refuse a session that cannot start, or resume from the state `before`, as requested.
 
-    Raises:
-        BadInput: the session cannot run; the message gives the reason and the remedy.
-        JournalError: the recorded events of the session have been changed.
+    Raises `BadInput` with reason and remedy, and `JournalError` if recorded events were changed.
     """
     name = session_name(session.participant, session.number)
     rehearsal = session.kind == "rehearsal"

@@ -68,10 +68,7 @@ def read_pages(context: SessionContext, before: str, block: int = 0) -> None:
 
 
 def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None:
-    """Say that practice begins if `trial` begins it after the trial `last`; show its pages.
-
-    Those before a block likewise.
-    """
+    """Say that practice begins if `trial` begins it after `last`; show its pages, or a block's."""
     if trial.kind == "practice" and (last is None or last.kind != "practice"):
         context.participant.show(Instruction(text="practice"))
         response(context)

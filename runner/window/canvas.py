@@ -110,10 +110,7 @@ class PsychopyCanvas:
             self.stimuli(element)
 
     def stimuli(self, element: Element) -> list[Any]:
-        """Return the stimuli that draw `element`.
-
-        They are built once and cached: typesetting takes milliseconds.
-        """
+        """Return the stimuli that draw `element`, built once: typesetting takes milliseconds."""
         if isinstance(element, Dot):
             return [self._dot(element)]
         if element not in self._drawn:

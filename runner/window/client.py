@@ -53,10 +53,7 @@ class Peer(Protocol):
 
 @dataclass
 class WindowParticipant:
-    """Participant who answers in the window.
-
-    `readable_s`: time for which a page is shown before its button works.
-    """
+    """Participant in the window, whose buttons work once a page was shown for `readable_s`."""
 
     peer: Peer
     monotonic_s: Callable[[], float]

@@ -28,8 +28,7 @@ _SCREENS = {kind.__name__: kind for kind in (Notice, Welcome, Instruction, LeadI
 class Settings:
     """Settings of the window: texts, screen number (from 0) and the screens to prepare.
 
-    `readable_s`: time for which a page is shown before its button works.
-    `folder`: where their pictures are.
+    `folder` has their pictures. A page is shown for `readable_s` before its button works.
     """
 
     wording: Wording

@@ -262,10 +262,7 @@ def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str])
 
 
 def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
-    """Return the page whose mark rests, then moves at the sliding speed.
-
-    It hides how long to hold a place.
-    """
+    """Return the page whose mark rests, then moves; it hides how long to hold a place."""
     title = Text(text=texts[screen.text], box=TITLE, size=TITLE_SIZE)
     own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen), *labels(texts))

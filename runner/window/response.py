@@ -79,10 +79,7 @@ class PendingResponse:
         return Choice(chosen=self.chosen, typed=self.typed)
 
     def _confirm(self, t_s: float) -> None:
-        """Take the choice as the answer, `ready` where a button says so, unless it is early.
-
-        What may be skipped is answered without a choice.
-        """
+        """Take the choice as the answer, `ready` where a button says so, unless it is early."""
         # Counted and not dropped, so that the data show who was impatient.
         if t_s < self.earliest_s:
             self.early += 1

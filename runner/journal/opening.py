@@ -115,11 +115,8 @@ def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
     """Return the journal at `path` opened read-only; the file need not be writable.
 
     Where SQLite cannot even write its index, on a full disk for example, a copy is read.
-
     With `to_verify`, missing triggers are no error: `lacking_triggers` of the journal names them.
-
-    Raises:
-        JournalError: it cannot be read, or its schema is not touchbeam's.
+    Raises `JournalError` if it cannot be read, or if its schema is not touchbeam's.
     """
     try:
         return _read(path, lambda: connected(path, _access(path), LOCK_WAIT_S), to_verify=to_verify)

@@ -29,12 +29,7 @@ class SessionLog:
         return self._journal.records_of(kind)
 
     def append(self, event: Event) -> None:
-        """Store `event`; it is on the disk when this returns.
-
-        Raises:
-            NotAllowed: the state does not permit the event; nothing is stored.
-            JournalError: the event could not be stored.
-        """
+        """Store `event`, on the disk when this returns; raises `NotAllowed` if it may not come."""
         # Checked before it is stored, because an event can never be taken back.
         next_state(self.state.name, event.TAG)
         with stops_deferred():  # a signal between storing and counting would repeat the number

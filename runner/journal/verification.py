@@ -147,11 +147,7 @@ def _touchbeam_version(event: StoredEvent) -> str:
 
 
 def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
-    """Return the events of `session`, with all payloads unless it was withdrawn.
-
-    Raises:
-        JournalError: the session is damaged, or payloads are missing although it was not withdrawn.
-    """
+    """Return the events of `session`, undamaged and with all payloads unless it was withdrawn."""
     events = journal.events(session)
     _require_readable(session, events)
     return events

@@ -72,9 +72,7 @@ from runner.window.preflight import study_window
 def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -> SessionState:
     """Run or resume the session given by `options`; return its final state.
 
-    Raises:
-        BadInput, StudyError, AddressError: an input is wrong; nothing was changed.
-        DeviceError, JournalError, ParticipantGone, RigInUse: the work failed; it can be resumed.
+    Raises `BadInput` if nothing was changed, and `WorkFailed` if the session can be resumed.
     """
     request = requested(options)
     require_meant(request, confirm)

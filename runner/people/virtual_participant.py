@@ -166,11 +166,7 @@ class VirtualParticipant(Participant):
         self._touches.clear()
 
     def poll(self) -> Response | None:
-        """Return the answer to the current screen; while touching, move the finger.
-
-        Raises:
-            VirtualParticipantLeft: it has dropped out.
-        """
+        """Return the answer to the current screen, unless it has left; while touching, go on."""
         match self._screen:
             case Pacing() as pacing:
                 passed_s = self.clock.monotonic_s() - self._pacing_from_s
@@ -381,9 +377,7 @@ class VirtualAtWindow(Participant):
     def poll(self) -> Response | None:
         """Return the answer that the window took, None before it did.
 
-        Raises:
-            WorkFailed: it is another answer than the person gave, or the window failed.
-            VirtualParticipantLeft: the person has dropped out.
+        Raises `WorkFailed` if it is another answer than the person gave.
         """
         if meant := self.person.poll():
             self._meant = meant

@@ -248,11 +248,7 @@ def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal"
 
 
 def people_in_file(path: Path) -> "Population":
-    """Return the virtual people that the file describes.
-
-    Raises:
-        BadInput: there is no such file, or it cannot be used; every problem has a line.
-    """
+    """Return the virtual people that the file describes; raises `BadInput`, a line a problem."""
     from device.people.people_file import people_in
     from runner.study.files import short_text
 

@@ -97,11 +97,7 @@ def bars(values: Sequence[float]) -> str:
 
 
 def require_confirmation(fact: str, option: str) -> None:
-    """Ask on the terminal whether `fact` is meant.
-
-    Raises:
-        BadInput: it is not, or there is no terminal to ask at; the message gives `option`.
-    """
+    """Ask on the terminal whether `fact` is meant; if not, raise `BadInput` with the `option`."""
     # A question that goes into a file would wait for ever, and a pipe is nobody's answer.
     if not at_terminal(sys.stdin, sys.stderr):
         raise BadInput(f"{fact}; {option}")

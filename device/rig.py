@@ -16,8 +16,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import NoReturn, TypeVar
 
-from device.drivers.discovery import driver_of
-from device.drivers.driver import Driver, Reading
+from device.drivers.driver import Driver, Reading, driver_of
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Forces, Recording, Samples

@@ -10,13 +10,24 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any, ClassVar
 
 from device.drivers.limits import Limits, Setpoint
-from device.errors import CannotRecord, DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
+from device.errors import (
+    CannotRecord,
+    DeviceError,
+    ForeignDevice,
+    ForeignOutput,
+    LinkTimeout,
+    OutputUnknown,
+)
 from device.force_channel.recording import ForceSource
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register
+from protocol.address import AddressError
 from protocol.journal.records import Identity, ReadBack
 
 # A board's queue has room for 20 errors: more than 32 is a queue that fills as it is read.
@@ -336,3 +347,45 @@ class Driver(ABC):
             if len(errors) >= MOST_QUEUED_ERRORS:
                 raise DeviceError(f"the device's error queue does not end: {error}")
         return errors
+
+
+# The drivers, one dialect a file. A module here that defines `DRIVER` is found by being here.
+
+
+def defined_in(package: str, name: str) -> list[Any]:
+    """Return what the modules of `package` define as `name`; not every one does."""
+    folder = import_module(package).__path__
+    # A new dialect is a new file and nothing else: no list of drivers has to be kept.
+    modules = [import_module(f"{package}.{entry.name}") for entry in iter_modules(folder)]
+    return [getattr(module, name) for module in modules if hasattr(module, name)]
+
+
+@cache
+def drivers() -> dict[str, type[Driver]]:
+    """Return the drivers by dialect."""
+    return {driver.dialect: driver for driver in defined_in("device.drivers", "DRIVER")}
+
+
+def driver_of(dialect: str) -> type[Driver]:
+    """Return the driver of `dialect`.
+
+    Raises:
+        AddressError: there is none.
+    """
+    if dialect not in drivers():
+        known = ", ".join(drivers())
+        raise AddressError(f"the dialect must be one of {known}, got {dialect!r}")
+    return drivers()[dialect]
+
+
+def driver_for(idn: str) -> type[Driver]:
+    """Return the driver for a device that answers `*IDN?` with `idn`.
+
+    Raises:
+        ForeignDevice: there is none.
+    """
+    for driver in drivers().values():
+        if driver.idn.match(idn):
+            return driver
+    known = "; ".join(driver.expected for driver in drivers().values())
+    raise ForeignDevice(f"expected one of: {known}; got {idn!r}; nothing else was sent")

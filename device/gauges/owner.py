@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, TypeVar
 
-from device.drivers.discovery import defined_in
+from device.drivers.driver import defined_in
 from device.errors import DeviceError
 from device.force_channel.recording import Block, Forces, Recording, Samples, Scale
 from device.link.link import Link, Register, open_link

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
-from device.drivers.discovery import defined_in
+from device.drivers.driver import defined_in
 from device.errors import DeviceError
 from device.friction.changes import LAW, RUNG
 from device.link.codec import text

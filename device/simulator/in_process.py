@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any
 
-from device.drivers.discovery import driver_of
+from device.drivers.driver import driver_of
 from device.drivers.limits import Limits
 from device.errors import DeviceError
 from device.friction.changes import LAW, RUNG

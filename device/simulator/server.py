@@ -284,20 +284,18 @@ class Server:
         if not self._there or "deaf" in self._device.broken.active:
             return False
         received = self._line.receive()
-        for line in self._lines(self._wire.heard(received)) if received else ():
+        try:
+            lines = self._buffer.feed(self._wire.heard(received)) if received else []
+        except DeviceError:
+            self._device.complain(_OVERRUN)
+            lines = []
+        for line in lines:
             answer = self._device.answer_bytes(line, self._wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)
         if received is None:
             self._buffer.clear()  # of a line that the host did not end
         return received is None
-
-    def _lines(self, received: bytes) -> list[bytes]:
-        try:
-            return self._buffer.feed(received)
-        except DeviceError:
-            self._device.complain(_OVERRUN)
-            return []
 
     def _announce(self) -> None:
         """A device that starts may have something to say."""

@@ -125,7 +125,8 @@ class TcpLine:
     def receive(self) -> bytes | None:
         """Return what came, maybe nothing; None once the host is gone. A new host is let in."""
         if self._host is None:
-            return self._let_in()
+            self._host, self._next = self._next or self._accepted(), None
+            return b""
         self._next = self._next or self._accepted()
         try:
             data = self._host.recv(_CHUNK)
@@ -149,10 +150,6 @@ class TcpLine:
         for end in (self._listener, self._host, self._next):
             if end is not None:
                 end.close()
-
-    def _let_in(self) -> bytes:
-        self._host, self._next = self._next or self._accepted(), None
-        return b""
 
     def _turn_away(self) -> None:
         """One host at a time: a second one finds its connection closed.
@@ -186,7 +183,9 @@ class ControlDoor:
         self._token = "" if hasattr(socket, "AF_UNIX") else secrets.token_hex(16)
         if self._token:
             self._listener = socket.create_server((LOOPBACK, 0))
-            _write_private(path, f"{self._listener.getsockname()[1]} {self._token}\n")
+            # Only this user can read it.
+            with open(path, "x", encoding="ascii", opener=partial(os.open, mode=0o600)) as file:
+                file.write(f"{self._listener.getsockname()[1]} {self._token}\n")
         else:
             self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             self._listener.bind(str(path))
@@ -240,9 +239,3 @@ class ControlDoor:
         if not secrets.compare_digest(line.strip(), self._token.encode("ascii")):
             raise DeviceError("the control socket was opened without its token")
         self._strangers.remove(visitor)
-
-
-def _write_private(path: Path, content: str) -> None:
-    """Write a new file that only this user can read."""
-    with open(path, "x", encoding="ascii", opener=partial(os.open, mode=0o600)) as file:
-        file.write(content)

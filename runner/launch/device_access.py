@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
 
-from device.drivers.discovery import driver_for, driver_of
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, driver_for, driver_of
 from device.errors import LinkTimeout
 from device.friction.changes import LAW, RUNG
 from device.gauges.owner import gauges, open_gauge

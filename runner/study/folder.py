@@ -77,7 +77,7 @@ def _is_shown(data: bytes) -> bool:
 
 
 def _dialects() -> Iterable[str]:
-    from device.drivers.discovery import drivers
+    from device.drivers.driver import drivers
 
     return drivers()
 

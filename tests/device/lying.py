@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 
-from device.drivers.discovery import driver_of
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, driver_of
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, LimitExceeded
 from device.gauges.owner import GaugeOwner

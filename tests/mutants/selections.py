@@ -69,10 +69,7 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     **{
         f"device/drivers/{name}.py": _DRIVERS
-        for name in (
-            "board", "discovery", "driver", "generator", "keysight", "rigol",
-            "siglent",
-        )
+        for name in ("board", "driver", "generator", "keysight", "rigol", "siglent")
     },
     **{f"runner/journal/{name}.py": selection for name, selection in _JOURNAL.items()},
 }  # fmt: skip

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from device.drivers.board import Board
-from device.drivers.discovery import driver_of
-from device.drivers.driver import Driver
+from device.drivers.driver import Driver, driver_of
 from device.link.link import Link
 from protocol.journal.records import Identity
 from tests.device import rigs

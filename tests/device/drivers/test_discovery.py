@@ -9,7 +9,7 @@ import pytest
 
 import device.drivers
 from device.drivers.board import Board
-from device.drivers.discovery import driver_for, driver_of, drivers
+from device.drivers.driver import driver_for, driver_of, drivers
 from device.drivers.generator import Ramp
 from device.drivers.keysight import Keysight
 from device.drivers.limits import Amplifier, Limits, Setpoint

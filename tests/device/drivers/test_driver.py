@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from device.drivers.board import Board
-from device.drivers.discovery import driver_of
-from device.drivers.driver import MOST_QUEUED_ERRORS, NO_TEMPERATURE, REL_TOL
+from device.drivers.driver import MOST_QUEUED_ERRORS, NO_TEMPERATURE, REL_TOL, driver_of
 from device.drivers.generator import (
     NO_ERRORS,
     NO_LIMITS,

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import patch
 
-from device.drivers.discovery import driver_of
+from device.drivers.driver import driver_of
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError
 from device.link.link import Link

@@ -50,7 +50,7 @@ class Stream:
 
     def _drawn(self, bits: int) -> int:
         while self._bits < bits:
-            # docs/registration.md describes this stream, so that anybody can draw the orders
+            # docs/mathematics/orders.md describes this stream, so that anybody can draw the orders
             # without touchbeam: no byte of it may change.
             block = sha256(self._name + b"#%d" % self._blocks).digest()
             self._pool |= int.from_bytes(block, "little") << self._bits

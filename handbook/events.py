@@ -63,7 +63,7 @@ def _section(kind: type[JsonRecord], heading: str, said: dict[str, str]) -> str:
     for key in kind.json_keys():
         if key.name in of_a_person:
             continue
-        row = f"- `{_key(key)}`, {_cell(key)}: {key.key.meaning}"
+        row = f"- `{_key(key)}` ({_cell(key)}): {key.key.meaning}"
         if (where := said.setdefault(row, heading)) == heading:
             rows.append(row)
         else:
@@ -119,9 +119,9 @@ def _value(hint: Any) -> str:
     if is_optional(hint):
         return f"{_value(parts[0])}, or null"
     if get_origin(hint) is tuple:
-        return f"list of: {_value(parts[0])}"
+        return f"list of {_value(parts[0])}"
     if get_origin(hint) is not None:
-        return "object" if parts[1] is Any else f"object; each value: {_value(parts[1])}"
+        return "object" if parts[1] is Any else f"object of {_value(parts[1])}"
     if hint in _PLAIN:
         return _PLAIN[hint]
     if issubclass(hint, tuple):

@@ -160,12 +160,12 @@ def _record(entry: _Schema, records: _Schema) -> _Schema | None:
 def _keys(record: _Schema) -> str:
     required = record.get("required", [])
     rows = [
-        f"- `{_with_default(key, entry, key in required)}`, {_kind(entry)}: {_meaning(entry)}"
+        f"- `{_with_default(key, entry, key in required)}` ({_kind(entry)}): {_meaning(entry)}"
         for key, entry in record["properties"].items()
     ]
     if isinstance(other := record.get("additionalProperties"), dict):
         rest = "; else the language's own" if record["title"] == "Band" else "; must be given"
-        rows.append(f"- a language's code, {_kind(other)}: {_meaning(other)}{rest}")
+        rows.append(f"- a language's code ({_kind(other)}): {_meaning(other)}{rest}")
     return "\n".join([*rows, ""])
 
 

@@ -55,22 +55,18 @@ def _by_column(result: Audited) -> dict[str, Verdict]:
     return {law: finding.verdict for law, finding in result.findings.items()}
 
 
-def _in_words(result: Audited) -> str:
-    claim = result.claim
-    remark = f" - {claim.remark}" if claim.remark else ""
-    return f"{claim.id} ({claim.place}): {result.sentence}{remark}"
-
-
 def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:
     """Return a header, a row per claim, a row per verdict with its counts, and a row of totals.
 
     A claim that depends on no law has its verdict in the column for those alone.
     """
     columns, found = (LAW_FREE, *LAWS), counts(results)
-    rows = [
-        [_in_words(result), *(_by_column(result).get(name, "") for name in columns)]
-        for result in results
-    ]
+    rows = []
+    for result in results:
+        claim, verdicts = result.claim, _by_column(result)
+        remark = f" - {claim.remark}" if claim.remark else ""
+        words = f"{claim.id} ({claim.place}): {result.sentence}{remark}"
+        rows.append([words, *(verdicts.get(name, "") for name in columns)])
     totals = [
         [f"count: {verdict}", *(str(found[name][verdict]) for name in columns)]
         for verdict in Verdict

@@ -120,11 +120,6 @@ def rising(values: Sequence[float]) -> bool:
     return all(b > a for a, b in pairwise(values))
 
 
-def spread(values: Sequence[float]) -> float:
-    """Return the range of the values."""
-    return max(values) - min(values)
-
-
 def from_02_to_06(low: float, high: float) -> Finding:
     """Return whether these extremes of μ' are about 0.2 and 0.6, as in Figs 8 and 12."""
     return finding([abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02], lowest=low, highest=high)
@@ -296,11 +291,11 @@ def _pressure_lowers_mu(law: str) -> Finding:
 )
 def _a_and_frequency_lead(law: str) -> Finding:
     effects = {
-        "a": spread(_fig8(law).tolist()),
-        "frequency": spread([full_coverage(law, detuning=d) for d in (*_BELOW, *_ABOVE)]),
+        "a": np.ptp(_fig8(law)),
+        "frequency": np.ptp([full_coverage(law, detuning=d) for d in (*_BELOW, *_ABOVE)]),
         # With half of them helping, so that a's own influence is not counted again.
-        "u": spread([full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 40)]),
-        "voltage": spread([full_coverage(law, voltage_v=v) for v in (0.0, 100.0, 200.0)]),
+        "u": np.ptp([full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 40)]),
+        "voltage": np.ptp([full_coverage(law, voltage_v=v) for v in (0.0, 100.0, 200.0)]),
     }
     helped = {
         "frequency": _by_frequency(law, same_direction=20.0)["below_resonance"],
@@ -310,7 +305,7 @@ def _a_and_frequency_lead(law: str) -> Finding:
     return finding(
         (name in leading for name in ("a", "frequency")),
         **effects,
-        with_a_20={name: spread(values) for name, values in helped.items()},
+        with_a_20={name: np.ptp(values) for name, values in helped.items()},
     )
 
 
@@ -546,7 +541,7 @@ def _local_effects(law: str) -> dict[str, float]:
 
 
 def _over(law: str, scenes: list[Scene]) -> float:
-    return spread([mu(law, scene) for scene in scenes])
+    return float(np.ptp([mu(law, scene) for scene in scenes]))
 
 
 @CLAIMS.add(

@@ -105,8 +105,7 @@ def extremes(group: Group, rig: RigProperties, noise: Noise) -> tuple[Extreme, .
 
 def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: float) -> Extreme:
     setting, courses = group
-    near = [_near(one, expected_m) for one in courses]
-    near = [one for one in near if one.x_m.size >= _LEAST_BINS]
+    near = [it for one in courses if (it := _near(one, expected_m)).x_m.size >= _LEAST_BINS]
     steps = np.asarray(np.arange(-_REACH_M, _REACH_M + GRID_M / 2, GRID_M), dtype=np.float64)
     place_m: float | NotEstimable = NotEstimable("too few samples near it")
     interval: Interval | None = None
@@ -248,7 +247,7 @@ def _mismatch(
     off: list[FloatArray] = []
     distances: list[float] = []
     for curve in curves:
-        x_m = np.linspace(curve.x_m[0], curve.x_m[-1], _FINE * curve.x_m.size)
+        x_m = _fine_m(curve)
         mu = predicted(curve.setting, rig, law, rung, x_m)
         off.append(np.interp(curve.x_m, x_m, mu) - curve.mu)
         for one in located:
@@ -277,44 +276,33 @@ def figure_panels(
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
     papers = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - PAPER_HZ))
     resonant = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - fitted.resonance_hz))
+    rungs = ("eq15", "far-field", "mode", "euler-patched", "timoshenko", TOP_RUNG)
+    laws = [(law, law, TOP_RUNG) for law in LAWS]
+    best = [("fitted rig", "consistent", TOP_RUNG)]
     return (
-        *(_laws(curve, nominal) for curve in dict.fromkeys((papers, resonant))),
-        _rungs(resonant, nominal),
-        *(_fitted(curve, fitted) for curve in driven),
+        *(_panel(curve, "laws", nominal, laws) for curve in dict.fromkeys((papers, resonant))),
+        _panel(resonant, "rungs", nominal, [(rung, "consistent", rung) for rung in rungs]),
+        *(_panel(curve, "fitted", fitted, best) for curve in driven),
     )
 
 
-def _panel(curve: Curve, what: str, lines: Sequence[Series]) -> Panel:
-    own = curve.setting
+def _panel(
+    curve: Curve, what: str, rig: RigProperties, lines: Sequence[tuple[str, str, str]]
+) -> Panel:
+    """Return a measured curve beside predictions: the label, law and rung of each."""
+    own, x_m = curve.setting, _fine_m(curve)
     measured = Series(label="measured", x=_MM * curve.x_m, y=curve.mu, error=curve.error)
+    series = [
+        Series(label=label, x=_MM * x_m, y=predicted(own, rig, law, rung, x_m))
+        for label, law, rung in lines
+    ]
     return Panel(
         title=f"{own.voltage_v:g} V, {own.frequency_hz:.0f} Hz, to the {own.direction}: {what}",
         x_label="x, mm",
         y_label="μ'",
-        series=(measured, *lines),
+        series=(measured, *series),
     )
 
 
-def _line(curve: Curve, label: str, rig: RigProperties, law: str, rung: str) -> Series:
-    x_m = np.linspace(curve.x_m[0], curve.x_m[-1], _FINE * curve.x_m.size)
-    mu = predicted(curve.setting, rig, law, rung, x_m)
-    return Series(label=label, x=_MM * x_m, y=mu)
-
-
-def _laws(curve: Curve, rig: RigProperties) -> Panel:
-    lines = [_line(curve, law, rig, law, TOP_RUNG) for law in LAWS]
-    return _panel(curve, "laws", lines)
-
-
-def _rungs(curve: Curve, rig: RigProperties) -> Panel:
-    shown = ("eq15", "far-field", "mode", "euler-patched", "timoshenko", TOP_RUNG)
-    return _panel(curve, "rungs", [_line(curve, rung, rig, "consistent", rung) for rung in shown])
-
-
-def _fitted(curve: Curve, rig: RigProperties) -> Panel:
-    return _panel(curve, "fitted", [_line(curve, "fitted rig", rig, "consistent", TOP_RUNG)])
-
-
-def paper_rig(mu: float, resonance_hz: float) -> RigProperties:
-    """Return the paper's rig with friction at rest and resonance as measured."""
-    return RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
+def _fine_m(curve: Curve) -> FloatArray:
+    return np.linspace(curve.x_m[0], curve.x_m[-1], _FINE * curve.x_m.size)

@@ -1,6 +1,6 @@
 """The findings of a sliding experiment: curves, the fitted rig, and what passes cannot tell."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable, plain
+from analysis.estimates import FloatArray, NotEstimable
 from analysis.report.drawing import Panel
 from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_panels, mismatches
 from analysis.sliding.fit import Estimate, RigFit, fitted_rig
@@ -137,21 +137,6 @@ class SlidingFindings:
         value, high, low = map(_speed_ratio, (height.value, *height.interval))
         return {**self.fit.estimates, "speed_ratio": Estimate(value=value, interval=(low, high))}
 
-    def record(self) -> dict[str, Any]:
-        """Return all numbers as JSON values."""
-        return {
-            "session": self.session,
-            "data_sha256": self.data_sha256,
-            "passes": len(self.courses),
-            "estimates": plain(self.estimates),
-            "cannot_tell": dict(ALWAYS_UNKNOWN),
-            "noise": plain(self.fit.noise),
-            "deviance_per_point": self.fit.deviance / self.fit.points,
-            "extremes": plain(self.extremes),
-            "mismatches": plain(self.mismatches),
-            "curves": plain(self.curves),
-        }
-
     def calibration_record(self) -> dict[str, Any]:
         """Return what is kept as the rig's calibration: value, low and high of each property."""
         found: dict[str, Any] = {"session": self.session, "data_sha256": self.data_sha256}
@@ -163,7 +148,18 @@ class SlidingFindings:
 
     def lines(self) -> list[list[str]]:
         """Return a header and a row per property, for a table in the terminal."""
-        return [["property", "value", "95% interval"], *_rows(self.estimates)]
+        rows = [["property", "value", "95% interval"]]
+        for name, found in self.estimates.items():
+            label, factor, unit = UNITS[name]
+            if isinstance(found, NotEstimable):
+                rows.append([label, "not determined", found.reason])
+                continue
+            value, low, high = (
+                f"{factor * number:.5g}" for number in (found.value, *found.interval)
+            )
+            rows.append([label, value + unit, f"{low} to {high}{unit}"])
+        unknown = ALWAYS_UNKNOWN.items()
+        return [*rows, *([_IN_WORDS[name], "not determined", why] for name, why in unknown)]
 
     def extreme_lines(self) -> list[list[str]]:
         """Return a header and a row per trough and peak."""
@@ -190,21 +186,6 @@ class SlidingFindings:
 def _speed_ratio(body_height_m: float) -> float:
     nominal_m = HALF_THICKNESS_M + Structure().body_height_m
     return nominal_m / (HALF_THICKNESS_M + body_height_m)
-
-
-def _rows(estimates: Mapping[str, Estimate | NotEstimable]) -> list[list[str]]:
-    rows = []
-    for name, found in estimates.items():
-        label, factor, unit = UNITS[name]
-        if isinstance(found, NotEstimable):
-            rows.append([label, "not determined", found.reason])
-            continue
-        value, low, high = (f"{factor * number:.5g}" for number in (found.value, *found.interval))
-        rows.append([label, value + unit, f"{low} to {high}{unit}"])
-    return [
-        *rows,
-        *([_IN_WORDS[name], "not determined", why] for name, why in ALWAYS_UNKNOWN.items()),
-    ]
 
 
 def _extreme_row(one: Extreme) -> list[str]:
@@ -235,13 +216,11 @@ def sliding_findings(
     Without a pass with the output off, friction at rest is fitted from driven passes alone.
     """
     courses = tuple(course(one) for one in passes)
-    mu = _mean_mu(courses, lambda one: one.setting.voltage_v == 0)
     if not any(one.setting.voltage_v > 0 for one in courses):
         return NotEstimable("no pass was driven")
-    nominal = RigProperties(
-        friction_coefficient=_mean_mu(courses, lambda _: True) if np.isnan(mu) else mu,
-        resonance_hz=resonance_hz,
-    )
+    at_rest = [one for one in courses if one.setting.voltage_v == 0] or courses
+    mu = float(np.mean([one.mu.mean() for one in at_rest]))
+    nominal = RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
     return SlidingFindings(
         session=session,
         data_sha256=data_digest(passes),
@@ -249,12 +228,6 @@ def sliding_findings(
         nominal=nominal,
         fit=fitted_rig(courses, nominal),
     )
-
-
-def _mean_mu(courses: Sequence[Course], counts: Callable[[Course], bool]) -> float:
-    """Return the mean friction of the passes that count; nan without one."""
-    chosen = [one.mu.mean() for one in courses if counts(one)]
-    return float(np.mean(chosen)) if chosen else float("nan")
 
 
 # The passes of a sliding experiment as the journal has them, less what the analysis leaves out.

@@ -130,10 +130,8 @@ class SlidingResult:
     @property
     def _page(self) -> str:
         drawn, found = self.drawn, self.found
-        notices = []
-        if drawn.rehearsal:
-            text = "The block was drawn in a rehearsal. This is no evidence about a rig."
-            notices.append(("Rehearsal.", text))
+        rehearsed = "The block was drawn in a rehearsal. This is no evidence about a rig."
+        notices = [("Rehearsal.", rehearsed)] if drawn.rehearsal else []
         facts = {
             "Session": drawn.session,
             "Device": drawn.idn,
@@ -162,9 +160,8 @@ class SlidingResult:
 
     def _passes(self) -> list[list[str]]:
         rows = [
-            [str(each.index + 1), each.drive, f"{each.made.frequency_hz:.1f}", f"{mean:.4f}"]
-            for each in self.drawn.passes
-            for mean in [float(each.made.mu.mean())]
+            [str(it.index + 1), it.drive, f"{it.made.frequency_hz:.1f}", f"{it.made.mu.mean():.4f}"]
+            for it in self.drawn.passes
         ]
         return [["pass", "drive", "frequency, Hz", "mean μ'"], *rows]
 

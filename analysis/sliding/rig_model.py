@@ -157,15 +157,12 @@ def grouped(courses: Iterable[Course]) -> list[Group]:
     groups: list[list[Course]] = []
     for one in sorted(courses, key=lambda one: (*key(one), one.setting.speed_m_s)):
         first = groups[-1][0] if groups else None
-        if first is not None and key(first) == key(one) and _alike(first, one):
+        most_m_s = _SAME_SPEED * first.setting.speed_m_s if first else 0.0
+        if first and key(first) == key(one) and one.setting.speed_m_s <= most_m_s:
             groups[-1].append(one)
         else:
             groups.append([one])
     return [(group[0].setting, tuple(group)) for group in groups]
-
-
-def _alike(slow: Course, fast: Course) -> bool:
-    return fast.setting.speed_m_s <= _SAME_SPEED * slow.setting.speed_m_s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -490,11 +487,7 @@ def fitted_noise(courses: Sequence[Course], means: Sequence[FloatArray]) -> Nois
             "maxfev": _NOISE_STEPS,
             "xatol": 0.02,
             "fatol": 0.05,
-            "initial_simplex": _simplex(start),
+            "initial_simplex": np.vstack([start, start + 0.5 * np.eye(start.size)]),
         },
     )
     return noise(np.asarray(found.x))
-
-
-def _simplex(start: FloatArray) -> FloatArray:
-    return np.concatenate([start[None], start + 0.5 * np.eye(start.size)])

@@ -287,7 +287,11 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
         return NotEstimable("at least 2 subjects must score two conditions, got 1")
     if refusal := disconnected(~np.isnan(scores), kept.conditions):
         return refusal
-    deviations, counts = _weighted_ranks(scores)
+    # Centred ranks, weighted by √(12/(k_i+1)).
+    given = ~np.isnan(scores)
+    counts = given.sum(axis=1).astype(np.float64)
+    ranks = doubled_midranks(scores) / 2 - (counts[:, None] + 1) / 2
+    deviations = np.where(given, ranks, 0.0) * np.sqrt(12 / (counts + 1))[:, None]
     variances = (deviations**2).sum(axis=1) / (counts - 1)
     if not variances.any():
         return NotEstimable("every subject gave all conditions the same score")
@@ -299,15 +303,6 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
         inverse=inverse,
         rank=rank,
     )
-
-
-def _weighted_ranks(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the centred ranks, weighted by √(12/(k_i+1)), and the counts k_i."""
-    given = ~np.isnan(scores)
-    counts = given.sum(axis=1).astype(np.float64)
-    middle = (counts + 1) / 2
-    deviations = np.where(given, doubled_midranks(scores) / 2 - middle[:, None], 0.0)
-    return deviations * np.sqrt(12 / (counts + 1))[:, None], counts
 
 
 def _covariance(scores: FloatArray, shares: FloatArray) -> FloatArray:

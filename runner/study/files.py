@@ -175,7 +175,7 @@ def _replace(place: Path, data: bytes, mode: int) -> None:
     # In the same folder, because a file can be renamed within one file system only.
     beside = place.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
-        _create(beside, data, place.stat().st_mode & 0o7777 if exists else mode)
+        create(beside, data, place.stat().st_mode & 0o7777 if exists else mode)
         if exists:
             # Again, because the umask has narrowed the permissions of the new file.
             beside.chmod(place.stat().st_mode & 0o7777)
@@ -184,7 +184,7 @@ def _replace(place: Path, data: bytes, mode: int) -> None:
         beside.unlink(missing_ok=True)
 
 
-def _create(path: Path, data: bytes, mode: int) -> None:
+def create(path: Path, data: bytes, mode: int) -> None:
     """Create the file `path`, whose permissions are never wider than `mode`."""
     with open(path, "xb", opener=partial(os.open, mode=mode)) as file:
         file.write(data)
@@ -320,7 +320,7 @@ def _write(contents: Mapping[str, bytes], place: Path) -> None:
             path = whole / name
             for inside in reversed(Path(name).parents):
                 (whole / inside).mkdir(_PRIVATE_FOLDER, exist_ok=True)
-            _create(path, data, _PRIVATE_FILE)
+            create(path, data, _PRIVATE_FILE)
         if place.exists():
             place.rmdir()  # it is empty; Windows cannot rename a folder onto another
         whole.rename(place)

@@ -182,7 +182,15 @@ class StudyFolder:
 
     def _languages(self) -> dict[str, str]:
         """Return the text of each language file by language code."""
-        return {_code(file): _language_text(file) for file in sorted(self.languages.glob("*.toml"))}
+        texts = {}
+        for file in sorted(self.languages.glob("*.toml")):
+            if not re.fullmatch(CODE, file.stem):
+                raise BadInput(f"{file}: must be named by a language code, such as fr.toml")
+            try:
+                texts[file.stem] = short_text(file)
+            except OSError as error:
+                raise BadInput(f"{file}: cannot be read ({error})") from error
+        return texts
 
     def _study_text(self) -> str:
         try:
@@ -288,33 +296,15 @@ def _created(place: Path) -> Path | None:
         raise BadInput(
             f"{place}: cannot be created ({error.strerror}); choose another folder"
         ) from error
-    if topmost is None:
-        _require_empty(place)
-    return topmost
-
-
-def _require_empty(path: Path) -> None:
     try:
-        taken = any(path.iterdir())
+        taken = topmost is None and any(place.iterdir())
     except OSError as error:
         raise BadInput(
-            f"{path}: cannot be used for a study ({error.strerror}); choose another"
+            f"{place}: cannot be used for a study ({error.strerror}); choose another"
         ) from error
     if taken:
-        raise BadInput(f"{path}: must be a new or empty folder, but it contains files")
-
-
-def _code(file: Path) -> str:
-    if not re.fullmatch(CODE, file.stem):
-        raise BadInput(f"{file}: must be named by a language code, such as fr.toml")
-    return file.stem
-
-
-def _language_text(file: Path) -> str:
-    try:
-        return short_text(file)
-    except OSError as error:
-        raise BadInput(f"{file}: cannot be read ({error})") from error
+        raise BadInput(f"{place}: must be a new or empty folder, but it contains files")
+    return topmost
 
 
 def numbered(path: Path) -> Path:

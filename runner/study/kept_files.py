@@ -20,6 +20,7 @@ from typing import ClassVar
 
 from runner.journal.database import log_of
 from runner.journal.store import Journal
+from runner.study.files import create
 
 VARIABLE = "TOUCHBEAM_CACHE"
 """Names another folder than the user's cache, or is `off`."""
@@ -70,8 +71,7 @@ class KeptFiles:
                 return
             self._folder.mkdir(0o700, exist_ok=True)
             try:
-                with open(beside, "xb", opener=_opened_private) as file:
-                    file.write(_digest(name, content) + content)
+                create(beside, _digest(name, content) + content, 0o600)
                 # Renamed when it is whole, because another process may read it at any moment.
                 beside.replace(self._folder / name)
             finally:
@@ -118,14 +118,10 @@ def code_version() -> str:
     own = Path(__file__).parents[2]
     folders = (own / name for name in ("protocol", "device", "analysis", "runner"))
     files = (path for folder in folders for path in sorted(folder.rglob("*.[ph][yt]*")))
-    stamps = [(str(path.relative_to(own)), *_stamp(path)) for path in files]
+    known = ((str(path.relative_to(own)), path.stat()) for path in files)
+    stamps = [(name, status.st_size, status.st_mtime_ns) for name, status in known]
     libraries = [f"{name} {version(name)}" for name in _LIBRARIES]
     return repr([platform.python_version(), platform.machine(), libraries, stamps])
-
-
-def _stamp(path: Path) -> tuple[int, int]:
-    status = path.stat()
-    return status.st_size, status.st_mtime_ns
 
 
 def _everything() -> Path:
@@ -162,10 +158,6 @@ def _opened_itself(path: str, flags: int) -> int:
     # No link is followed, and a pipe in its place is opened without waiting for somebody who
     # writes.
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-
-
-def _opened_private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
 
 
 def _remove_oldest(everything: Path) -> None:

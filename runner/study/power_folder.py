@@ -1,14 +1,13 @@
 """The folder of power analyses in a study's folder: figures, and results kept between runs."""
 
-import os
 import secrets
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 from protocol.errors import WorkFailed
-from runner.study.files import require_end, state_folder, write_files
+from runner.study.files import create, require_end, state_folder, write_files
 
 _KEY_BYTES = 32
 _LARGEST_CHUNK = 2**26
@@ -23,12 +22,9 @@ def own_key() -> bytes:
     """
     path = state_folder() / "power.key"
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    try:
-        # `x`: of two processes that begin at once, one makes the key and the other reads it.
-        with open(path, "xb", opener=partial(os.open, mode=0o600)) as new:
-            new.write(secrets.token_bytes(_KEY_BYTES))
-    except FileExistsError:
-        pass
+    # Of two processes that begin at once, one makes the key and the other reads it.
+    with suppress(FileExistsError):
+        create(path, secrets.token_bytes(_KEY_BYTES), 0o600)
     key = path.read_bytes()
     if len(key) != _KEY_BYTES:
         raise WorkFailed(f"{path}: must have {_KEY_BYTES} bytes, got {len(key)}; delete it")

@@ -90,18 +90,16 @@ class Progress:
         for chain, summary in zip(self.sessions, session_summaries(self.sessions), strict=True):
             state = self.sessions[chain]
             name = session_name(summary.participant, summary.session)
+            now = in_words(state.name, running=parsed_name(chain).plain in self.running)
             unit = "passes" if summary.participant == SLIDE else "trials"
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
             noted = f"; noted: {state.noted}" if state.described else ""
             yield (
-                f"{name}  {summary.kind}  {self._state(chain, state)}  "
+                f"{name}  {summary.kind}  {now}  "
                 f"{summary.answered} of {summary.planned} {unit}{excluded}{noted}"
                 f"{self._advice(chain, state)}{self._following(summary, state)}"
             )
         yield self._cohort()
-
-    def _state(self, chain: str, state: SessionState) -> str:
-        return in_words(state.name, running=parsed_name(chain).plain in self.running)
 
     def _advice(self, chain: str, state: SessionState) -> str:
         """Return what to do about an interrupted session."""

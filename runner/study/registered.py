@@ -256,10 +256,9 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
         OverflowError,
     ) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
-    listed = list(tests.items())[:_MOST_TESTS]
     return {
         **said,
-        **{f"power of {name}": power for name, power in listed},
+        **{f"power of {name}": power for name, power in list(tests.items())[:_MOST_TESTS]},
         "file": f"SHA-256 {sha256(content).hexdigest()}",
         **({} if simulated == study_sha256 else {"study file": _STALE}),
     }
@@ -309,18 +308,16 @@ def register(
         elif recorded is None or recorded.registration != made.digest:
             _require_new(recorded, kept, made, begun)
             SessionLog(journal, STUDY_CHAIN, clock).append(registered_event(made))
-            replaced = _replaced(recorded, made) if recorded else ""
+            if recorded:
+                changed = ", ".join(_differences(registration_in(recorded.text), made))
+                before = f"registration {recorded.registration[:12]}, which the journal keeps"
+                replaced = f"{before}; changed: {changed}"
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
     # After the event: a file without one is refused, and a lost file is restored from the journal.
     write_whole(file, made.text().encode())
     write_whole(for_registry, registry_text(study, made).encode())
     return made, replaced
-
-
-def _replaced(recorded: StudyRegistered, made: Registration) -> str:
-    changed = ", ".join(_differences(registration_in(recorded.text), made))
-    return f"registration {recorded.registration[:12]}, which the journal keeps; changed: {changed}"
 
 
 def _require_new(

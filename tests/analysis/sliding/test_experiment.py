@@ -1,12 +1,10 @@
 """The findings of a sliding experiment: tables, figure, error measures and calibration."""
 
-import json
 from functools import cache
 
 import numpy as np
 import pytest
 
-from analysis.cells import json_text
 from analysis.estimates import NotEstimable
 from analysis.report.drawing import panels_figure
 from analysis.sliding.experiment import SlidingFindings, data_digest, sliding_findings
@@ -76,13 +74,11 @@ def test_tables_say_what_is_not_known_and_why() -> None:
     assert len(findings().mismatch_lines()) == 1 + len(findings().mismatches)
 
 
-def test_the_record_is_json_and_has_every_number() -> None:
-    record = json.loads(json_text(findings().record()))
-    assert record["session"] == "slide/1"
-    assert record["passes"] == 11
-    assert set(record["estimates"]) >= {"damping_ratio", "resonance_hz", "speed_ratio"}
-    assert len(record["curves"]) == 9
-    assert record["deviance_per_point"] == pytest.approx(1, abs=0.05)
+def test_the_findings_are_those_of_all_passes() -> None:
+    found = findings()
+    assert (found.session, len(found.courses), len(found.curves)) == ("slide/1", 11, 9)
+    assert set(found.estimates) >= {"damping_ratio", "resonance_hz", "speed_ratio"}
+    assert found.fit.deviance / found.fit.points == pytest.approx(1, abs=0.05)
 
 
 def test_the_calibration_names_session_and_data() -> None:

@@ -226,7 +226,7 @@ def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_los
     drawn.clear()
     assert typed("power", whole, *QUICK) == 0
     drawn.clear()  # so that the same bytes are drawn twice
-    kept, left, create = 0, 0, files._create
+    kept, left, create = 0, 0, files.create
 
     def full(path: Path, data: bytes, mode: int) -> None:
         nonlocal left
@@ -235,7 +235,7 @@ def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_los
         if left < 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr(files, "_create", full)
+    monkeypatch.setattr(files, "create", full)
     for written in range(100):
         left = written
         capsys.readouterr()

@@ -95,11 +95,6 @@ def full_coverage(
     return mu(law, scene)
 
 
-def leftward(scene: Scene) -> Scene:
-    """Return the scene with the finger moving left."""
-    return replace(scene, direction="left")
-
-
 def swing(curve: FloatArray) -> float:
     """Return half the range of a curve."""
     return float(np.ptp(curve)) / 2
@@ -525,7 +520,7 @@ def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
 )
 def _direction_swaps(law: str) -> Finding:
     right = local_curve(law, local_scene())
-    left = local_curve(law, leftward(local_scene()))
+    left = local_curve(law, replace(local_scene(), direction="left"))
     correlation = float(np.corrcoef(operating(right), operating(left))[0, 1])
     # Exactly opposite would be -1; inertia, which has no direction, takes from it.
     return finding(correlation < -0.5, correlation=correlation)

@@ -254,7 +254,6 @@ def _all_nine_smoother(law: str) -> Finding:
 
 @lru_cache(maxsize=8)
 def _contrasts(law: str) -> dict[str, float]:
-    """Return the contrast that a law predicts for each condition."""
     return {name: predicted_contrast(changes.CONDITIONS[name], law) for name in PUBLISHED.means}
 
 

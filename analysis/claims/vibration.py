@@ -1,6 +1,7 @@
 """Claims about the vibration of the beam and the direction of its bodies (Section 2)."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from analysis.claims.coverage import (
     MU,
     ZONES,
     full_coverage,
-    leftward,
     local_curve,
     local_scene,
     trough_places_m,
@@ -65,14 +65,14 @@ def _direction_changes_at_peaks() -> Finding:
     remark="a contact of 2 mm is assumed, which lies on one side of a peak",
 )
 def _right_of_peak_smoother(law: str) -> Finding:
-    touch = FingerContact(contact_m=2e-3)
+    rightward = Scene(touch=FingerContact(contact_m=2e-3))
     # The last one lies under the sheets, where nobody touches.
     peaks = ZONES.antinodes_m[:-1]
     # A place is the finger's right edge: contacts begin 1 mm beyond the peak, and end 1 mm before
     # it.
     places = np.concatenate([peaks + 3e-3, peaks - 1e-3])
     gaps = []
-    for scene in (Scene(touch=touch), leftward(Scene(touch=touch))):
+    for scene in (rightward, replace(rightward, direction="left")):
         mu = friction_coefficient(scene, law=LawChoice(name=law, ratio="mode"), x_m=places)
         gaps.append(np.mean(mu[: peaks.size] - mu[peaks.size :]))
     ways = [f"right_side_minus_left_side_moving_{way}" for way in ("right", "left")]

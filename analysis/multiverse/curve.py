@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
 
 # Claims about people that each analysis of a table of scores can judge.
-
-LEADING, LAST = ("voltage", "structure"), "pressure"
-"""What the paper found to be felt most and least (Section 5.2, abstract)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,53 +65,6 @@ class Claim:
     def supported(self, found: Judged) -> bool:
         """Return whether an analysis supports the claim."""
         return found.effect > 0 if self.signed else found.significant
-
-
-CONDITIONS_DIFFER, FOLLOWS_MODEL = "conditions-differ", "order-follows-model"
-NAMES = (
-    *(CONDITIONS_DIFFER, "voltage-best", "pressure-weakest", "structure-and-voltage-lead"),
-    FOLLOWS_MODEL,
-)
-"""Short names of the claims that are judged in each study that has their conditions."""
-
-
-def named_claims(conditions: Sequence[str]) -> list[Claim]:
-    """Return those of the paper's claims that a table with these conditions can judge."""
-    # The paper claims nothing about conditions of other names.
-    known = [name for name in conditions if name in CONDITIONS]
-    first, second = LEADING
-    others = [name for name in known if name not in LEADING]
-    found = [
-        Claim(
-            id=CONDITIONS_DIFFER,
-            words="The conditions differ",
-            effect="agreement of subjects (Kendall's W)",
-            judge=_differ,
-            signed=False,
-        )
-    ]
-    if first in known and len(known) > 1:
-        every = [(first, name) for name in known if name != first]
-        found.append(above("voltage-best", "Voltage is rated above every other condition", every))
-    if LAST in known and len(known) > 1:
-        every = [(name, LAST) for name in known if name != LAST]
-        found.append(
-            above("pressure-weakest", "Pressure is rated below every other condition", every)
-        )
-    if set(LEADING) <= set(known) and others:
-        every = [(leading, name) for leading in (first, second) for name in others]
-        words = "Voltage and structure are rated above all other conditions"
-        found.append(above("structure-and-voltage-lead", words, every))
-    found.append(
-        Claim(
-            id=FOLLOWS_MODEL,
-            words="Mean ratings follow the order that the model predicts",
-            effect="Spearman's ρ over conditions",
-            judge=_follows,
-            of_model=True,
-        )
-    )
-    return found
 
 
 def above(name: str, words: str, pairs: Iterable[tuple[str, str]]) -> Claim:
@@ -194,6 +144,45 @@ def _follows(universe: Universe) -> Judged | NotEstimable:
     if isinstance(found.spearman, NotEstimable) or isinstance(found.p, NotEstimable):
         return NotEstimable("all contrasts, or all mean ratings, are equal")
     return Judged(effect=found.spearman, p=found.p)
+
+
+_DIFFER = Claim(
+    id="conditions-differ",
+    words="The conditions differ",
+    effect="agreement of subjects (Kendall's W)",
+    judge=_differ,
+    signed=False,
+)
+_LEAD = "Voltage and structure are rated above all other conditions"
+_RANKED = (
+    ("voltage-best", "Voltage is rated above every other condition", ("voltage",), "above"),
+    ("pressure-weakest", "Pressure is rated below every other condition", ("pressure",), "below"),
+    ("structure-and-voltage-lead", _LEAD, ("voltage", "structure"), "above"),
+)
+"""What the paper found to be felt most and least (Section 5.2, abstract): which conditions were
+rated above, or below, all others."""
+_FOLLOW = Claim(
+    id="order-follows-model",
+    words="Mean ratings follow the order that the model predicts",
+    effect="Spearman's ρ over conditions",
+    judge=_follows,
+    of_model=True,
+)
+NAMES = (_DIFFER.id, *(name for name, *_ in _RANKED), _FOLLOW.id)
+"""Short names of the claims that are judged in each study that has their conditions."""
+
+
+def named_claims(conditions: Sequence[str]) -> list[Claim]:
+    """Return those of the paper's claims that a table with these conditions can judge."""
+    # The paper claims nothing about conditions of other names.
+    known = [name for name in conditions if name in CONDITIONS]
+    ranked = []
+    for name, words, named, side in _RANKED:
+        others = [other for other in known if other not in named]
+        if set(named) <= set(known) and others:
+            pairs = product(named, others) if side == "above" else product(others, named)
+            ranked.append(above(name, words, pairs))
+    return [_DIFFER, *ranked, _FOLLOW]
 
 
 _EQUAL = 1e-9

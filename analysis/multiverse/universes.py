@@ -76,7 +76,6 @@ def exclusions(
 
 
 def _slips(recorded: Sessions) -> set[int]:
-    """Return the attempts of which a touch was not as instructed."""
     touches = recorded.touches
     slipped = touches[["force_ok", "place_ok", "speed_ok"]].eq(False).fillna(False).any(axis=1)
     return set(touches["attempt_id"][slipped])
@@ -185,7 +184,6 @@ def _single(
     readings: Mapping[str, object],
     contrasts: list[tuple[dict[Choice, str], FloatArray]],
 ) -> dict[Choice, str]:
-    """Say why a choice has one option."""
     reasons = {}
     if len(readings) == 1:
         reasons[Choice.READING] = "no score was withheld, so that the three readings are one"

@@ -134,7 +134,6 @@ _LEAST_BINS = 6
 
 
 def _near(one: Course, place_m: float) -> Course:
-    """Return the bins of a pass near a place."""
     kept = np.abs(one.x_m - place_m) <= _AROUND_M
     by_bin = {name: getattr(one, name)[kept] for name in ("bin", "x_m", "t_s", "mu", "count")}
     return replace(one, **by_bin)

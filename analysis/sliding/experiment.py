@@ -271,8 +271,6 @@ class DrawnSession:
 
 @dataclass(kw_only=True)
 class _Attempt:
-    """The pass that is being made."""
-
     index: int
     commanded: CommandedDrive | None = None
     recorded: Recording | None = None

@@ -75,7 +75,6 @@ def keep_fit(
 
 
 def _write(folder: Path, part: Mapping[str, object]) -> Path:
-    """Replace a part of the file."""
     if not (folder / "study.toml").is_file():
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
     path = own_file(folder / FILE, folder)

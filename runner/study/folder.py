@@ -181,7 +181,6 @@ class StudyFolder:
         return file
 
     def _languages(self) -> dict[str, str]:
-        """Return the text of each language file by language code."""
         texts = {}
         for file in sorted(self.languages.glob("*.toml")):
             if not re.fullmatch(CODE, file.stem):

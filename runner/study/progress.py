@@ -67,11 +67,9 @@ class Progress:
 
     @property
     def _each(self) -> int:
-        """How many sessions the study plans for each participant."""
         return 1 if self.study is None else self.study.design.sessions
 
     def _completed(self, participant: str) -> int:
-        """Return how many sessions `participant` has completed that count."""
         return sum(each.state == "completed" for each in self._had_by(participant))
 
     def _had_by(self, participant: str) -> list[SessionSummary]:

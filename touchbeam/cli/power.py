@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json
     from analysis.power.diagnosands import Findings
     from analysis.power.job import Design, Job, Kind, Task
-    from runner.study.power_folder import PowerFolder
+    from runner.study.kept_files import PowerFolder
 
 app = typer.Typer()
 _MOST_DIGITS = 9
@@ -97,7 +97,7 @@ def power(
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
-    from runner.study.power_folder import PowerFolder, own_key
+    from runner.study.kept_files import PowerFolder, own_key
     from runner.study.registered import checked_registration
 
     begun_s = perf_counter()

@@ -175,13 +175,8 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         yield from paragraphs(found)
         return
     names = lock.registration.hypotheses
-    others = {OMNIBUS, GAINS, FOLLOWS, ORDER}
-    asked = {
-        DIFFER: [name for name in names if name == OMNIBUS],
-        WHICH: [name for name in names if name not in others],
-        FOLLOW: [name for name in names if name == FOLLOWS],
-        ORDERED: [name for name in names if name == ORDER],
-    }
+    # Every other hypothesis is of a pair of conditions; no paragraph answers that on gains.
+    asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",
@@ -190,7 +185,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         "and all deviations.",
     )
     for question, answer in paragraphs(found):
-        registered = ", ".join(asked.get(question, []))
+        registered = ", ".join(name for name in names if asked.get(name, WHICH) == question)
         yield (
             f"{question} ({f'registered: {registered}' if registered else 'not registered'})",
             answer,

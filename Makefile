@@ -8,13 +8,6 @@ READY := .venv/.ready
 FAST := tests/protocol tests/device $(addprefix tests/runner/,journal people session study) \
 	$(addprefix tests/analysis/,loading statistics trials)
 
-COMPUTING := -m "not waits and not soak" --numprocesses logical --maxprocesses 4 \
-	--dist worksteal --durations 10 -o tmp_path_retention_policy=failed
-# These tests write thousands of journals, which wait for a disk at each event; memory answers at
-# once. Tests that wait write to the disk.
-IN_MEMORY = $(shell [ -w /dev/shm ] && [ "$$(df --output=avail /dev/shm | tail -n 1)" -gt 4000000 ] \
-	&& echo TMPDIR=/dev/shm)
-
 .PHONY: demo test test-computing test-waiting test-fast check bench docs pictures soak mutants day-mutants clean
 .DELETE_ON_ERROR:
 
@@ -33,11 +26,13 @@ test-waiting: $(READY)
 		--durations 10 >.waiting.log 2>&1; code=$$?; cat .waiting.log; rm .waiting.log; exit $$code
 
 test-computing: $(READY)
-	$(IN_MEMORY) nice $(BIN)/pytest $(COMPUTING)
+	nice $(BIN)/pytest -m "not waits and not soak" --numprocesses logical --maxprocesses 4 \
+		--dist worksteal --durations 10
 
 # What needs no other process, window, report or fit, while you work: a quick first answer.
 test-fast: $(READY)
-	$(IN_MEMORY) $(BIN)/pytest $(COMPUTING) $(FAST)
+	$(BIN)/pytest -m "not waits and not soak" --numprocesses logical --maxprocesses 4 \
+		--dist worksteal --durations 10 $(FAST)
 
 check: $(READY)
 	$(BIN)/ruff check .

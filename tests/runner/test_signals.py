@@ -4,8 +4,9 @@ import itertools
 import os
 import signal
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +15,7 @@ from types import FrameType
 import pytest
 
 from protocol.journal.events import DeviceArmed
+from runner.journal.database import IN_MEMORY
 from runner.journal.opening import open_journal
 from runner.session.loop import run_then_turn_off
 from runner.session.session import SessionContext
@@ -221,16 +223,25 @@ def stopped_at(instruction: int, made: SessionContext) -> bool:
     return tracer.left <= 0
 
 
-def test_a_signal_before_any_instruction_leaves_the_device_off(tmp_path: Path) -> None:
+@pytest.fixture
+def memory() -> Iterator[Path]:
+    """A folder in memory where there is such a place: a thousand journals wait long for a disk."""
+    with tempfile.TemporaryDirectory(dir=IN_MEMORY if IN_MEMORY.is_dir() else None) as folder:
+        yield Path(folder)
+
+
+def test_a_signal_before_any_instruction_leaves_the_device_off(memory: Path) -> None:
     for instruction in itertools.count(1):
         device = FakeDevice()
-        with open_journal(tmp_path / f"{instruction}.db") as journal:
+        path = memory / f"{instruction}.db"
+        with open_journal(path) as journal:
             made = context(journal, device, FakeParticipant())
             more = stopped_at(instruction, made)
             tags = [event.tag for event in journal.events("P01/1")]
         assert device.calls in ([], ["off"], ["arm", "off"]), instruction
         complete = ["device-armed", "device-off", "session-completed"]
         assert tags[1:] in ([], complete[:2], complete), instruction
+        path.unlink()
         if not more:
             break
     assert instruction > 100

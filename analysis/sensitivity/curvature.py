@@ -1,8 +1,9 @@
 """Likelihood of ordered answers with its gradient and curvature, at many points at once."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -14,7 +15,6 @@ LOG_ROOT_2_PI = np.log(2 * np.pi) / 2
 # Beyond it a normal distribution has no probability that a number of this machine can tell from 0.
 # Mills' ratio there is 1e297, and overflows soon after.
 BEYOND = -37.0
-Loadings: TypeAlias = tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,31 +79,29 @@ class OrdinalTrials:
         Returns:
             Two arrays of shape (trials, points).
         """
-        edges, lines = self.edges(shared).T, (own + shared[:, None, self.line_columns]).T
+        edges = np.ascontiguousarray(self.edges(shared).T)
+        lines = np.ascontiguousarray((own + shared[:, None, self.line_columns]).T)
         place = lines[0][self.subject] + lines[1][self.subject] * self.x[:, None]
         if self.conditions:
             place += shared.T[self.line_columns.stop :][self.condition]
         return (edges[self.category] - place) / sd, (edges[self.category + 1] - place) / sd
 
     @cached_property
-    def loadings(self) -> "Loadings":
-        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
-        size, trials = len(self.shared_start), np.arange(len(self.x))
-        own = -np.stack([np.ones_like(self.x), self.x], axis=1)
-        found = []
-        for category in (self.category + 1, self.category):
-            edges = np.zeros((self.categories + 1, size))
-            edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
-            shared = edges[category]
-            shared[:, self.line_columns] = own
-            if self.conditions:
-                shared[trials, self.line_columns.stop + self.condition] = -1.0
-            found.append((shared, own))
-        return found[0], found[1]
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge depend on the shared parameters, (trials, G) each.
 
-    def curvature(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> "Slopes":
-        """Return the likelihood's derivatives with respect to the parameters."""
-        return curvature_of(self, slopes, residual_sd)
+        On a subject's own line they depend as on the population's.
+        """
+        trials, found = np.arange(len(self.x)), []
+        for category in (self.category + 1, self.category):
+            edges = np.zeros((self.categories + 1, len(self.shared_start)))
+            edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
+            loading = edges[category]
+            loading[:, self.line_columns] = -np.stack([np.ones_like(self.x), self.x], axis=1)
+            if self.conditions:
+                loading[trials, self.line_columns.stop + self.condition] = -1.0
+            found.append(loading)
+        return found[0], found[1]
 
     def some(self, step: int) -> "OrdinalTrials":
         """Return the trials of each `step`-th subject."""
@@ -113,51 +111,6 @@ class OrdinalTrials:
         subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
         return replace(self, subjects=subjects, subject=subject, **parts)
 
-    def totals(self, group: IntArray, groups: int, powers: int) -> csr_array:
-        """Return the matrix that sums values of trials, times x^0, x^1, …, in each group."""
-        return sums(group, groups, self.weight, self.x, powers)
-
-    @cached_property
-    def by_category(self) -> csr_array:
-        """Sums per category."""
-        return self.totals(self.category, self.categories, 1)
-
-    @cached_property
-    def by_subject(self) -> csr_array:
-        """Sums per subject, times 1, x and x²."""
-        return self.totals(self.subject, self.subjects, 3)
-
-    @cached_property
-    def by_answer(self) -> csr_array:
-        """Sums per subject and category, times 1 and x."""
-        cell = self.subject * self.categories + self.category
-        return self.totals(cell, self.subjects * self.categories, 2)
-
-    @cached_property
-    def by_cell(self) -> csr_array:
-        """Sums per subject and condition, times 1 and x."""
-        cell = self.subject * self.conditions + self.condition
-        return self.totals(cell, self.subjects * self.conditions, 2)
-
-    @cached_property
-    def by_condition(self) -> csr_array:
-        """Sums per condition and category."""
-        cell = self.condition * self.categories + self.category
-        return self.totals(cell, self.conditions * self.categories, 1)
-
-
-def sums(group: IntArray, groups: int, weight: FloatArray, x: FloatArray, powers: int) -> csr_array:
-    """Return the matrix that sums weighted values, times x^0, x^1, …, in each group."""
-    trials = np.arange(len(x))
-    if not groups:
-        return csr_array((0, len(trials)))
-    parts = [weight * x**power for power in range(powers)]
-    rows = np.concatenate([group * powers + power for power in range(powers)])
-    return csr_array(
-        (np.concatenate(parts), (rows, np.tile(trials, powers))),
-        shape=(groups * powers, len(trials)),
-    )
-
 
 def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the distinct rows, sorted, and the number of times each occurs."""
@@ -165,13 +118,150 @@ def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     return rows, counts.astype(np.float64)
 
 
+class LatentTrials(Protocol):
+    """Trials whose answers are intervals between edges that are linear in the parameters.
+
+    See `OrdinalTrials`. The line's columns follow those of other shared parameters, and the
+    discrepancies of conditions follow the line.
+    """
+
+    @property
+    def subjects(self) -> int:
+        """Their number."""
+        ...
+
+    @property
+    def subject(self) -> IntArray:
+        """Position of each trial's subject; the trials are sorted by it."""
+        ...
+
+    @property
+    def weight(self) -> FloatArray:
+        """How often each trial occurs."""
+        ...
+
+    @property
+    def x(self) -> FloatArray:
+        """Contrast of each trial."""
+        ...
+
+    @property
+    def shared_start(self) -> FloatArray:
+        """Initial values of the shared parameters."""
+        ...
+
+    @property
+    def line_columns(self) -> slice:
+        """Positions of the population's line among the shared parameters."""
+        ...
+
+    @property
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge depend on the shared parameters, (trials, G) each."""
+        ...
+
+    def some(self, step: int) -> Self:
+        """Return the trials of each `step`-th subject."""
+        ...
+
+    def bounds(
+        self, shared: FloatArray, own: FloatArray, sd: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper edges about the trials' place over σ, (trials, points)."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Slopes:
     """First and negative second derivatives of a likelihood by shared and own parameters.
 
-    The first axis of each is that of the points: `shared_gradient` (points, G), `own_gradient`
-    (points, subjects, 2), `own_precision` (points, subjects, 2, 2), `cross` (points, subjects, 2,
-    G), `whole` (points, G, G).
+    The last axis of each is that of the points: `shared_gradient` (G, points), `own_gradient` (2,
+    subjects, points), `cross` (2, subjects, G, points), `whole` (G, G, points). The own parameters'
+    second derivatives are the columns of the population's line in `cross`.
+    """
+
+    shared_gradient: FloatArray
+    own_gradient: FloatArray
+    cross: FloatArray
+    whole: FloatArray
+
+
+class DerivativeSums:
+    """Sums over trials that make derivatives by parameters of derivatives by edges.
+
+    The edges of a trial are linear in the parameters, with the loadings U and V. So the sums are
+    (13) to (15) of docs/mathematics/sensitivity.md, and (17) to (19) for other loadings.
+    """
+
+    def __init__(self, trials: LatentTrials) -> None:
+        upper, lower = trials.loadings
+        (self._trials, size), subjects = upper.shape, trials.subjects
+        self._line, self._shape = trials.line_columns, (2, subjects, size)
+        weight = trials.weight[:, None]
+        # The row of each trial's derivative by each parameter: by lines, they are each subject's.
+        rows = np.tile(2 * subjects + np.arange(size), (self._trials, 1))
+        rows[:, self._line] = trials.subject[:, None] + np.arange(2) * subjects
+        height = 2 * subjects + size
+
+        def products(edge: FloatArray, sign: float) -> Iterable[tuple[FloatArray, IntArray]]:
+            for one in range(size):
+                by = rows[:, [one]] * size + np.arange(size)
+                yield sign * weight * edge[:, [one]] * edge, by
+
+        self._first = _sparse([[(weight * edge, rows)] for edge in (upper, lower)], height)
+        self._second = _sparse(
+            [products(upper, 1.0), products(lower, 1.0), products(upper - lower, -1.0)],
+            height * size,
+        )
+
+    def of(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> Slopes:
+        """Return the likelihood's derivatives with respect to the parameters."""
+        parts = np.empty((5, self._trials, len(residual_sd)))
+        up, down, by_upper, by_lower, mixed = parts
+        np.divide(slopes.up, residual_sd, out=up)
+        np.divide(slopes.down, residual_sd, out=down)
+        # up_up + up_down = up (u + up + down)
+        np.add(up, down, out=mixed)
+        np.multiply(up, slopes.upper / residual_sd + mixed, out=by_upper)
+        np.multiply(down, slopes.lower / residual_sd + mixed, out=by_lower)
+        np.multiply(up, down, out=mixed)
+        points, (lines, subjects, size) = len(residual_sd), self._shape
+        own = lines * subjects
+        first = self._first @ parts[:2].reshape(-1, points)
+        second = self._second @ parts[2:].reshape(-1, points)
+        own_gradient = first[:own].reshape(lines, subjects, points)
+        cross = second[: own * size].reshape(lines, subjects, size, points)
+        shared_gradient, whole = first[own:], second[own * size :].reshape(size, size, points)
+        shared_gradient[self._line] = own_gradient.sum(axis=1)
+        whole[self._line] = cross.sum(axis=1)
+        whole[:, self._line] = np.swapaxes(whole[self._line], 0, 1)
+        return Slopes(
+            shared_gradient=shared_gradient, own_gradient=own_gradient, cross=cross, whole=whole
+        )
+
+
+def _sparse(blocks: Sequence[Iterable[tuple[FloatArray, IntArray]]], height: int) -> csr_array:
+    """Return the matrix of blocks side by side, of a column per trial: values and their rows."""
+    data, rows, columns = [], [], []
+    for number, block in enumerate(blocks):
+        for values, to in block:
+            trial, which = np.nonzero(values)
+            data.append(values[trial, which])
+            rows.append(to[trial, which])
+            columns.append(number * len(values) + trial)
+    places = np.concatenate(rows), np.concatenate(columns)
+    return csr_array((np.concatenate(data), places), shape=(height, len(blocks) * len(values)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curvature:
+    """Derivatives of a log posterior by shared parameters and by own ones in units of their prior.
+
+    Own parameters are L z, T = L L' being their covariance and `root` (2, 2, points) being L; the
+    derivatives are those by z, whose prior precision is I. So nothing is divided by T, which may be
+    singular, and no term of a determinant cancels another. The last axis is that of the points:
+    `own_precision` (3, subjects, points) has its first, mixed and second element; for the others
+    see `Slopes`.
     """
 
     shared_gradient: FloatArray
@@ -179,63 +269,51 @@ class Slopes:
     own_precision: FloatArray
     cross: FloatArray
     whole: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Curvature(Slopes):
-    """Derivatives of a log posterior by shared parameters and by own ones in units of their prior.
-
-    Own parameters are L z, T = L L' being their covariance and `root` (points, 2, 2) being L; the
-    derivatives are those by z, whose prior precision is I. So nothing is divided by T, which may be
-    singular, and no term of a determinant cancels another.
-    """
-
     root: FloatArray
 
     @cached_property
-    def _own_inverse(self) -> tuple[FloatArray, FloatArray]:
-        """Inverse of `own_precision` and the logarithm of its determinant, per subject."""
-        a, b, d = (self.own_precision[..., i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+    def _own_size(self) -> FloatArray:
+        """Determinants of `own_precision`, (subjects, points)."""
+        a, b, d = self.own_precision
         # (24), mathematics/sensitivity.
         # With I + Q in place of the precision: 1 + tr Q + |Q|, each of which is positive.
-        size = 1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0)
-        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-        return np.asarray(inverse / size[..., None, None]), np.log(size)
+        return np.asarray(1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0))
 
     @cached_property
-    def own_covariance(self) -> FloatArray:
-        """Covariance of each subject's own parameters, given the shared ones."""
-        root = self.root[:, None]
-        return np.asarray(root @ self._own_inverse[0] @ np.swapaxes(root, -1, -2))
+    def _own_root(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Cholesky's factor of `own_precision`, 1 over its diagonal; (subjects, points) each."""
+        a, b, _ = self.own_precision
+        first = 1 / np.sqrt(a)
+        return first, b * first, 1 / (np.sqrt(self._own_size) * first)
+
+    def _white(self, values: FloatArray, own: tuple[FloatArray, ...]) -> FloatArray:
+        """Return values (2, subjects, ..., points) over the factor of `own_precision`."""
+        first, below, second = own
+        found = np.empty_like(values)
+        np.multiply(values[0], first, out=found[0])
+        np.multiply(below, found[0], out=found[1])
+        np.subtract(values[1], found[1], out=found[1])
+        found[1] *= second
+        return found
 
     @cached_property
-    def _response(self) -> FloatArray:
-        return np.asarray(self._own_inverse[0] @ self.cross)
-
-    @cached_property
-    def response(self) -> FloatArray:
-        """How far the own parameters move against the shared ones, (points, subjects, 2, G)."""
-        return np.asarray(self.root[:, None] @ self._response)
+    def _white_cross(self) -> FloatArray:
+        first, below, second = (each[:, None] for each in self._own_root)
+        return self._white(self.cross, (first, below, second))
 
     @cached_property
     def _scaled(self) -> tuple[FloatArray, FloatArray]:
         """Shared parameters' precision, the own ones eliminated, with a diagonal of 1; its scale.
 
         This is one step of Cholesky's factorisation of the whole matrix, so that rounding hurts it
-        no more than that.
+        no more than that. Shapes (points, G, G) and (points, G).
         """
-        size = self.whole.shape[-1]
-        cross = self.cross.reshape(len(self.cross), -1, size)
-        precision = self.whole - np.swapaxes(cross, 1, 2) @ self._response.reshape(cross.shape)
+        size, points = self.whole.shape[1:]
+        white = self._white_cross.reshape(-1, size, points).transpose(2, 0, 1).copy()
+        precision = np.moveaxis(self.whole, -1, 0) - np.swapaxes(white, 1, 2) @ white
         # Where rounding leaves nothing of a positive number, the point has no weight.
         scale = np.sqrt(np.maximum(np.diagonal(precision, axis1=1, axis2=2), 1e-300))
         return precision / (scale[:, :, None] * scale[:, None, :]), scale
-
-    @cached_property
-    def shared_covariance(self) -> FloatArray:
-        """Covariance of the shared parameters, (points, G, G)."""
-        scaled, scale = self._scaled
-        return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
 
     @cached_property
     def log_determinant(self) -> FloatArray:
@@ -243,16 +321,47 @@ class Curvature(Slopes):
         scaled, scale = self._scaled
         sign, size = np.linalg.slogdet(scaled)
         shared = np.where(sign > 0, size, np.nan) + 2 * np.log(scale).sum(axis=1)
-        return np.asarray(self._own_inverse[1].sum(axis=1) + shared)
+        return np.asarray(np.log(self._own_size).sum(axis=0) + shared)
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
         """Return the step of shared parameters and z to the parabola's peak, (25)."""
-        pulled = np.einsum("psig,psi->pg", self._response, self.own_gradient)
-        gap = (self.shared_gradient - pulled)[..., None]
-        shared = (self.shared_covariance @ gap)[..., 0]
-        own = (self._own_inverse[0] @ self.own_gradient[..., None])[..., 0]
-        own = own - (self._response @ shared[:, None, :, None])[..., 0]
-        return np.asarray(shared, dtype=np.float64), np.asarray(own, dtype=np.float64)
+        own = self._white(self.own_gradient, self._own_root)
+        gap = self.shared_gradient - np.einsum("asgp,asp->gp", self._white_cross, own)
+        scaled, scale = self._scaled
+        shared = np.linalg.solve(scaled, (gap.T / scale)[..., None])[..., 0] / scale
+        own -= np.einsum("asgp,gp->asp", self._white_cross, shared.T)
+        return shared, self._unwhite(own).T
+
+    def _unwhite(self, values: FloatArray) -> FloatArray:
+        """Return values over the transposed factor of `own_precision`."""
+        first, below, second = (
+            each[(slice(None), *[None] * (values.ndim - 3))] for each in self._own_root
+        )
+        last = values[1] * second
+        return np.stack([(values[0] - below * last) * first, last])
+
+    @cached_property
+    def own_covariance(self) -> FloatArray:
+        """Covariance of each subject's own parameters, given the shared ones."""
+        a, b, d = self.own_precision / self._own_size
+        inverse = np.moveaxis(np.array([[d, -b], [-b, a]]), (3, 2), (0, 1))
+        root = np.moveaxis(self.root, -1, 0)[:, None]
+        return np.asarray(root @ inverse @ np.swapaxes(root, -1, -2))
+
+    @cached_property
+    def response(self) -> FloatArray:
+        """How far the own parameters move against the shared ones, (points, subjects, 2, G)."""
+        found = self._unwhite(self._white_cross)
+        p, r, s = self.root[0, 0], self.root[1, 0], self.root[1, 1]
+        return np.ascontiguousarray(
+            np.stack([p * found[0], r * found[0] + s * found[1]]).transpose(3, 1, 0, 2)
+        )
+
+    @cached_property
+    def shared_covariance(self) -> FloatArray:
+        """Covariance of the shared parameters, (points, G, G)."""
+        scaled, scale = self._scaled
+        return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
 
     @classmethod
     def of_posterior(
@@ -261,25 +370,46 @@ class Curvature(Slopes):
         at: tuple[FloatArray, FloatArray],
         shared_precision: FloatArray,
         root: FloatArray,
+        line: slice,
     ) -> "Curvature":
         """Return derivatives with normal priors about 0, at shared parameters and z."""
         diagonal = np.arange(shared_precision.shape[-1])
         whole = likelihood.whole.copy()
-        whole[:, diagonal, diagonal] += shared_precision
-        turned = np.swapaxes(root, -1, -2)[:, None]
-        gradient = (turned @ likelihood.own_gradient[..., None])[..., 0]
+        whole[diagonal, diagonal] += shared_precision.T
+        root = np.ascontiguousarray(np.moveaxis(root, 0, -1))
+        p, r, s = root[0, 0], root[1, 0], root[1, 1]
+
+        def turned(values: FloatArray) -> FloatArray:
+            """Return L' times values (2, ..., points)."""
+            found = np.empty_like(values)
+            np.multiply(r, values[1], out=found[0])
+            found[0] += p * values[0]
+            np.multiply(s, values[1], out=found[1])
+            return found
+
+        cross = turned(likelihood.cross)
+        bias, gain = np.moveaxis(cross[:, :, line], 2, 0)
+        precision = np.stack([1 + p * bias[0] + r * gain[0], s * gain[0], 1 + s * gain[1]])
         return cls(
-            shared_gradient=likelihood.shared_gradient - shared_precision * at[0],
-            own_gradient=gradient - at[1],
-            own_precision=turned @ likelihood.own_precision @ root[:, None] + np.eye(2),
-            cross=turned @ likelihood.cross,
+            shared_gradient=likelihood.shared_gradient - (shared_precision * at[0]).T,
+            own_gradient=turned(likelihood.own_gradient) - at[1].T,
+            own_precision=precision,
+            cross=cross,
             whole=whole,
             root=root,
         )
 
     def at(self, points: BoolArray | IntArray) -> "Curvature":
         """Return the curvature at some of the points."""
-        return Curvature(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
+        parts = {part.name: getattr(self, part.name)[..., points] for part in fields(self)}
+        return Curvature(**parts)
+
+    @classmethod
+    def joined(cls, parts: "list[Curvature]", points: IntArray) -> "Curvature":
+        """Return the curvature at some of the points of all parts, one part after the other."""
+        names = [part.name for part in fields(cls)]
+        every = {name: [getattr(part, name) for part in parts] for name in names}
+        return cls(**{name: np.concatenate(of, axis=-1)[..., points] for name, of in every.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -319,76 +449,3 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
 def mills_ratio(x: FloatArray) -> FloatArray:
     """Return (1 - Φ(x)) / φ(x) of numbers that are not below `BEYOND`."""
     return np.asarray(np.sqrt(np.pi / 2) * erfcx(x / np.sqrt(2)))
-
-
-def curvature_of(trials: OrdinalTrials, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
-    """Return the likelihood's derivatives with respect to the parameters.
-
-    A trial depends on two thresholds, one subject's line and one condition, so the derivatives are
-    sums over the cells of those classifications.
-    """
-    # (13) to (15), mathematics/sensitivity
-    up, down = slopes.up / residual_sd, slopes.down / residual_sd
-    up_up = up * (slopes.upper / residual_sd + up)
-    down_down = down * (slopes.lower / residual_sd + down)
-    up_down = up * down
-    by_upper, by_lower = up_up + up_down, down_down + up_down
-    stiff, pull = by_upper + by_lower, -(up + down)
-    points, subjects, free = len(residual_sd), trials.subjects, trials.free
-    sums = (trials.by_subject @ stiff).T.reshape(points, subjects, 3)
-    own = np.stack([sums[..., :2], sums[..., 1:]], axis=-1)
-    pulls = (trials.by_subject @ pull).T.reshape(points, subjects, 3)[..., :2]
-    answers = (points, subjects, trials.categories, 2)
-    to_thresholds = -_between_thresholds(
-        (trials.by_answer @ by_upper).T.reshape(answers),
-        (trials.by_answer @ by_lower).T.reshape(answers),
-    )[:, :, free]
-    cells = (trials.by_cell @ stiff).T.reshape(points, subjects, trials.conditions, 2)
-    cross = np.concatenate(
-        [np.swapaxes(to_thresholds, 2, 3), own, np.swapaxes(cells, 2, 3)], axis=3
-    )
-    by_category = trials.by_category
-    gradient = _between_thresholds((by_category @ up).T, (by_category @ down).T)
-    answered = (points, trials.conditions, trials.categories)
-    pulled = (trials.by_condition @ pull).T.reshape(answered).sum(axis=2)
-    coupling = -_between_thresholds(
-        (trials.by_condition @ by_upper).T.reshape(answered)[..., None],
-        (trials.by_condition @ by_lower).T.reshape(answered)[..., None],
-    )[:, :, free, 0]
-
-    line, thresholds = trials.line_columns, trials.threshold_columns
-    rest = np.arange(line.stop, cross.shape[3])
-    whole = np.zeros((points, cross.shape[3], cross.shape[3]))
-    whole[:, line] = cross.sum(axis=1)
-    whole[:, :, line] = np.swapaxes(whole[:, line], 1, 2)
-    block = _threshold_block(*((by_category @ part).T for part in (up_up, down_down, up_down)))
-    whole[:, thresholds, thresholds] = block[:, free][:, :, free]
-    whole[:, rest, rest] = cells[..., 0].sum(axis=1)
-    whole[:, line.stop :, thresholds] = coupling
-    whole[:, thresholds, line.stop :] = np.swapaxes(coupling, 1, 2)
-    return Slopes(
-        shared_gradient=np.concatenate([gradient[:, free], pulls.sum(axis=1), pulled], axis=1),
-        own_gradient=pulls,
-        own_precision=own,
-        cross=cross,
-        whole=whole,
-    )
-
-
-def _between_thresholds(by_upper: FloatArray, by_lower: FloatArray) -> FloatArray:
-    """Return sums per threshold, the upper edge of one category and the lower of the next.
-
-    The axis of the categories is the last of two or the third of four.
-    """
-    if by_upper.ndim == 2:
-        return np.asarray(by_upper[:, :-1] + by_lower[:, 1:])
-    return np.asarray(by_upper[:, :, :-1] + by_lower[:, :, 1:])
-
-
-def _threshold_block(up_up: FloatArray, down_down: FloatArray, up_down: FloatArray) -> FloatArray:
-    size = up_up.shape[1] - 1
-    block = np.zeros((len(up_up), size, size))
-    place, next_to = np.arange(size), np.arange(size - 1)
-    block[:, place, place] = _between_thresholds(up_up, down_down)
-    block[:, next_to, next_to + 1] = block[:, next_to + 1, next_to] = up_down[:, 1:-1]
-    return block

@@ -40,6 +40,8 @@ SMOOTH_POINTS, LEVEL_FROM = 4096, 5.0
 MOST_COEFFICIENTS = 0.25
 # Quantiles that are sought together, until all of them are found; their arrays fit into the cache.
 AT_ONCE = 64
+# Of more points than twice as many, so many give a start for the search of a quantile.
+FEW = 100
 # A smaller skewness is taken for this one, for which the distribution still can be computed.
 LEAST_SKEW = 1e-3
 
@@ -383,9 +385,16 @@ def _quantile(
     skews: FloatArray | None,
 ) -> FloatArray:
     low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
-    centre = weights @ means
-    sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
-    value = np.clip(centre + sd * ndtri(probability), low, high)
+    if len(weights) > 2 * FEW:
+        # A few of the points, which are spread alike, tell where to begin.
+        few = slice(None, None, len(weights) // FEW)
+        total, known = weights[few].sum(), None if skews is None else skews[few]
+        value = _quantile(weights[few] / total, means[few], sds[few], probability, known)
+    else:
+        centre = weights @ means
+        sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
+        value = centre + sd * ndtri(probability)
+    value = np.clip(value, low, high)
     normal_of = _normal_scores(means, sds, skews)
     for _ in range(QUANTILE_STEPS):
         score, slope = normal_of(value)

@@ -1,13 +1,11 @@
 """Laplace's approximation of ordered answers with partially pooled latent lines."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Protocol, Self
 
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, Loadings, Slopes, edge_slopes
+from analysis.sensitivity.curvature import Curvature, DerivativeSums, LatentTrials, edge_slopes
 
 STEPS = 200
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
@@ -21,64 +19,7 @@ SHORTEST = 1e-9
 # From so many different trials on a study is large.
 LARGE = 8_000
 # Trials times points whose derivatives are in memory at once.
-CELLS = 200_000
-
-
-class LatentTrials(Protocol):
-    """Trials whose answers are intervals between edges that are linear in the parameters.
-
-    See `OrdinalTrials`. The line's columns follow those of other shared parameters, and the
-    discrepancies of conditions follow the line.
-    """
-
-    @property
-    def subjects(self) -> int:
-        """Their number."""
-        ...
-
-    @property
-    def subject(self) -> IntArray:
-        """Position of each trial's subject; the trials are sorted by it."""
-        ...
-
-    @property
-    def weight(self) -> FloatArray:
-        """How often each trial occurs."""
-        ...
-
-    @property
-    def x(self) -> FloatArray:
-        """Contrast of each trial."""
-        ...
-
-    @property
-    def shared_start(self) -> FloatArray:
-        """Initial values of the shared parameters."""
-        ...
-
-    @property
-    def line_columns(self) -> slice:
-        """Positions of the population's line among the shared parameters."""
-        ...
-
-    @property
-    def loadings(self) -> Loadings:
-        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
-        ...
-
-    def some(self, step: int) -> Self:
-        """Return the trials of each `step`-th subject."""
-        ...
-
-    def bounds(
-        self, shared: FloatArray, own: FloatArray, sd: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper edges about the trials' place over σ, (trials, points)."""
-        ...
-
-    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
-        """Return the likelihood's derivatives with respect to the parameters."""
-        ...
+CELLS, LEAST_POINTS = 60_000, 32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +30,7 @@ class Components:
     root: FloatArray
     discrepancy_sd: FloatArray
 
-    def at(self, points: IntArray) -> "Components":
+    def at(self, points: BoolArray | IntArray) -> "Components":
         """Return the components at some of the points."""
         return Components(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
 
@@ -100,70 +41,41 @@ class LatentModes:
 
     `shared` (points, G): free thresholds, population line, discrepancies; `z` (points, subjects,
     2): each subject's departure from that line, in units of its prior; `value` (points,), NaN where
-    the mode was not found.
+    the mode was not found; `log_evidence` (points,), log marginal likelihood at these components,
+    up to a constant, NaN if it is unknown.
     """
 
     shared: FloatArray
     z: FloatArray
     value: FloatArray
+    log_evidence: FloatArray
     curvature: Curvature
 
-    def at(self, points: BoolArray) -> "LatentModes":
+    def at(self, points: BoolArray | IntArray) -> "LatentModes":
         """Return the modes at some of the points."""
-        return LatentModes(
-            shared=self.shared[points],
-            z=self.z[points],
-            value=self.value[points],
-            curvature=self.curvature.at(points),
-        )
-
-    def replaced(self, points: IntArray, others: "LatentModes") -> "LatentModes":
-        """Return these modes, with others at some of the points."""
-        return LatentModes(
-            shared=_with(self.shared, points, others.shared),
-            z=_with(self.z, points, others.z),
-            value=_with(self.value, points, others.value),
-            curvature=Curvature(
-                **{
-                    part.name: _with(
-                        getattr(self.curvature, part.name),
-                        points,
-                        getattr(others.curvature, part.name),
-                    )
-                    for part in fields(Curvature)
-                }
-            ),
-        )
+        parts = {name: getattr(self, name)[points] for name in _OF_POINTS}
+        return LatentModes(**parts, curvature=self.curvature.at(points))
 
     @classmethod
-    def joined(cls, parts: Iterable["LatentModes"]) -> "LatentModes":
-        """Return the modes at the points of all parts."""
-        every = list(parts)
-        if len(every) == 1:
+    def joined(cls, parts: list[tuple[IntArray, "LatentModes"]]) -> "LatentModes":
+        """Return the modes of all parts, each with the numbers of its points; later ones count."""
+        every = [part for _, part in parts]
+        order = np.concatenate([points for points, _ in parts])
+        if len(every) == 1 and (np.diff(order) == 1).all():
             return every[0]
-        return cls(
-            **{
-                name: np.concatenate([getattr(part, name) for part in every])
-                for name in ("shared", "z", "value")
-            },
-            curvature=Curvature(
-                **{
-                    part.name: np.concatenate([getattr(one.curvature, part.name) for one in every])
-                    for part in fields(Curvature)
-                }
-            ),
-        )
+        # The last place of each point.
+        _, last = np.unique(order[::-1], return_index=True)
+        chosen = len(order) - 1 - last
+        found = {
+            name: np.concatenate([getattr(part, name) for part in every])[chosen]
+            for name in _OF_POINTS
+        }
+        return cls(**found, curvature=Curvature.joined([part.curvature for part in every], chosen))
 
     @property
     def own(self) -> FloatArray:
         """Each subject's departure from the population's line, (points, subjects, 2)."""
-        return departures(self.curvature.root, self.z)
-
-    @property
-    def log_evidence(self) -> FloatArray:
-        """Log marginal likelihood at these components, up to a constant; NaN if it is unknown."""
-        # (26), mathematics/sensitivity
-        return self.value - self.curvature.log_determinant / 2
+        return departures(np.moveaxis(self.curvature.root, -1, 0), self.z)
 
     @property
     def parameters(self) -> FloatArray:
@@ -171,15 +83,12 @@ class LatentModes:
         return np.concatenate([self.shared, self.z.reshape(len(self.z), -1)], axis=1)
 
 
+_OF_POINTS = ("shared", "z", "value", "log_evidence")
+
+
 def departures(root: FloatArray, z: FloatArray) -> FloatArray:
     """Return L z of each subject, (points, subjects, 2)."""
     return np.asarray(np.einsum("pij,psj->psi", root, z))
-
-
-def _with(values: FloatArray, points: IntArray, others: FloatArray) -> FloatArray:
-    changed = values.copy()
-    changed[points] = others
-    return changed
 
 
 class LatentField:
@@ -191,6 +100,7 @@ class LatentField:
 
     def __init__(self, trials: LatentTrials) -> None:
         self.trials = trials
+        self._sums = DerivativeSums(trials)
 
     def start(self, points: int) -> tuple[FloatArray, FloatArray]:
         """Return the initial shared parameters and z at each point."""
@@ -199,40 +109,50 @@ class LatentField:
 
     def modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         """Return the mode at each of the given components by Newton's method from `start`."""
-        at_once = max(CELLS // len(self.trials.x), 1)
+        at_once = max(CELLS // len(self.trials.x), LEAST_POINTS)
         every = np.arange(len(start[0]))
+        parts = (every[first : first + at_once] for first in every[::at_once])
         return LatentModes.joined(
-            self._modes(components.at(part), (start[0][part], start[1][part]))
-            for part in (every[first : first + at_once] for first in every[::at_once])
+            [
+                (part, self._modes(components.at(part), (start[0][part], start[1][part])))
+                for part in parts
+            ]
         )
 
     def _modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
-        current = self.evaluated(*start, components)
+        current, points = self.evaluated(*start, components), np.arange(len(start[0]))
         lost = np.flatnonzero(np.isinf(current.value))
         if lost.size:  # edges that were foreseen out of order
             again = self.evaluated(*self.start(len(lost)), components.at(lost))
-            current = current.replaced(lost, again)
-        (shared, z), rise = _newton(current)
-        length = np.ones(len(rise))
+            current = LatentModes.joined([(points, current), (lost, again)])
+        found, length = [], np.ones(len(points))
+        shared, z, rise = _newton(current)
         for _ in range(STEPS):
             # A rise that is no number has not converged either: such a point stays unknown.
-            active = np.flatnonzero((rise >= RISE) & (length > SHORTEST))
-            if not active.size:
-                break
-            size = length[active]
+            active = (rise >= RISE) & (length > SHORTEST)
+            over = ~active
+            if over.any():
+                found.append((points[over], _known(current, rise).at(over)))
+                if over.all():
+                    break
+                current, points, length = current.at(active), points[active], length[active]
+                shared, z, rise = shared[active], z[active], rise[active]
             moved = self.evaluated(
-                current.shared[active] + size[:, None] * shared[active],
-                current.z[active] + size[:, None, None] * z[active],
-                components.at(active),
+                current.shared + length[:, None] * shared,
+                current.z + length[:, None, None] * z,
+                components.at(points),
             )
-            risen = moved.value > current.value[active]
-            length[active] = np.where(risen, np.minimum(2 * size, 1.0), size / 4)
-            if not risen.any():
-                continue
-            to, moved = active[risen], moved.at(risen)
-            current = current.replaced(to, moved)
-            (shared[to], z[to]), rise[to] = _newton(moved)
-        return replace(current, value=np.where(rise < RISE, current.value, np.nan))
+            risen = moved.value > current.value
+            length = np.where(risen, np.minimum(2 * length, 1.0), length / 4)
+            if risen.all():
+                current = moved
+            elif risen.any():
+                every, up = np.arange(len(points)), np.flatnonzero(risen)
+                current = LatentModes.joined([(every, current), (up, moved.at(up))])
+            shared, z, rise = _newton(current)
+        else:
+            found.append((points, _known(current, rise)))
+        return LatentModes.joined(found)
 
     def evaluated(self, shared: FloatArray, z: FloatArray, components: Components) -> LatentModes:
         """Return log posterior, gradient and curvature, -inf if edges are not in order."""
@@ -240,19 +160,24 @@ class LatentField:
             shared, departures(components.root, z), components.residual_sd
         )
         in_order = (upper > lower).all(axis=0)
-        # Elsewhere there is no likelihood; any edges in order will do.
-        slopes = edge_slopes(np.where(in_order, lower, -1.0), np.where(in_order, upper, 1.0))
-        likelihood = self.trials.curvature(slopes, components.residual_sd)
+        if not in_order.all():
+            # There is no likelihood; any edges in order will do.
+            lower, upper = np.where(in_order, lower, -1.0), np.where(in_order, upper, 1.0)
+        slopes = edge_slopes(lower, upper)
+        likelihood = self._sums.of(slopes, components.residual_sd)
         away = shared - self.trials.shared_start
         precision = self._shared_prior(components)
         # (22), mathematics/sensitivity
         squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
         value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
+        curvature = Curvature.of_posterior(
+            likelihood, (away, z), precision, components.root, self.trials.line_columns
+        )
+        value = np.where(in_order, value, -np.inf)
+        # (26), mathematics/sensitivity
+        evidence = value - curvature.log_determinant / 2
         return LatentModes(
-            shared=shared,
-            z=z,
-            value=np.where(in_order, value, -np.inf),
-            curvature=Curvature.of_posterior(likelihood, (away, z), precision, components.root),
+            shared=shared, z=z, value=value, log_evidence=evidence, curvature=curvature
         )
 
     def _shared_prior(self, components: Components) -> FloatArray:
@@ -263,9 +188,15 @@ class LatentField:
         return prior
 
 
-def _newton(found: LatentModes) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+def _known(at: LatentModes, rise: FloatArray) -> LatentModes:
+    """Return the modes, unknown where the search has not found them."""
+    none = np.where(rise < RISE, 0.0, np.nan)
+    return replace(at, value=at.value + none, log_evidence=at.log_evidence + none)
+
+
+def _newton(found: LatentModes) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Newton's step of shared parameters and z, and twice the rise that it expects."""
     curvature = found.curvature
     shared, z = curvature.newton_step()
-    rise = (curvature.shared_gradient * shared).sum(axis=1)
-    return (shared, z), rise + (curvature.own_gradient * z).sum(axis=(1, 2))
+    rise = (curvature.shared_gradient.T * shared).sum(axis=1)
+    return shared, z, rise + (curvature.own_gradient.T * z).sum(axis=(1, 2))

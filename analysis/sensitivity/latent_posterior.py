@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray
+from analysis.sensitivity.curvature import LatentTrials
 from analysis.sensitivity.integration import (
     LogDensity,
     Marginals,
@@ -13,7 +14,7 @@ from analysis.sensitivity.integration import (
     mode_of,
     weighted_points,
 )
-from analysis.sensitivity.laplace import LARGE, Components, LatentField, LatentModes, LatentTrials
+from analysis.sensitivity.laplace import LARGE, Components, LatentField, LatentModes
 from analysis.sensitivity.marginals import Combinations, marginals
 
 # A study of few trials leaves the variance components uncertain, so that it needs more points to

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, EdgeSlopes, edge_slopes
+from analysis.sensitivity.curvature import Curvature, EdgeSlopes, LatentTrials, edge_slopes
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.laplace import LatentModes, LatentTrials
+from analysis.sensitivity.laplace import LatentModes
 
 # Skewness varies little between points, so that it is computed at a few and interpolated.
 FEWEST_SKEW_POINTS, MOST_SKEW_POINTS = 16, 64
@@ -115,12 +115,12 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
     """Return the SD of each combination of the parameters, shape (points, quantities)."""
     own, common, mean = combinations.own, combinations.common, combinations.mean
     subject = combinations.subject
-    at_once = max(CELLS // len(subject), 1)
+    at_once, points = max(CELLS // len(subject), 1), curvature.whole.shape[-1]
     found = []
-    for first in range(0, len(curvature.whole), at_once):
-        part = curvature.at(np.arange(first, min(first + at_once, len(curvature.whole))))
-        blocks, reach = part.own_covariance, _reach(part, combinations)
-        variance = ((reach @ part.shared_covariance) * reach).sum(axis=2)
+    for first in range(0, points, at_once):
+        part = slice(first, first + at_once)
+        blocks, reach = curvature.own_covariance[part], _reach(curvature, combinations, part)
+        variance = ((reach @ curvature.shared_covariance[part]) * reach).sum(axis=2)
         of_mean = np.einsum("s,psij->pij", mean**2, blocks)
         variance += np.einsum("qi,pij,qj->pq", common, of_mean, common)
         # (4): a combination's own subject is also part of the mean.
@@ -131,13 +131,15 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
     return np.concatenate(found)
 
 
-def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
+def _reach(
+    curvature: Curvature, combinations: Combinations, points: slice = slice(None)
+) -> FloatArray:
     """Return how the combinations depend on the shared parameters, (points, quantities, G).
 
     The own parameters follow the shared ones, but for departures that are independent of these.
     """
     # (3)
-    response = curvature.response
+    response = curvature.response[points]
     mean = np.einsum("s,psig->pig", combinations.mean, response)
     reach = combinations.shared - combinations.common @ mean
     for i in range(2):
@@ -166,7 +168,8 @@ def skewness(
         # of `departs` and the combination's own part for the subject's own trials.
         by_shared = np.hstack([reach[point] @ covariance, combinations.common])
         along, departs, pairs = [], [], []
-        for of_shared, of_own in trials.loadings:
+        for of_shared in trials.loadings:
+            of_own = of_shared[:, trials.line_columns]
             free = of_shared - (of_own[:, None] @ response)[:, 0]
             departs.append((by_own @ of_own[..., None])[..., 0])
             along.append(np.hstack([free, mean * departs[-1]]))

@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.special import ndtr
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.sensitivity.curvature import EdgeSlopes, Loadings, Slopes, counted, sums
+from analysis.sensitivity.curvature import counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
@@ -85,17 +84,17 @@ class NoticingTrials:
         )
 
     @cached_property
-    def loadings(self) -> Loadings:
-        """How upper and lower edge depend on shared (trials, G) and own (trials, 2) parameters."""
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge depend on the shared parameters, (trials, G) each."""
         found = []
         for sign in self.signs:
-            shared = np.zeros((len(self.x), len(self.shared_start)))
-            shared[:, 0], shared[:, 1], shared[:, 2] = -LEAN, sign, -self.x
+            loading = np.zeros((len(self.x), len(self.shared_start)))
+            loading[:, 0], loading[:, 1], loading[:, 2] = -LEAN, sign, -self.x
             if self.conditions:
                 trials = np.arange(len(self.x))
-                shared[trials, self.line_columns.stop + self.condition] = -np.sign(self.x)
-            shared[sign == 0] = 0.0
-            found.append((shared, shared[:, self.line_columns]))
+                loading[trials, self.line_columns.stop + self.condition] = -np.sign(self.x)
+            loading[sign == 0] = 0.0
+            found.append(loading)
         return found[0], found[1]
 
     def some(self, step: int) -> "NoticingTrials":
@@ -105,69 +104,6 @@ class NoticingTrials:
         parts = {name: getattr(self, name)[chosen] for name in names}
         subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
         return replace(self, subjects=subjects, subject=subject, **parts)
-
-    @cached_property
-    def by_subject(self) -> csr_array:
-        """Sums per subject, times 1, x and x²."""
-        return sums(self.subject, self.subjects, self.weight, self.x, 3)
-
-    @cached_property
-    def by_cell(self) -> csr_array:
-        """Sums per subject and condition of what a discrepancy changes, times 1 and x."""
-        cell, cells = self.subject * self.conditions + self.condition, self.subjects
-        weight = self.weight * np.sign(self.x)
-        return sums(cell, cells * self.conditions, weight, self.x, 2)
-
-    def curvature(self, slopes: EdgeSlopes, residual_sd: FloatArray) -> Slopes:
-        """Return the likelihood's derivatives with respect to the parameters.
-
-        A trial depends on the criterion and on its place, which lean, d′ and discrepancy move:
-        (16) to (19) of docs/mathematics/sensitivity.md.
-        """
-        up, down = slopes.up / residual_sd, slopes.down / residual_sd
-        up_down = up * down
-        above = up * (slopes.upper / residual_sd + up) + up_down
-        beneath = down * (slopes.lower / residual_sd + down) + up_down
-        upper, lower = (sign[:, None] for sign in self.signs)
-        # Slopes by place and criterion, then the negative second derivatives.
-        place, criterion = -(up + down), upper * up + lower * down
-        by_place, mixed = above + beneath, -(upper * above + lower * beneath)
-        by_criterion = upper**2 * above + lower**2 * beneath - (upper - lower) ** 2 * up_down
-        points, subjects, conditions = len(residual_sd), self.subjects, self.conditions
-
-        def of_subjects(values: FloatArray) -> FloatArray:
-            return np.asarray((self.by_subject @ values).T.reshape(points, subjects, 3))
-
-        def of_cells(values: FloatArray) -> FloatArray:
-            return np.asarray((self.by_cell @ values).T.reshape(points, subjects, conditions, 2))
-
-        c, b = of_subjects(by_place), of_subjects(mixed)
-        crossed = np.stack([b[..., 1], c[..., 2]], axis=-1)
-        pulls = np.stack([of_subjects(criterion)[..., 0], of_subjects(place)[..., 1]], axis=-1)
-        own = np.stack(
-            [np.stack([of_subjects(by_criterion)[..., 0], b[..., 1]], axis=-1), crossed], axis=-2
-        )
-        with_lean = LEAN * np.stack([b[..., 0], c[..., 1]], axis=-1)[..., None]
-        cells, pulled = of_cells(by_place), of_cells(place)[..., 0].sum(axis=1)
-        with_effects = np.stack([of_cells(mixed)[..., 0], cells[..., 1]], axis=2)
-        cross = np.concatenate([with_lean, own, with_effects], axis=3)
-        line, rest = self.line_columns, np.arange(3, 3 + conditions)
-        whole = np.zeros((points, 3 + conditions, 3 + conditions))
-        whole[:, line] = cross.sum(axis=1)
-        whole[:, :, line] = np.swapaxes(whole[:, line], 1, 2)
-        whole[:, 0, 0] = LEAN**2 * c[..., 0].sum(axis=1)
-        whole[:, 0, 3:] = whole[:, 3:, 0] = LEAN * cells[..., 0].sum(axis=1)
-        weight = self.weight * np.abs(np.sign(self.x))
-        of_conditions = sums(self.condition, conditions, weight, self.x, 1)
-        whole[:, rest, rest] = (of_conditions @ by_place).T
-        lean = LEAN * of_subjects(place)[..., :1].sum(axis=1)
-        return Slopes(
-            shared_gradient=np.concatenate([lean, pulls.sum(axis=1), pulled], axis=1),
-            own_gradient=pulls,
-            own_precision=own,
-            cross=cross,
-            whole=whole,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

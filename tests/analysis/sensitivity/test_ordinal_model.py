@@ -86,13 +86,14 @@ def test_gradient_and_curvature_are_those_of_the_posterior() -> None:
     found = field.evaluated(shared[None], own[None], COMPONENTS).curvature
     size = len(shared)
     whole = np.zeros((size + 8, size + 8))
-    whole[:size, :size] = found.whole[0]
+    whole[:size, :size] = found.whole[..., 0]
     for number in range(4):
         block = slice(size + 2 * number, size + 2 * number + 2)
-        whole[block, block] = found.own_precision[0, number]
-        whole[block, :size] = found.cross[0, number]
-        whole[:size, block] = found.cross[0, number].T
-    gradient = np.concatenate([found.shared_gradient[0], found.own_gradient.ravel()])
+        first, mixed, second = found.own_precision[:, number, 0]
+        whole[block, block] = [[first, mixed], [mixed, second]]
+        whole[block, :size] = found.cross[:, number, :, 0]
+        whole[:size, block] = found.cross[:, number, :, 0].T
+    gradient = np.concatenate([found.shared_gradient[:, 0], found.own_gradient.T.ravel()])
 
     def value(step: FloatArray) -> float:
         moved = shared + step[:size], own + step[size:].reshape(4, 2)
@@ -112,7 +113,7 @@ def test_newton_ends_at_the_mode() -> None:
     field = a_field()
     mode = field.modes(COMPONENTS, field.start(1))
     there = field.evaluated(mode.shared, mode.z, COMPONENTS).curvature
-    gradient = [there.shared_gradient[0], there.own_gradient.ravel()]
+    gradient = [there.shared_gradient.ravel(), there.own_gradient.ravel()]
     assert np.abs(np.concatenate(gradient)).max() < 1e-4
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -253,12 +254,13 @@ def test_the_evidence_is_that_of_a_dense_matrix_at_any_components() -> None:
         mode = field.modes(components, field.start(1))
         known, size = mode.curvature, mode.shared.shape[1]
         whole = np.zeros((size + 8, size + 8))
-        whole[:size, :size] = known.whole[0]
-        whole[size:, :size] = known.cross[0].reshape(8, size)
+        whole[:size, :size] = known.whole[..., 0]
+        whole[size:, :size] = np.swapaxes(known.cross[..., 0], 0, 1).reshape(8, size)
         whole[:size, size:] = whole[size:, :size].T
         for number in range(4):
             block = slice(size + 2 * number, size + 2 * number + 2)
-            whole[block, block] = known.own_precision[0, number]
+            first, mixed, second = known.own_precision[:, number, 0]
+            whole[block, block] = [[first, mixed], [mixed, second]]
         exact = mpmath.log(mpmath.det(mpmath.matrix(whole.tolist())))
         assert float(known.log_determinant[0]) == pytest.approx(float(exact), abs=error)
         assert np.isfinite(mode.log_evidence[0])

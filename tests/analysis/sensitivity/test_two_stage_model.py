@@ -63,7 +63,7 @@ def test_gradient_and_curvature_of_noticing_are_those_of_the_posterior() -> None
     def value(parameters: np.ndarray) -> np.ndarray:
         shared, own = parameters[None, :5], parameters[5:].reshape(1, 3, 2)
         found = field.evaluated(shared, own, components).curvature
-        first = [found.shared_gradient[0], found.own_gradient.ravel()]
+        first = [found.shared_gradient.ravel(), found.own_gradient.T.ravel()]
         return np.concatenate([field.evaluated(shared, own, components).value, *first])
 
     at = np.concatenate([[0.5, 1.2, 0.9, 0.2, -0.1], 0.1 * rng.normal(size=6)])
@@ -71,12 +71,14 @@ def test_gradient_and_curvature_of_noticing_are_those_of_the_posterior() -> None
     slopes = np.array([(value(at + step) - value(at - step)) / 2e-5 for step in steps])
     assert value(at)[1:] == pytest.approx(slopes[:, 0], abs=1e-7)
     found = field.evaluated(at[None, :5], at[5:].reshape(1, 3, 2), components).curvature
-    assert -slopes[:5, 1:6] == pytest.approx(found.whole[0], abs=1e-6)
-    assert -slopes[5:, 1:6] == pytest.approx(found.cross[0].reshape(6, 5), abs=1e-6)
+    assert -slopes[:5, 1:6] == pytest.approx(found.whole[..., 0], abs=1e-6)
+    cross = np.swapaxes(found.cross[..., 0], 0, 1).reshape(6, 5)
+    assert -slopes[5:, 1:6] == pytest.approx(cross, abs=1e-6)
     own = np.zeros((6, 6))
     for number in range(3):
         block = slice(2 * number, 2 * number + 2)
-        own[block, block] = found.own_precision[0, number]
+        first, mixed, second = found.own_precision[:, number, 0]
+        own[block, block] = [[first, mixed], [mixed, second]]
     assert -slopes[5:, 6:] == pytest.approx(own, abs=1e-6)
 
 

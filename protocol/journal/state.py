@@ -9,7 +9,6 @@ from protocol.journal import events
 from protocol.journal.events import Event, Opening, StoredEvent
 
 # The states of a session and the events that each allows; all other events are refused.
-#
 # docs/journal.md draws the table.
 
 EXCLUDED = ("excluded", "dropped")

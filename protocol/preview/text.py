@@ -195,7 +195,10 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
         if not any(map(any, carryover.counts)):
             why = "no condition directly follows another within a block"
         many = _many(len(shown.plans), "participant")
-        yield f"Carry-over  not balanced over {many} ({why}): {_advice(shown)}"
+        size, advice = sequences(shown.study), "this design cannot balance it"
+        if balance_guaranteed(shown.study, size):
+            advice = f"use a multiple of {size} participants"
+        yield f"Carry-over  not balanced over {many} ({why}): {advice}"
     yield "How often the condition of a column directly follows that of a row:"
     header = ("", *names)
     rows = [
@@ -204,13 +207,6 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
     ]
     yield from _table(iter([header, *rows]))
-
-
-def _advice(shown: Preview) -> str:
-    size = sequences(shown.study)
-    if balance_guaranteed(shown.study, size):
-        return f"use a multiple of {size} participants"
-    return "this design cannot balance it"
 
 
 def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:

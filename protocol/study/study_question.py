@@ -108,7 +108,6 @@ Answer = str | int | float | tuple[str, ...] | None
 
 BETWEEN = ";"
 """Between the values of several labels in an answer."""
-_IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 LONGEST_IDENTIFIER = 40
 MOST_LABELS = 9
 """So that each one has a key of its own."""
@@ -117,7 +116,7 @@ ANALOGUE = (0.0, 100.0, 0.1)
 
 
 def _identifier(name: str) -> str:
-    if not _IDENTIFIER.fullmatch(name):
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ValueError("must begin with a small letter and hold only a to z, 0 to 9 and _")
     return name
 

@@ -11,7 +11,16 @@ import numpy as np
 from analysis.estimates import NotEstimable
 from analysis.kept import Kept
 from analysis.report.drawing import Draw, Drawing, Words, kept_drawing
-from analysis.report.wording import MISSING, interval, number, p_value
+from analysis.report.wording import (
+    MISSING,
+    interval,
+    needed_rank,
+    number,
+    p_of_fit,
+    p_value,
+    prediction_error,
+    ranking,
+)
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
 
@@ -122,6 +131,20 @@ def spread_columns(across: str) -> list[Column]:
         Column(across, itemgetter(0)),
         Column("n", lambda group: len(group[1])),
         *(Column(name, quantile(quarters / 4), 2) for name, quarters in shares),
+    ]
+
+
+def law_columns(name: str, without: str) -> list[Column]:
+    """Return the columns of laws, or of other predictors, that are compared with the ratings."""
+    return [
+        Column(name, "law"),
+        Column("Spearman", "order.spearman", 2),
+        Column("p", "order.p", p_value),
+        Column("smallest for p < .05", "order", needed_rank),
+        Column("order, strongest first", "order", ranking, kind="ranking"),
+        Column("prediction error", "likelihood.prediction_error", prediction_error),
+        Column(without, "likelihood.prediction_error.without", 2),
+        Column("p of the fit", "likelihood", p_of_fit),
     ]
 
 

@@ -159,19 +159,8 @@ _KEYS = (
     *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal"),
     *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
     *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "measured"),
-    *(
-        "recovery",
-        "contrast_law",
-        "contrast_rung",
-        "contrast_ranges",
-        "laws",
-        "checks",
-        "signal",
-        "questions",
-        "trials",
-        "provenance",
-        "registration",
-    ),
+    *("recovery", "contrast_law", "contrast_rung", "contrast_ranges", "laws", "checks", "signal"),
+    *("questions", "trials", "provenance", "registration"),
 )
 """Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""
 

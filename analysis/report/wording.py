@@ -7,9 +7,8 @@ from analysis.loading.records import Exclusion
 from analysis.sensitivity.lines import Lines
 from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import Reading
-from analysis.trials.law_likelihood import LawLikelihood, LawOrder
+from analysis.trials.law_likelihood import LawLikelihood, LawOrder, PredictionError
 from analysis.trials.trial_checks import Proportion
-from analysis.trials.trial_statistics import LawScore
 
 MISSING = "–"
 UNBOUNDED = "unbounded"
@@ -197,31 +196,33 @@ def of_all(shown: int, of: int, what: str) -> str:
     return f" {shown} of {of} {what} are drawn, evenly spaced." if shown < of else ""
 
 
-def law_cells(score: LawScore) -> list[str]:
-    """Return order and fit of a law in the columns of the table of laws."""
-    return [*_order_cells(score.order), *_felt(score.likelihood)]
-
-
-def _order_cells(order: LawOrder | NotEstimable) -> list[str]:
+def needed_rank(order: LawOrder | NotEstimable) -> str:
+    """Return the smallest rank correlation of these ranks that has p < .05."""
     if isinstance(order, NotEstimable):
-        return [*[number(None)] * 3, f"not estimable: {order.reason}"]
+        return MISSING
     needed = order.rank_needed
-    return [
-        number(order.spearman, 2),
-        p_value(order.p),
-        # No correlation at all would have p < .05 with so few conditions or so many ties.
-        "none" if isinstance(needed, NotEstimable) else number(needed, 2),
-        " > ".join(" = ".join(group) for group in order.tied),
-    ]
+    # No correlation at all would have p < .05 with so few conditions or so many ties.
+    return "none" if isinstance(needed, NotEstimable) else number(needed, 2)
 
 
-def _felt(found: LawLikelihood | NotEstimable) -> list[str]:
-    if isinstance(found, NotEstimable):
-        return [number(None)] * 3
-    gain_p = found.gain_p
-    p = f"not available: {gain_p.reason}" if isinstance(gain_p, NotEstimable) else p_value(gain_p)
-    errors = found.prediction_error
-    if isinstance(errors, NotEstimable):
-        return [number(None), number(None), p]
-    outside = f" ({', '.join(errors.outside_scale)} outside)" if errors.outside_scale else ""
-    return [number(errors.with_law, 2) + outside, number(errors.without, 2), p]
+def ranking(order: LawOrder | NotEstimable) -> str:
+    """Return the order of the conditions, the strongest first."""
+    if isinstance(order, NotEstimable):
+        return f"not estimable: {order.reason}"
+    return " > ".join(" = ".join(group) for group in order.tied)
+
+
+def prediction_error(error: PredictionError | NotEstimable) -> str:
+    """Return the error of the predictions, and which of them lie outside the scale."""
+    if isinstance(error, NotEstimable):
+        return MISSING
+    outside = f" ({', '.join(error.outside_scale)} outside)" if error.outside_scale else ""
+    return number(error.with_law, 2) + outside
+
+
+def p_of_fit(felt: LawLikelihood | NotEstimable) -> str:
+    """Return p of a law's fit, or why there is none."""
+    if isinstance(felt, NotEstimable):
+        return MISSING
+    p = felt.gain_p
+    return f"not available: {p.reason}" if isinstance(p, NotEstimable) else p_value(p)

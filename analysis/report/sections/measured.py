@@ -5,9 +5,9 @@ from types import SimpleNamespace
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.report.as_json import fit_json, law_json
-from analysis.report.blocks import Column, Items, Section, Table, columns, estimate
+from analysis.report.blocks import Column, Items, Section, Table, estimate, law_columns
 from analysis.report.findings import Findings
-from analysis.report.wording import MISSING, group_gain, law_cells, number, p_equals
+from analysis.report.wording import MISSING, group_gain, number, p_equals
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
@@ -158,18 +158,14 @@ def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Tabl
 
 
 def _predictor_table(measured: MeasuredStatistics) -> Table:
-    return Table(
+    return Table.over(
+        measured.predictors,
+        law_columns("predictor", "without a predictor"),
         name="predictors",
         caption="What people may feel, each measured in the same trials and compared with the "
         "ratings as the friction laws are: the order of the conditions, the error of the mean "
         "rating of each condition predicted from the others, and the share of all assignments to "
         "the conditions that fit the ratings at least as well.",
-        columns=[
-            *columns("predictor", "Spearman", "p", "smallest for p < .05"),
-            Column(name="order, strongest first", kind="ranking"),
-            *columns("prediction error", "without a predictor", "p of the fit"),
-        ],
-        rows=[[score.law, *law_cells(score)] for score in measured.predictors],
     )
 
 

@@ -5,7 +5,7 @@ from functools import partial
 
 from analysis.estimates import NotEstimable, plain
 from analysis.report.as_json import law_json
-from analysis.report.blocks import Block, Column, Figure, Section, Table, columns
+from analysis.report.blocks import Block, Figure, Section, Table, columns, law_columns
 from analysis.report.figure_data import (
     HEADLINE,
     SIMPLE,
@@ -16,7 +16,7 @@ from analysis.report.figure_data import (
     scatter_figure,
 )
 from analysis.report.findings import Findings
-from analysis.report.wording import SKIN_IN_SHORT, law_cells, number, of_all, share
+from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
 from device.friction.changes import LAW, RUNG
@@ -155,7 +155,9 @@ def _laws_line(trials: TrialStatistics) -> str:
 
 
 def _law_table(laws: Sequence[LawScore]) -> Table:
-    return Table(
+    return Table.over(
+        laws,
+        law_columns("law", "without a law"),
         name="laws",
         caption="Each friction law compared with the ratings. Order of the conditions: Spearman's "
         "correlation of predicted contrasts with mean scores, p over all orders, and the smallest "
@@ -166,12 +168,6 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
         "outside are named. p of the fit: share of all assignments of the contrasts to the "
         "conditions that fit the "
         "ratings at least as well." + _circular(laws),
-        columns=[
-            *columns("law", "Spearman", "p", "smallest for p < .05"),
-            Column(name="order, strongest first", kind="ranking"),
-            *columns("prediction error", "without a law", "p of the fit"),
-        ],
-        rows=[[score.law, *law_cells(score)] for score in laws],
     )
 
 

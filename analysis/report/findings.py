@@ -14,7 +14,6 @@ from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
 from analysis.statistics.summary import TableStatistics
-from analysis.trials.contrasts import TrialContrasts
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.participant_texts import scale_in_words
@@ -117,17 +116,36 @@ class Findings:
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
-        """A record per trial that counts, with its predicted contrasts and the measured one."""
-        records = trial_records(self.loaded, self.trials.contrasts)
+        """A record per trial that counts, with its predicted contrasts and the measured one.
+
+        `touch_measured` says whether the prediction is for force or place as measured.
+        """
+        contrasts = self.trials.contrasts
+        trials = zip(*(values(self.loaded.trials[of]) for of in _TRIAL.values()), strict=True)
+        by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
+        records = [
+            {
+                **dict(zip(_TRIAL, trial, strict=True)),
+                "touch_measured": measured,
+                "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
+                # The key is there in every study, so that programs need not ask for it.
+                "measured": None,
+            }
+            for trial, measured, predicted in zip(
+                trials, contrasts.measured.tolist(), by_law, strict=True
+            )
+        ]
         if self.measured is None:
-            # The key is there in every study, so that programs need not ask for it.
-            return [{**record, "measured": None} for record in records]
-        found = self.measured.trials
-        numbers = zip(records, plain(found.value), plain(found.error), found.why, strict=True)
+            return records
+        felt = self.measured.trials
+        numbers = zip(records, plain(felt.value), plain(felt.error), felt.why, strict=True)
         return [
-            {**record, "measured": {"contrast": contrast, "error": error}}
-            if why is None
-            else {**record, "measured": None, "measured_reason": why}
+            record
+            | (
+                {"measured": {"contrast": contrast, "error": error}}
+                if why is None
+                else {"measured_reason": why}
+            )
             for record, contrast, error, why in numbers
         ]
 
@@ -166,7 +184,7 @@ class Findings:
         return scale_in_words(self.study, self.rating)
 
 
-_TRIAL_COLUMNS = {
+_TRIAL = {
     "subject": "participant",
     "session": "session",
     "index": "trial_index",
@@ -181,22 +199,3 @@ _TRIAL_COLUMNS = {
     "reaction_s": "reaction_time_s",
 }
 """What a trial's record holds, and the column it comes from."""
-
-
-def trial_records(loaded: StudyData, contrasts: TrialContrasts) -> list[dict[str, Any]]:
-    """Return a record per trial that counts, with the contrast that each law predicts.
-
-    `touch_measured` says whether the prediction is for force or place as measured.
-    """
-    trials = zip(*(values(loaded.trials[name]) for name in _TRIAL_COLUMNS.values()), strict=True)
-    by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
-    return [
-        {
-            **dict(zip(_TRIAL_COLUMNS, trial, strict=True)),
-            "touch_measured": measured,
-            "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
-        }
-        for trial, measured, predicted in zip(
-            trials, contrasts.measured.tolist(), by_law, strict=True
-        )
-    ]

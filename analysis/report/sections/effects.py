@@ -123,7 +123,6 @@ def _interaction_line(trials: TrialStatistics) -> list[str]:
 
 
 def _condition_table(found: Findings) -> Table:
-    """Return each condition's additive effect, and its effects in the ordinal models."""
     conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
     effects = found.table.additive
     additive = (
@@ -164,7 +163,6 @@ def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
 
 
 def _subject_table(table: TableStatistics) -> Table | None:
-    """Return each subject's additive effect and slope, or None if they are not estimable."""
     effects, gains = table.additive, table.heterogeneity
     if isinstance(effects, NotEstimable):
         return None

@@ -104,7 +104,6 @@ def _contrasts_table(measured: MeasuredStatistics) -> Table:
 
 
 def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table | None:
-    """Return each subject's gain by M2 on predicted and on measured contrasts."""
     nominal, felt = _lines(trials.m2), _lines(measured.m2)
     if felt is None:
         return None
@@ -128,7 +127,6 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
 
 
 def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table:
-    """Return gain and spread of the group under each model, on either kind of contrast."""
     # The headline first.
     fits: list[tuple[str, str, Fit]] = [
         ("M2", "predicted", trials.m2),

@@ -36,7 +36,14 @@ def predictive(found: Findings) -> Section:
             f"advance, is p < {LEVEL:g} for any of its statistics after Holm's correction.",
             *(_check_figure(model, check, found.keep) for model, check in checks.items()),
         ],
-        data={"predictive_checks": {model: _check_json(check) for model, check in checks.items()}},
+        data={
+            "predictive_checks": {
+                model: plain(check)
+                if isinstance(check, NotEstimable)
+                else {**plain(check), "level": LEVEL, "rejected": check.refusal is not None}
+                for model, check in checks.items()
+            }
+        },
     )
 
 
@@ -72,13 +79,6 @@ def _check_table(model: str, check: PredictiveCheck) -> Table:
         "at each draw (median and 95% interval); p is the share of draws at which the simulated "
         "study is at least as far from what the model expects.",
     )
-
-
-def _check_json(check: PredictiveCheck | NotEstimable) -> Json:
-    found: Json = plain(check)
-    if isinstance(check, PredictiveCheck):
-        found |= {"level": LEVEL, "rejected": check.refusal is not None}
-    return found
 
 
 def recovery(found: Findings) -> Section:
@@ -235,7 +235,6 @@ def _span(values: Mapping[str, float]) -> str:
 def _place_gains(
     every: OrdinalSensitivity | NotEstimable, places: OrdinalSensitivity | NotEstimable
 ) -> Table | str:
-    """Return gains from all conditions beside those from the conditions at a place."""
     if isinstance(places, NotEstimable):
         return f"Gains from the conditions at a place alone are not available: {places.reason}."
     # A comparison needs both; that M2 has no fit is said elsewhere on the page.

@@ -119,7 +119,6 @@ def _levels_table(data: Sequence[ByLevel]) -> Table:
 
 
 def _prediction_table(found: Findings) -> Table:
-    """Return each law's mean predicted contrast by condition, beside the mean score."""
     laws, means = found.trials.laws, found.table.main.table4.column_means
     # The paper's own ranking has ranks, which would look like contrasts here.
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws

@@ -249,12 +249,10 @@ def trials(found: Findings) -> Section:
 
 
 def _trials_anchor(row: int, column: int) -> str:
-    """Return the id of the first trial behind a cell of Table 4."""
     return f"trials-{row + 1}-{column + 1}"
 
 
 def _cell_anchor(row: int, column: int) -> str:
-    """Return the id of a cell of Table 4."""
     return f"cell-{row + 1}-{column + 1}"
 
 

@@ -174,7 +174,6 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
 
 
 def _relative_figure(trials: TrialStatistics) -> Figure:
-    """Return who is more sensitive than whom, if there are several subjects."""
     model, lines = next(iter(gains(trials).items()), ("", None))
     if lines is None or not lines.subjects[0].relative_gain_known:
         return Figure(name="relative-gains")
@@ -204,7 +203,6 @@ def _with_group(lines: Lines) -> list[Lines | SubjectLine]:
 
 
 def _gains_table(model: str, lines: Lines) -> Table:
-    """Return each subject's bias, gain, relative gain and JND, with intervals."""
     return Table.over(
         _with_group(lines),
         [

@@ -97,7 +97,6 @@ def _order_line(order: OrderAsRun | NotEstimable) -> str:
 
 
 def _follower_table(found: Findings) -> Table | None:
-    """Return how often each condition was felt directly after each other one."""
     order, names = found.trials.as_run, found.study.conditions
     if isinstance(order, NotEstimable):
         return None
@@ -374,7 +373,6 @@ def left_out_lines(loaded: StudyData) -> list[str]:
 
 
 def _counts(loaded: StudyData) -> dict[str, int]:
-    """Return the numbers of excluded sessions, trials and participants, by reason."""
     by_rule = [entry for entry in loaded.left_out if entry.by == "rule"]
     return {
         "rehearsals": loaded.rehearsals_left_out,

@@ -210,17 +210,10 @@ class Course:
     def _trial_started(self, event: TrialStarted) -> None:
         planned, resonance = self._planned[event.index], self._resonance
         attempts = self._attempts.setdefault(event.index, [])
-        attempt = AttemptRow(
+        attempt = AttemptRow.begun(
+            planned,
             session_id=self._rows.sessions.last_id,
-            trial_index=event.index,
             attempt=len(attempts) + 1,
-            block=planned.block,
-            trial_kind=planned.kind,
-            condition=planned.condition,
-            level=planned.level,
-            opposite=planned.opposite,
-            question=planned.question,
-            expected=planned.expected,
             notes="\n".join(self._early_notes) or None,
             started_utc=self._stored.utc,
             started_monotonic_s=self._stored.monotonic_s,
@@ -237,21 +230,12 @@ class Course:
     @_take.register
     def _touch_started(self, event: TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
-        # Sorted, so that equal plans are one key of the cache whatever the order of their entries.
-        planned = _touch(tuple(sorted(touches[event.touch].items())))
         self._rows.touches.append(
-            TouchRow(
+            TouchRow.begun(
+                # Sorted, so that equal plans are one key of the cache in whatever order.
+                _touch(tuple(sorted(touches[event.touch].items()))),
                 attempt_id=self._rows.attempts.last_id,
-                planned=planned,
                 beam=self._beam,
-                place=planned.place,
-                direction=planned.direction,
-                coverage=planned.coverage,
-                press=planned.press,
-                planned_voltage_v=planned.voltage_v,
-                planned_end_voltage_v=planned.end_voltage_v,
-                planned_frequency=planned.frequency,
-                planned_end_frequency=planned.end_frequency,
                 commanded_voltage_v=event.commanded.voltage_v,
                 commanded_frequency_hz=event.commanded.frequency_hz,
             )

@@ -174,7 +174,12 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
         for row in reader:
             if any(row):
                 rows.append((reader.line_num, row))
-                _require_few(len(rows), source)
+                # A header and a row per subject, before more of them fill the memory.
+                if len(rows) > MOST_SUBJECTS + 1:
+                    raise TableError(
+                        f"{source}: must have at most {MOST_SUBJECTS} subjects, got more; "
+                        "import them in parts"
+                    )
             line = reader.line_num + 1
     except csv.Error as error:
         # The csv module tells this cause from others by its text alone.
@@ -186,14 +191,6 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
     if not rows:
         raise TableError(f"{source}: must have a header and at least one row and one condition")
     return rows
-
-
-def _require_few(rows: int, source: str) -> None:
-    """Refuse more rows than a header and a row per subject, before they fill the memory."""
-    if rows > MOST_SUBJECTS + 1:
-        raise TableError(
-            f"{source}: must have at most {MOST_SUBJECTS} subjects, got more; import them in parts"
-        )
 
 
 def _require_commas(header: Sequence[str], where: str) -> None:
@@ -231,20 +228,18 @@ def _subject(cell: str, where: str) -> str:
         raise TableError(f"{where}: {error}; number the subjects") from None
 
 
-_KEPT = "add --keep-means if it holds scores"
-
-
 def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> None:
     """Refuse means under another name."""
+    kept = "add --keep-means if it holds scores"
     if (column := mean_column(table.scores)) is not None:
         raise TableError(
             f"{source}, line {lines[0]}, column {table.conditions[column]}: is the mean of all "
-            f"other columns; remove the column, or {_KEPT}"
+            f"other columns; remove the column, or {kept}"
         )
     if (row := mean_column(table.scores.T)) is not None:
         raise TableError(
             f"{source}, line {lines[row + 1]}: the row {table.subjects[row]!r} is the mean of all "
-            f"others; remove the row, or {_KEPT}"
+            f"others; remove the row, or {kept}"
         )
 
 

@@ -8,11 +8,13 @@ frequency without a unit is relative to the resonance.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Generic, TypeVar, get_type_hints
+from typing import Any, Generic, Self, TypeVar, get_type_hints
 
 import numpy as np
 import pandas as pd
 
+from protocol.journal.records import PlannedTrial
+from protocol.plan.trials import Trial
 from protocol.study.touch import Touch
 
 Row = TypeVar("Row")
@@ -119,6 +121,21 @@ class AttemptRow:
     study_text: Any = None
     rig: Any = None  # a `Calibration`
 
+    @classmethod
+    def begun(cls, planned: PlannedTrial | Trial, **known: Any) -> Self:
+        """Return the row of an attempt at a `planned` trial; `known` are its other columns."""
+        return cls(
+            trial_index=planned.index,
+            block=planned.block,
+            trial_kind=planned.kind,
+            condition=planned.condition,
+            level=planned.level,
+            opposite=planned.opposite,
+            question=planned.question,
+            expected=planned.expected,
+            **known,
+        )
+
 
 @dataclass(kw_only=True, slots=True)
 class TouchRow:
@@ -155,6 +172,22 @@ class TouchRow:
     force_ok: bool | None = None
     place_ok: bool | None = None
     speed_ok: bool | None = None
+
+    @classmethod
+    def begun(cls, planned: Touch, **known: Any) -> Self:
+        """Return the row of a touch that begins as `planned`; `known` are its other columns."""
+        return cls(
+            planned=planned,
+            place=planned.place,
+            direction=planned.direction,
+            coverage=planned.coverage,
+            press=planned.press,
+            planned_voltage_v=planned.voltage_v,
+            planned_end_voltage_v=planned.end_voltage_v,
+            planned_frequency=planned.frequency,
+            planned_end_frequency=planned.end_frequency,
+            **known,
+        )
 
 
 @dataclass(kw_only=True, slots=True)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -65,7 +65,7 @@ class Sessions:
     forces: Mapping[int, TouchForces | NotEstimable]
     incidents: tuple[Incident, ...]
     exclusions: tuple[Exclusion, ...]
-    withdrawn: int
+    withdrawn: int = 0
     withdrawn_completed: int = 0
     decisions: Decisions = ()
 
@@ -158,6 +158,13 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
             # Only between sessions, because later events still change the rows of the running one.
             for table in (rows.attempts, rows.touches, rows.answers):
                 table.pack()
+    return sessions_of(
+        rows, withdrawn=withdrawn, withdrawn_completed=withdrawn_completed, decisions=decisions
+    )
+
+
+def sessions_of(rows: Rows, **known: Any) -> Sessions:
+    """Return the tables of `rows`; `known` is what they do not tell."""
     sessions = rows.sessions.frame()
     rehearsed = sessions["session_kind"].eq("rehearsal")
     names = sessions["participant"]
@@ -179,9 +186,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         forces=rows.forces,
         incidents=tuple(map(told, rows.incidents)),
         exclusions=tuple(map(told, rows.exclusions)),
-        withdrawn=withdrawn,
-        withdrawn_completed=withdrawn_completed,
-        decisions=decisions,
+        **known,
     )
 
 

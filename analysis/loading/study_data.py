@@ -245,13 +245,10 @@ def notes(table: ScoreTable, empty: EmptyCells, least: float = 0.0) -> list[str]
     """Return what stands under Table 4: each mark, how often, and who or what has no score."""
     causes = Counter(empty.values())
     readable = _READ if table.given.any() else frozenset()
+    read = f"also read as {least:g} and as the lowest score."
     said = [
-        f"{MARKS[why]} {_TOLD[why]}: {'1 cell' if causes[why] == 1 else f'{causes[why]} cells'}, "
-        + (
-            f"also read as {least:g} and as the lowest score."
-            if why in readable
-            else "missing throughout."
-        )
+        f"{MARKS[why]} {_TOLD[why]}: {causes[why]} cell{'s' * (causes[why] != 1)}, "
+        f"{read if why in readable else 'missing throughout.'}"
         for why in Why
         if causes[why]
     ]

@@ -70,12 +70,8 @@ def _design_record(found: Findings, study: Study) -> Json:
         "estimates": [_estimate_record(estimate) for estimate in found.estimates],
         "null": {
             "studies": found.null_studies,
-            "any_supported": _number(found.any_false_claim.value),
-            "mc_error": _number(found.any_false_claim.error),
-            "supported": {
-                name: {"share": _number(each.value), "mc_error": _number(each.error)}
-                for name, each in found.false_claims.items()
-            },
+            **_pair("any_supported", found.any_false_claim),
+            "supported": {name: _pair("share", each) for name, each in found.false_claims.items()},
         },
         **({"registered": _registered_record(found)} if found.registered else {}),
         "answer": design_answer(found),
@@ -84,12 +80,7 @@ def _design_record(found: Findings, study: Study) -> Json:
 
 def _registered_record(found: Findings) -> Json:
     listed = [
-        {
-            "name": each.name,
-            "row": each.row or None,
-            "power": _number(each.power.value),
-            "mc_error": _number(each.power.error),
-        }
+        {"name": each.name, "row": each.row or None, **_pair("power", each.power)}
         for each in found.registered
     ]
     return {"primary": listed[0], "secondary": listed[1:]}
@@ -98,11 +89,14 @@ def _registered_record(found: Findings) -> Json:
 def _test_record(test: TestPower) -> Json:
     return {
         "name": test.name,
-        "power": _number(test.power.value),
-        "mc_error": _number(test.power.error),
-        "supported": _number(test.supported.value),
-        "supported_mc_error": _number(test.supported.error),
+        **_pair("power", test.power),
+        **_pair("supported", test.supported, "supported_mc_error"),
     }
+
+
+def _pair(name: str, measured: Measured, error: str = "mc_error") -> Json:
+    """Return a value and its Monte Carlo error under these names."""
+    return {name: _number(measured.value), error: _number(measured.error)}
 
 
 def _estimate_record(estimate: EstimateQuality) -> Json:
@@ -220,14 +214,17 @@ def design_answer(found: Findings) -> str:
 
 def _pairs_with_power(found: Findings) -> list[str]:
     """Return the pairs that are told apart often enough, such as `voltage above structure`."""
-    names = []
-    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    names, pairs = [], _pairs(found)
     # Mean differences stand last among the estimates, in the order of the tests.
     for test, difference in zip(pairs, found.estimates[-len(pairs) :], strict=True):
         if test.supported.value >= ENOUGH:
             ends = test.name.split(" - ")
             names.append(" above ".join(ends if difference.truth > 0 else reversed(ends)))
     return names
+
+
+def _pairs(found: Findings) -> list[TestPower]:
+    return [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
 
 
 def _rest(names: Sequence[str]) -> str:
@@ -240,8 +237,7 @@ def _percent(value: float) -> str:
 
 def left_out(found: Findings) -> set[str]:
     """Return the pairs that are not shown on a terminal: of many those that have least power."""
-    pairs = [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
-    pairs.sort(key=lambda test: -test.power.value)
+    pairs = sorted(_pairs(found), key=lambda test: -test.power.value)
     # What was registered is shown, however little power it has.
     return {test.name for test in pairs[_MOST_PAIRS:]} - {each.row for each in found.registered}
 
@@ -329,7 +325,7 @@ def _pairs_told_apart(lines: Mapping[str, Sequence[Findings]]) -> Panel:
     """Return the share of pairs of conditions that are told apart, the mean over all of them."""
 
     def measured(found: Findings) -> Measured:
-        pairs = [test.supported for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+        pairs = [test.supported for test in _pairs(found)]
         value = float(np.mean([each.value for each in pairs]))
         # The pairs share their studies: the error of the mean is at most the mean of the errors.
         return Measured(value, float(np.mean([each.error for each in pairs])))

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.estimates import BoolArray, FloatArray
 from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
-from analysis.loading.sessions import Sessions
+from analysis.loading.sessions import Sessions, sessions_of
 from analysis.loading.study_data import StudyData, study_data
 from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort
 from device.people.answering import SAME, answer_of
@@ -47,18 +47,7 @@ def loaded_sessions(
             )
         )
         _add_trials(rows, planned, made, person)
-    sessions = rows.sessions.frame()
-    return Sessions(
-        sessions=sessions.assign(subject=sessions["participant"]),
-        attempts=rows.attempts.frame(),
-        touches=rows.touches.frame(),
-        answers=rows.answers.frame(),
-        traces=rows.traces(),
-        forces={},
-        incidents=(),
-        exclusions=(),
-        withdrawn=0,
-    )
+    return sessions_of(rows)
 
 
 def _add_trials(rows: Rows, planned: PlannedTrials, made: Cohort, person: int) -> None:
@@ -71,17 +60,10 @@ def _add_trials(rows: Rows, planned: PlannedTrials, made: Cohort, person: int) -
         asked = trial.question if answered else None
         change = None if asked is None else answer_of(asked, said)
         rows.attempts.append(
-            AttemptRow(
+            AttemptRow.begun(
+                trial,
                 session_id=rows.sessions.last_id,
-                trial_index=trial.index,
-                trial_kind=trial.kind,
-                condition=trial.condition,
                 attempt=1,
-                block=trial.block,
-                level=trial.level,
-                opposite=trial.opposite,
-                question=trial.question,
-                expected=trial.expected,
                 answered=answered,
                 change=change,
                 agrees=None if change is None else change == trial.expected,
@@ -113,18 +95,10 @@ def _add_touch(
     touch = kind.trial.touches[number]
     resonance_hz = planned.study.rig.nominal_resonance_hz
     rows.touches.append(
-        TouchRow(
+        TouchRow.begun(
+            touch,
             attempt_id=rows.attempts.last_id,
-            planned=touch,
             beam=touch.beam or planned.study.touch.beam,
-            place=touch.place,
-            direction=touch.direction,
-            coverage=touch.coverage,
-            press=touch.press,
-            planned_voltage_v=touch.voltage_v,
-            planned_end_voltage_v=touch.end_voltage_v,
-            planned_frequency=touch.frequency,
-            planned_end_frequency=touch.end_frequency,
             commanded_voltage_v=touch.voltage_v,
             commanded_frequency_hz=touch.frequency * resonance_hz,
             start_voltage_v=touch.voltage_v,
@@ -173,20 +147,14 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
     of = planned.kinds
     scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
     catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
-    kept = made.answered & ~_too_soon_or_late(planned, made, scored | catch)
+    # A bound that the study does not set is left by no time, and a missing time leaves none.
+    rules = planned.study.exclusions
+    soon = made.reaction_s < (rules.min_reaction_s or 0.0)
+    late = made.reaction_s > (rules.max_reaction_s or np.inf)
+    kept = made.answered & ~((soon | late) & (scored | catch))
     given = kept & scored & ~np.isnan(made.score)
     alarms = kept & catch & (made.change != SAME)
     return kept & scored, _left_out(planned, kept & scored, given, kept & catch, alarms)
-
-
-def _too_soon_or_late(planned: PlannedTrials, made: Cohort, judged: BoolArray) -> BoolArray:
-    rules = planned.study.exclusions
-    wrong = np.zeros(judged.shape, dtype=np.bool_)
-    if rules.min_reaction_s is not None:
-        wrong |= made.reaction_s < rules.min_reaction_s
-    if rules.max_reaction_s is not None:
-        wrong |= made.reaction_s > rules.max_reaction_s
-    return judged & wrong
 
 
 def _left_out(

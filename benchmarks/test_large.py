@@ -1,27 +1,24 @@
 """What large tables and journals cost: time and memory of import, export, report and loading."""
 
+import json
 import os
 import random
+import sqlite3
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
 from time import process_time
 
-import numpy as np
 import pandas as pd
 from pytest_benchmark.fixture import BenchmarkFixture
 
 import touchbeam
 from benchmarks.compared import compare, tell
-from protocol.study_file.loading import parsed_study, template
-from runner.journal.opening import open_journal
-from tests.analysis.chains import chain
-from tests.analysis.reports import session_events
+from benchmarks.large_studies import large_study
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
-TEXT = template("extended").replace("repeats = 4", "repeats = 8")
-STUDY = parsed_study(TEXT)
-ARRANGEMENTS = 20
 MOST_GB = 2.0
 MOST_REPORT_GB = 1.0
 MOST_RATIO = 2.5
@@ -47,19 +44,6 @@ def _table(folder: Path, subjects: int) -> Path:
     file = folder / f"scores-{subjects}.csv"
     file.write_text("".join(",".join(row) + "\n" for row in (["subject", *names], *rows)))
     return file
-
-
-def _study(folder: Path, participants: int) -> Path:
-    """A study in which everybody answered 49 trials."""
-    folder.mkdir()
-    (folder / "study.toml").write_text(TEXT)
-    rng = np.random.default_rng(1)
-    with open_journal(folder / "study.db") as journal, journal.alone():
-        for number in range(participants):
-            name = f"P{number + 1:04d}"
-            for stored in chain(session_events(STUDY, number % ARRANGEMENTS, rng, who=name)):
-                journal.append(f"{name}/1", stored)
-    return folder
 
 
 def _told(
@@ -96,9 +80,9 @@ def test_100_000_trials_are_exported_in_proportion(
     benchmark: BenchmarkFixture, tmp_path: Path
 ) -> None:
     options = ("--format", "csv")
-    few = _study(tmp_path / "few", 2)
+    few = large_study(tmp_path / "few", 2)
     start_s, _ = _measured("export", few, tmp_path / "few-out", *options)
-    studies = [_study(tmp_path / str(count), count) for count in (1021, 2042)]
+    studies = [large_study(tmp_path / str(count), count) for count in (1021, 2042)]
 
     def exported() -> list[tuple[float, float]]:
         return [
@@ -118,8 +102,10 @@ def test_a_report_on_500_participants_is_written_in_proportion(
     benchmark: BenchmarkFixture, tmp_path: Path
 ) -> None:
     """Both sizes have more than 8,000 trials; what a report on a few costs is the same for all."""
-    start_s, _ = _measured("report", _study(tmp_path / "few", 10), "--out", tmp_path / "few-out")
-    studies = [_study(tmp_path / str(count), count) for count in (250, 500)]
+    start_s, _ = _measured(
+        "report", large_study(tmp_path / "few", 10), "--out", tmp_path / "few-out"
+    )
+    studies = [large_study(tmp_path / str(count), count) for count in (250, 500)]
 
     def reported() -> list[tuple[float, float]]:
         return [
@@ -136,7 +122,7 @@ def test_data_frames_of_1000_participants_take_at_most_3_times_what_reading_the_
     benchmark: BenchmarkFixture, tmp_path: Path
 ) -> None:
     """From a study that is loaded; reading and verifying the journal is told apart."""
-    folder = _study(tmp_path / "study", 1000)
+    folder = large_study(tmp_path / "study", 1000)
     out = tmp_path / "out"
     _measured("export", folder, out, "--format", "csv")
     began_s = process_time()
@@ -162,3 +148,36 @@ def test_data_frames_of_1000_participants_take_at_most_3_times_what_reading_the_
         f"loading and verifying the journal takes {(loaded_s - began_s) / read_s:.0f} x the peer",
     )
     assert framed_s - loaded_s <= 3 * read_s
+
+
+def test_loading_takes_at_most_6_times_what_reading_the_payloads_takes(
+    benchmark: BenchmarkFixture, tmp_path: Path
+) -> None:
+    folder = large_study(tmp_path / "study", 100)
+
+    def loaded() -> float:
+        began_s = process_time()
+        assert len(touchbeam.load(folder).recorded.attempts) == 4_900
+        return process_time() - began_s
+
+    def read() -> float:
+        began_s = process_time()
+        with sqlite3.connect(folder / "study.db") as rows:
+            for salt, body in rows.execute("SELECT salt, payload FROM event"):
+                assert json.loads(body) is not None
+                assert sha256(salt + body.encode()).digest()
+        rows.close()
+        return process_time() - began_s
+
+    loaded()  # the first time also imports what loads
+    pairs = [(loaded(), read()) for _ in range(5)]
+    benchmark.pedantic(loaded, rounds=1)
+    most_gb = getrusage(RUSAGE_SELF).ru_maxrss / 1024**2
+    ratio = compare(
+        benchmark,
+        "verify and load the journal of 100 participants x 49 trials",
+        "SQLite, json.loads and SHA-256 of the same payloads",
+        *zip(*pairs, strict=True),
+        f"at most {most_gb:.2f} GB",
+    )
+    assert ratio <= 6

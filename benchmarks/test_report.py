@@ -12,31 +12,10 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from benchmarks.compared import compare, tell
-from protocol.study_file.loading import parsed_study, template
-from runner.journal.opening import open_journal
-from tests.analysis.chains import chain
-from tests.analysis.reports import session_events
+from benchmarks.large_studies import large_study
 
 TOUCHBEAM = str(Path(sys.executable).with_name("touchbeam"))
-TEXT = template("extended").replace("repeats = 4", "repeats = 8")
-STUDY = parsed_study(TEXT)
 COHORTS = (125, 250, 500, 1000)
-ARRANGEMENTS = 20
-
-
-def _study(folder: Path, participants: int) -> Path:
-    """A study in which everybody answered 40 scored trials, and catch and practice trials."""
-    folder.mkdir()
-    (folder / "study.toml").write_text(TEXT)
-    rng = np.random.default_rng(1)
-    # In one transaction: how long sessions take to be recorded is measured elsewhere.
-    with open_journal(folder / "study.db") as journal, journal.alone():
-        for number in range(participants):
-            name = f"P{number + 1:04d}"
-            events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name)
-            for stored in chain(events):
-                journal.append(f"{name}/1", stored)
-    return folder
 
 
 def _children_s() -> float:
@@ -60,9 +39,9 @@ def _reported(folder: Path, *options: str) -> tuple[float, float]:
 def test_1000_participants_of_40_trials_take_a_minute_and_2_gb_and_time_grows_linearly(
     benchmark: BenchmarkFixture, tmp_path: Path
 ) -> None:
-    folders = [_study(tmp_path / str(count), count) for count in COHORTS]
+    folders = [large_study(tmp_path / str(count), count) for count in COHORTS]
 
-    start_s, _ = _reported(_study(tmp_path / "few", 2))
+    start_s, _ = _reported(large_study(tmp_path / "few", 2))
 
     def reported() -> list[tuple[float, float]]:
         return [_reported(folder) for folder in folders]
@@ -98,7 +77,7 @@ def test_a_report_of_five_people_costs_a_few_imports_of_all_it_needs(
     again: bool,
     most: float,
 ) -> None:
-    folder = _study(tmp_path / "study", 5)
+    folder = large_study(tmp_path / "study", 5)
     imports: list[float] = []
 
     def reported() -> float:
@@ -118,7 +97,7 @@ def test_a_report_of_five_people_costs_a_few_imports_of_all_it_needs(
 def test_all_choices_of_analysis_cost_less_than_the_report(
     benchmark: BenchmarkFixture, tmp_path: Path
 ) -> None:
-    folder = _study(tmp_path / "study", 20)
+    folder = large_study(tmp_path / "study", 20)
     plain_s, _ = _reported(folder)
 
     def explored() -> float:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, json_text, tsv_cell, tsv_text
 from analysis.export.columns import COLUMNS, Column, known
-from analysis.export.dataset import Dataset, language_of
+from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
 from analysis.export.trial_table import cells
@@ -212,7 +212,7 @@ def _task(data: Dataset, trials: pd.DataFrame) -> dict[str, Any]:
     task = {
         "TaskName": data.task_name,
         "TaskDescription": data.description(),
-        "Instructions": data.instructions(language_of(trials)),
+        "Instructions": data.instructions(values(trials["language"])[0]),
         "InstitutionName": facts.institution,
         "InstitutionAddress": facts.institution_address,
     }

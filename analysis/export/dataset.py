@@ -348,12 +348,6 @@ def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion,
     return (*asked.values(), *earlier.values())
 
 
-def language_of(trials: pd.DataFrame) -> str | None:
-    """Return the language of a session; None for a published one."""
-    found: str | None = values(trials["language"])[0]
-    return found
-
-
 def counted(number: int, what: str) -> str:
     """Return a number of things in words, such as `1 trial`."""
     return f"{number} {what}{'' if number == 1 else 's'}"

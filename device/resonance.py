@@ -46,8 +46,7 @@ def resonance(
     A coarse sweep finds the peak. A fine sweep about it is fitted by a parabola in 1/amplitude²,
     the form of a resonance near its peak, so that noise averages out.
 
-    Raises:
-        DeviceError: the range contains no peak, or the peak is not a resonance.
+    Raise `DeviceError` if the range contains no peak, or the peak is not a resonance.
     """
     # A rig may allow less than the usual amplitude of the search.
     voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)

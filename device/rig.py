@@ -186,8 +186,7 @@ class Rig:
     def recorded(self) -> Samples:
         """Stop recording, and return everything since `record`.
 
-        Raises:
-            DeviceError: samples were lost, or the device cannot be trusted.
+        Raise `DeviceError` if samples were lost, or the device cannot be trusted.
         """
         self.beat()
         if self._gauge is not None:
@@ -203,8 +202,7 @@ class Rig:
     def off(self) -> None:
         """Turn the output off and read it back, whatever has happened before.
 
-        Raises:
-            OutputUnknown: the device does not confirm it.
+        Raise `OutputUnknown` if the device does not confirm it.
         """
         self._owned(self._off)
 
@@ -242,8 +240,7 @@ class Rig:
     def close(self) -> None:
         """End the thread and give the port back; what is still on is turned off first.
 
-        Raises:
-            OutputUnknown: it was on, and the device does not confirm that it is off.
+        Raise `OutputUnknown` if it was on, and the device does not confirm that it is off.
         """
         try:
             if self._driver.driven is not None:

@@ -68,8 +68,7 @@ def _root_offset(order: int) -> float:
 def mode_constants(order: int) -> ModeConstants:
     """Return the constants of mode `order` (1, 2, …).
 
-    Raises:
-        OutOfRangeError: the order is not a whole number of at least 1.
+    Raise `OutOfRangeError` if the order is not a whole number of at least 1.
     """
     whole("mode", order, 1)
     order = int(order)

@@ -239,8 +239,7 @@ class Board(Driver):
     def force_source(self) -> "Board":
         """Return this board, if its firmware samples forces.
 
-        Raises:
-            CannotRecord: it does not.
+        Raise `CannotRecord` if it does not.
         """
         version = _FIRMWARE.match(self._firmware)
         if version is None or (int(version[1]), int(version[2])) < _FIRST_THAT_RECORDS:

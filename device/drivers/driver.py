@@ -142,8 +142,7 @@ class Driver(ABC):
     def check(self) -> None:
         """Check that the device does what it was told; any query keeps its watchdog quiet.
 
-        Raises:
-            DeviceError: it does not; the message says what it does instead.
+        Raise `DeviceError` if it does not; the message says what it does instead.
         """
 
     def _heard(self, said: ReadBack, amplitude_v: float) -> None:
@@ -172,8 +171,7 @@ class Driver(ABC):
     def force_source(self) -> ForceSource:
         """Return what samples forces for the force channel.
 
-        Raises:
-            CannotRecord: the device does not.
+        Raise `CannotRecord` if the device does not.
         """
         raise CannotRecord(
             f"a {self.dialect} device records no forces: force_channel.rate_hz needs a board or a "
@@ -210,8 +208,7 @@ class Driver(ABC):
     def switch_on(self, command: str) -> None:
         """Switch the output on; `reading` shows it as on from the command on.
 
-        Raises:
-            DeviceError: the device refuses or does not answer.
+        Raise `DeviceError` if the device refuses or does not answer.
         """
         if self.reading is not None:
             self.reading = replace(self.reading, at_s=self.monotonic(), output=True)
@@ -220,16 +217,14 @@ class Driver(ABC):
     def send_off(self) -> None:
         """Send off once, without waiting for anything.
 
-        Raises:
-            DeviceError: the port is gone or does not take it.
+        Raise `DeviceError` if the port is gone or does not take it.
         """
         self.link.tell(self.off_command)
 
     def off(self) -> None:
         """Turn the output off and read it back. A device that is not ours is left alone.
 
-        Raises:
-            OutputUnknown: the device does not confirm it, or was not asked.
+        Raise `OutputUnknown` if the device does not confirm it, or was not asked.
         """
         # Forgotten first: whatever fails below, nobody may take the output as meant to be on.
         self.driven = None
@@ -242,11 +237,7 @@ class Driver(ABC):
         self.confirm_off()
 
     def confirm_off(self) -> None:
-        """Check that the output is off.
-
-        Raises:
-            OutputUnknown: the device does not say so.
-        """
+        """Check that the output is off; raise `OutputUnknown` if the device does not say so."""
         try:
             still_on = self._asked_twice_whether_on()
         except DeviceError as error:
@@ -276,8 +267,7 @@ class Driver(ABC):
     def still_on(self) -> str:
         """Return what shows that the output is not off after all; nothing if it is off.
 
-        Raises:
-            DeviceError: the device does not say.
+        Raise `DeviceError` if the device does not say.
         """
         return "says that its output is on" if self.output() else ""
 
@@ -307,8 +297,7 @@ class Driver(ABC):
     def require_frequency(self, said_hz: float) -> None:
         """Check that the drive has the frequency that was last set.
 
-        Raises:
-            DeviceError: it has another one.
+        Raise `DeviceError` if it has another one.
         """
         if self.driven is None:
             return
@@ -367,11 +356,7 @@ def drivers() -> dict[str, type[Driver]]:
 
 
 def driver_of(dialect: str) -> type[Driver]:
-    """Return the driver of `dialect`.
-
-    Raises:
-        AddressError: there is none.
-    """
+    """Return the driver of `dialect`; raise `AddressError` if there is none."""
     if dialect not in drivers():
         known = ", ".join(drivers())
         raise AddressError(f"the dialect must be one of {known}, got {dialect!r}")
@@ -381,8 +366,7 @@ def driver_of(dialect: str) -> type[Driver]:
 def driver_for(idn: str) -> type[Driver]:
     """Return the driver for a device that answers `*IDN?` with `idn`.
 
-    Raises:
-        ForeignDevice: there is none.
+    Raise `ForeignDevice` if there is none.
     """
     for driver in drivers().values():
         if driver.idn.match(idn):

@@ -163,8 +163,7 @@ class Generator(Driver):
     def read_back(self) -> ReadBack:
         """Read the drive; a generator has no sensors.
 
-        Raises:
-            DeviceError: the output or a setting differs from what was commanded.
+        Raise `DeviceError` if the output or a setting differs from what was commanded.
         """
         status = self._status()
         amplitude_v = self.limits.amplifier.amplitude_v(status.vpp)

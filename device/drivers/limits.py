@@ -38,8 +38,7 @@ class Amplifier:
         >>> Amplifier(gain=20).vpp(200.0)
         20.0
 
-        Raises:
-            LimitExceeded: nobody has said what the gain is.
+        Raise `LimitExceeded` if nobody has said what the gain is.
         """
         return 2 * amplitude_v / self._known_gain()
 
@@ -50,8 +49,7 @@ class Amplifier:
     def check(self, amplitude_v: float, frequency_hz: float) -> None:
         """Refuse a drive that the amplifier cannot follow, or the generator cannot give.
 
-        Raises:
-            LimitExceeded: its slew, its current or the generator's voltage would be exceeded.
+        Raise `LimitExceeded` if its slew, its current or the generator's voltage would be exceeded.
         """
         # Checked even where the study file was: the frequency is now the measured resonance.
         slew = slew_v_per_us(amplitude_v, frequency_hz)
@@ -95,8 +93,7 @@ class Setpoint(CommandedDrive):
     def checked(self, limits: Limits) -> "Setpoint":
         """Return this setpoint if it stays within `limits`.
 
-        Raises:
-            LimitExceeded: it does not; nothing is clipped.
+        Raise `LimitExceeded` if it does not; nothing is clipped.
         """
         # Checked here as well as in study, plan and device, because each of these can be wrong.
         _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)

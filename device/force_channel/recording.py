@@ -107,8 +107,7 @@ class Forces:
 def scale_of(sizes: Sequence[float]) -> Scale:
     """Return the `sizes` of one count as a scale: N, N, m.
 
-    Raises:
-        ProtocolError: no such sensor is on a rig, so that its forces cannot be believed.
+    Raise `ProtocolError` if no such sensor is on a rig, so that its forces cannot be believed.
     """
     largest = [size * FULL_SCALE for size in sizes]
     # Not strict: that there are three sizes is tested beside it.
@@ -167,8 +166,7 @@ def encoded(block: Block) -> bytes:
 def decoded(content: bytes) -> Block:
     """Return the block of samples that `content` holds.
 
-    Raises:
-        ProtocolError: it is cut short, was changed on its way, or contradicts itself.
+    Raise `ProtocolError` if it is cut short, was changed on its way, or contradicts itself.
     """
     body, digest = content[: -_CRC.size], content[-_CRC.size :]
     if len(body) < _HEADER.size:
@@ -290,8 +288,7 @@ class Recorder:
     def add(self, block: Block, now_s: float) -> None:
         """Add a block that is the next one, heard at `now_s` on the host's clock.
 
-        Raises:
-            DeviceError: the source has given no samples for `SILENT_S`.
+        Raise `DeviceError` if the source has given no samples for `SILENT_S`.
         """
         if block.count:
             self._heard_s = now_s
@@ -306,8 +303,7 @@ class Recorder:
     def samples(self, offset: ClockOffset) -> Samples:
         """Return the recording; `offset` is that of the clocks at its end.
 
-        Raises:
-            DeviceError: one of the clocks was set or stood still since the beginning.
+        Raise `DeviceError` if one of the clocks was set or stood still since the beginning.
         """
         clocks = throughout((self.offset, offset))
         # The error is half of the range, so that clocks may move by twice as much.
@@ -331,8 +327,7 @@ class Recorder:
     def require_until(self, source_s: float) -> None:
         """Check that the samples reach to `source_s` on the source's clock.
 
-        Raises:
-            DeviceError: they end a block or more before it.
+        Raise `DeviceError` if they end a block or more before it.
         """
         end_s = self._first_s + self.count / self.rate_hz
         missing = round((source_s - end_s) * self.rate_hz)
@@ -441,8 +436,7 @@ class Recording:
     def fetch(self) -> int:
         """Ask for the next block; return how many samples came.
 
-        Raises:
-            DeviceError: samples were lost, or the source does not answer with what is due.
+        Raise `DeviceError` if samples were lost, or the source does not answer with what is due.
         """
         block = self._source.sampled(self._recorder.count, self._recorder.checked)
         self._recorder.add(block, self._clock_s())

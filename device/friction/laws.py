@@ -125,10 +125,6 @@ LAWS: Mapping[str, Law] = MappingProxyType(
 
 
 def law_by_name(name: str) -> Law:
-    """Return the law of that name.
-
-    Raises:
-        OutOfRangeError: the law does not exist.
-    """
+    """Return the law of that name; raise `OutOfRangeError` if the law does not exist."""
     one_of("law", name, LAWS)
     return LAWS[name]

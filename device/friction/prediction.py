@@ -129,8 +129,7 @@ def law_state(
 
     `window` is the contact's own, if it is known already.
 
-    Raises:
-        OutOfRangeError: a repaired law would take an a/u of Eq 15 outside [0, 1].
+    Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
     state = contact_state(contact, field, reference_tip_speed_m_s(rung), window)
     if choice.takes_eq15:
@@ -229,8 +228,7 @@ def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Fi
 def reduced_frequency_hz(batch: Batch) -> FloatArray:
     """Return each scene's frequency, with the resonance of `timoshenko-modes` where none is given.
 
-    Raises:
-        OutOfRangeError: the mode lies beyond the beam's cut-off.
+    Raise `OutOfRangeError` if the mode lies beyond the beam's cut-off.
     """
     resonant = np.isnan(batch.frequency_hz)
     if not resonant.any():
@@ -242,8 +240,7 @@ def reduced_frequency_hz(batch: Batch) -> FloatArray:
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of one named rung for a batch of scenes.
 
-    Raises:
-        OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off.
+    Raise `OutOfRangeError` if the rung does not exist, or the mode lies beyond its cut-off.
     """
     check_rung(rung)
     if rung == REDUCED_RUNG:

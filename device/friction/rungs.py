@@ -127,8 +127,7 @@ def modal_sum_field(
 
     See `device.beam.modal_pattern.modal_sum_field`.
 
-    Raises:
-        OutOfRangeError: a frequency lies beyond the modes that are summed.
+    Raise `OutOfRangeError` if a frequency lies beyond the modes that are summed.
     """
     from device.beam import modal_pattern
     from device.beam.timoshenko_modes import modal_basis
@@ -196,8 +195,7 @@ _RUNGS = {**{name: _modal(name) for name in MODAL_RUNGS}, **SEGMENTED_RUNGS}
 def rung(name: str) -> Rung:
     """Return the rung of that name, one of `RUNG_NAMES`; `modes:12` is the sum of twelve modes.
 
-    Raises:
-        OutOfRangeError: the rung does not exist.
+    Raise `OutOfRangeError` if the rung does not exist.
     """
     if name in _RUNGS:
         return _RUNGS[name]

@@ -69,8 +69,7 @@ class LineGauge(GaugeDriver):
 def block(line: str, scale: Scale) -> Block:
     """Return the samples in `line`: `first;time;count;t,n,x;…;digest`, as counts of `scale`.
 
-    Raises:
-        ProtocolError: it was changed on its way, or contradicts itself.
+    Raise `ProtocolError` if it was changed on its way, or contradicts itself.
     """
     body, _, digest = line.rpartition(";")
     # The digest covers the text, because a digit that changed on the way is a number still.

@@ -38,8 +38,7 @@ class GaugeDriver(ABC):
     def meet(self) -> str:
         """Check that the expected gauge answers, in the expected unit; return its identity.
 
-        Raises:
-            DeviceError: it is not; nothing was set.
+        Raise `DeviceError` if something else does; nothing was set.
         """
         idn = self.link.identify()
         if self.idn.match(idn) is None:
@@ -50,11 +49,7 @@ class GaugeDriver(ABC):
 
     @abstractmethod
     def _require_unit(self) -> None:
-        """Check that forces are in newtons.
-
-        Raises:
-            DeviceError: they are in something else.
-        """
+        """Check that forces are in newtons; raise `DeviceError` if they are in something else."""
 
     @abstractmethod
     def start_sampling(self, rate_hz: float) -> Scale:
@@ -127,8 +122,7 @@ class GaugeOwner:
     def meet(self) -> str:
         """Identify the gauge and forget a fault; return its identity.
 
-        Raises:
-            DeviceError: it is another device, or measures in another unit.
+        Raise `DeviceError` if it is another device, or measures in another unit.
         """
         self._recording = self._fault = None
         return self._owned(self._gauge.meet)

@@ -41,8 +41,7 @@ def number_text(value: float) -> str:
     >>> number_text(24221.37)
     '24221.37'
 
-    Raises:
-        ValueError: it is not finite.
+    Raise `ValueError` if it is not finite.
     """
     if not math.isfinite(value):
         raise ValueError(f"a number on the wire must be finite, got {value}")

@@ -78,8 +78,7 @@ class Link:
     def tell(self, command: str) -> None:
         """Send `command`, which has no answer, as one line in one write.
 
-        Raises:
-            DeviceError: the port is gone or does not accept it.
+        Raise `DeviceError` if the port is gone or does not accept it.
         """
         begin_s = self._monotonic()
         try:

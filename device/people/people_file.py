@@ -53,8 +53,7 @@ class PeopleError(BadInput):
 def people_in(text: str, source: str = "people.toml") -> Population:
     """Return the population that `text` describes; a single person is one without differences.
 
-    Raises:
-        PeopleError: the text is no TOML, or has a key or value that cannot be used.
+    Raise `PeopleError` if the text is no TOML, or has a key or value that cannot be used.
     """
     document = toml_document(text)
     if isinstance(document, Problem):

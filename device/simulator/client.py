@@ -159,8 +159,7 @@ def simulator_process(
     wire is a pseudo-terminal where the system has them, else a loopback port. A gauge is beside
     it, on a wire of its own.
 
-    Raises:
-        DeviceError: it did not get ready.
+    Raise `DeviceError` if it did not get ready.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:
         control = Path(folder, "control")

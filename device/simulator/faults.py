@@ -142,11 +142,7 @@ class Broken:
         """What happens once, when a fault is switched on."""
 
     def switch(self, name: str, *, on: bool) -> None:
-        """Switch a fault on or off.
-
-        Raises:
-            ValueError: there is none of that name.
-        """
+        """Switch a fault on or off; raise `ValueError` if there is none of that name."""
         if name not in NAMES:
             raise ValueError(f"a fault must be one of {', '.join(NAMES)}, got {name!r}")
         (self.active.add if on else self.active.discard)(name)

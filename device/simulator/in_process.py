@@ -114,8 +114,7 @@ class InProcessDevice(BeamControl):
     def port(self) -> "InProcessPort":
         """Return the host's end of the line, newly opened; the one before it is closed.
 
-        Raises:
-            OSError: the port has vanished.
+        Raise `OSError` if the port has vanished.
         """
         self._line.open()
         return InProcessPort(self, self._line)

@@ -323,8 +323,7 @@ def simulate(
     `control` is the path of a socket for hands. `say` is called with `gauge URL`, if there is one,
     and then with `ready URL`.
 
-    Raises:
-        BadInput: the place is taken or cannot be used.
+    Raise `BadInput` if the place is taken or cannot be used.
     """
     ending = _Ending()
     for number in (signal.SIGTERM, signal.SIGINT):

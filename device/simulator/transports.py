@@ -231,11 +231,7 @@ class ControlDoor:
             visitor.close()
 
     def _admit(self, visitor: socket.socket, line: bytes) -> None:
-        """Let a visitor in who knows the token.
-
-        Raises:
-            DeviceError: this one does not.
-        """
+        """Let a visitor in who knows the token; raise `DeviceError` if this one does not."""
         if not secrets.compare_digest(line.strip(), self._token.encode("ascii")):
             raise DeviceError("the control socket was opened without its token")
         self._strangers.remove(visitor)

@@ -159,8 +159,7 @@ class SimulatedBeam:
     ) -> None:
         """Put the finger down at the device time `at_s`; it moves on at its speed.
 
-        Raises:
-            ValueError: no force, a place that is not on the beam, no such direction or speed.
+        Raise `ValueError` for no force, a place off the beam, and no such direction or speed.
         """
         if direction not in _DIRECTIONS:
             raise ValueError(f"the direction must be right or left, got {direction!r}")
@@ -186,8 +185,7 @@ class SimulatedBeam:
     def change(self, name: str, value: float) -> None:
         """Change a number of the skin or of the force sensor.
 
-        Raises:
-            ValueError: neither has one of that name.
+        Raise `ValueError` if neither has one of that name.
         """
         for part in ("skin", "sensor"):
             if name in vars(getattr(self, part)):
@@ -228,8 +226,7 @@ class SimulatedBeam:
 
         No friction law here depends on the spacing: bodies are dense in all of them.
 
-        Raises:
-            ValueError: the spacing is negative.
+        Raise `ValueError` if the spacing is negative.
         """
         # Written so that NaN is refused, too.
         if not body_spacing_m >= 0:

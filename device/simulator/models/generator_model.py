@@ -144,8 +144,7 @@ class Channel:
     def set_levels(self, low_v: float, high_v: float) -> None:
         """Set amplitude and offset by the lowest and highest voltage.
 
-        Raises:
-            ScpiError: the low level is not below the high one, or neither can be given.
+        Raise `ScpiError` if the low level is not below the high one, or neither can be given.
         """
         if low_v >= high_v:
             raise ScpiError(-221, "Settings conflict; low level is greater than high level")
@@ -157,8 +156,7 @@ class Channel:
     def limit(self, on: bool) -> None:
         """Switch the limits on or off.
 
-        Raises:
-            ScpiError: what is set now exceeds them; they stay off.
+        Raise `ScpiError` if what is set now exceeds them; they stay off.
         """
         fits_below = self.level_v(1) <= self.limit_high_v * (1 + 1e-9)
         if on and not (fits_below and self.level_v(-1) >= self.limit_low_v * (1 + 1e-9)):

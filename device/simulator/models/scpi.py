@@ -202,8 +202,7 @@ class Headers:
     def found(self, header: str) -> tuple[Handler, int]:
         """Return what `header` does, and the channel it names (1 if none).
 
-        Raises:
-            ScpiError: it is no header (-102), unknown (-113), or of no channel here (-114).
+        Raise `ScpiError` if it is no header (-102), unknown (-113), or of no channel here (-114).
         """
         if header not in self._known:
             # Kept, because a session asks the same few headers again and again.

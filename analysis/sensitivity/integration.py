@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
 from math import lgamma
 from typing import TypeAlias
@@ -139,7 +139,7 @@ class WeightedPoints:
         """Return quantiles of a function that maps points (count, dimensions) to (count,)."""
         points, weights = self._smoothed
         values = of(np.clip(points, -REACH, REACH))
-        return [weighted_quantile(weights, values, each) for each in p]
+        return weighted_quantiles(weights, values, *p)
 
 
 def weighted_points(
@@ -264,10 +264,7 @@ def _t_points(
 ) -> tuple[FloatArray, FloatArray]:
     size = len(centre)
     spread = _rounded(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
-    cube = low_discrepancy(count, size + 1)
-    normal = ndtri(cube[:, :size])
-    chi_square = 2 * np.asarray(gammaincinv(PROPOSAL_DF / 2, cube[:, size]))
-    scaled = normal * np.sqrt(PROPOSAL_DF / chi_square)[:, None]
+    scaled = _t_numbers(count, size)
     # (27), mathematics/sensitivity
     constant = lgamma((PROPOSAL_DF + size) / 2) - lgamma(PROPOSAL_DF / 2)
     constant -= size / 2 * np.log(PROPOSAL_DF * np.pi) + np.log(np.diag(spread)).sum()
@@ -275,6 +272,17 @@ def _t_points(
         (scaled**2).sum(axis=1) / PROPOSAL_DF
     )
     return _rounded(centre) + scaled @ spread.T, log_proposal
+
+
+# The same ones serve every fit, and take longer than much of what is made of them.
+@lru_cache(maxsize=32)
+def _t_numbers(count: int, size: int) -> FloatArray:
+    """Return low-discrepancy numbers of a t distribution about 0, (count, size)."""
+    cube = low_discrepancy(count, size + 1)
+    chi_square = 2 * np.asarray(gammaincinv(PROPOSAL_DF / 2, cube[:, size]))
+    found = np.asarray(ndtri(cube[:, :size]) * np.sqrt(PROPOSAL_DF / chi_square)[:, None])
+    found.flags.writeable = False
+    return found
 
 
 def _rounded(values: FloatArray) -> FloatArray:
@@ -444,9 +452,10 @@ def intervals_95(
     return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
-def weighted_quantile(weights: FloatArray, values: FloatArray, probability: float) -> float:
-    """Return the interpolated quantile of values at weighted points."""
+def weighted_quantiles(weights: FloatArray, values: FloatArray, *p: float) -> list[float]:
+    """Return interpolated quantiles of values at weighted points."""
     order = np.argsort(values)
     # A few weights may be negative.
     reached = np.maximum.accumulate(np.cumsum(weights[order]) - weights[order] / 2)
-    return float(np.interp(probability, reached, values[order]))
+    found: list[float] = np.interp(p, reached, values[order]).tolist()
+    return found

@@ -12,7 +12,7 @@ from analysis.sensitivity.integration import (
     low_discrepancy,
     mixture_quantile,
     weighted_points,
-    weighted_quantile,
+    weighted_quantiles,
 )
 
 
@@ -64,7 +64,7 @@ def test_quantiles_of_a_mixture() -> None:
 
 def test_the_median_of_weighted_values() -> None:
     values = np.array([3.0, 1.0, 2.0])
-    assert weighted_quantile(np.array([0.25, 0.25, 0.5]), values, 0.5) == 2.0
+    assert weighted_quantiles(np.array([0.25, 0.25, 0.5]), values, 0.5) == [2.0]
 
 
 def test_an_unbounded_density_is_evaluated_within_reach_only() -> None:

@@ -118,8 +118,9 @@ def code_version() -> str:
     A developer's copy changes without its version, so the times of its files count, too.
     """
     own = Path(__file__).parents[2]
-    folders = (own / name for name in ("protocol", "device", "analysis", "runner"))
-    files = (path for folder in folders for path in sorted(folder.rglob("*.[ph][yt]*")))
+    rooms = ("protocol", "device", "analysis", "runner", "touchbeam")
+    # No compiled files, which the first run after a change of the code writes.
+    files = [path for room in rooms for path in sorted((own / room).rglob("*.[ph]*[yl]"))]
     known = ((str(path.relative_to(own)), path.stat()) for path in files)
     stamps = [(name, status.st_size, status.st_mtime_ns) for name, status in known]
     libraries = [f"{name} {version(name)}" for name in _LIBRARIES]

@@ -1,10 +1,13 @@
 """From events to tables: which attempt counts, in what order, and what belongs to it."""
 
+import gc
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from analysis.loading.records import values
 from analysis.loading.sessions import load_sessions
@@ -13,6 +16,7 @@ from protocol.journal.events import (
     Event,
     NoteTaken,
     SessionResumed,
+    StoredEvent,
     TrialAborted,
     TrialExcluded,
     TrialStarted,
@@ -241,3 +245,21 @@ def test_a_seed_or_a_note_may_be_anything() -> None:
     found = load_sessions([chain(events)])
     assert found.sessions["seed"].tolist() == [10**30]
     assert found.trials["notes"].iloc[-1] == "half \ud800 a character"
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_garbage_is_collected_after_loading_as_it_was_before(before: bool) -> None:
+    while_loading: list[bool] = []
+
+    def chains() -> Iterator[list[StoredEvent]]:
+        while_loading.append(gc.isenabled())
+        yield chain(paper_session())
+        raise LookupError
+
+    (gc.enable if before else gc.disable)()
+    try:
+        with pytest.raises(LookupError):
+            load_sessions(chains())
+        assert (while_loading, gc.isenabled()) == ([False], before)
+    finally:
+        gc.enable()

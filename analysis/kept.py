@@ -83,11 +83,14 @@ class Kept:
         return found
 
     def ahead(self, calls: Iterable["partial[Any]"], processes: int) -> None:
-        """Make several calls at a time, for later; those that are known already are not made."""
+        """Make several calls at a time, for later; not those that are known or cannot be kept."""
         wanted = {}
         for call in calls:
             # The name that `__call__` gives the same call, so that it finds what is made here.
-            name = self._name(call.func, call.args, call.keywords)
+            try:
+                name = self._name(call.func, call.args, call.keywords)
+            except NotKept:
+                continue
             if name not in self._memory:
                 known = self._read(name, call.func)
                 if known is None:

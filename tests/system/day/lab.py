@@ -182,7 +182,8 @@ class Lab:
         salts = random.Random(0).randbytes
         with (
             self.disk.installed(),
-            patch("runner.clock.WallClock", lambda: _Calendar(self.device)),
+            patch("touchbeam.cli.journal.WallClock", lambda: _Calendar(self.device)),
+            patch("touchbeam.cli.study.WallClock", lambda: _Calendar(self.device)),
             patch("runner.journal.opening.open_journal", partial(open_journal, random_bytes=salts)),
             patch("device.resonance._POINTS", SEARCHED_POINTS),
             patch("runner.session.session.version", _version),

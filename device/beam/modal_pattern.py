@@ -65,6 +65,21 @@ def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> 
     return place
 
 
+def _bottoms(slopes: tuple[FloatArray, ...], sign: FloatArray) -> FloatArray:
+    """Return where cubics of this sign are nearest to 0, from their coefficients c1, c2 and c3.
+
+    They fall towards 0 at the beginning of the cell and away from it at its end.
+    """
+    c1, c2, c3 = slopes
+    # Of the zeros of c1 + 2 c2 τ + 3 c3 τ² the one at which the cubic bends away from 0, by the
+    # formula in which c2 and the root do not cancel.
+    away = sign * np.sqrt(np.maximum(c2 * c2 - 3 * c1 * c3, 0.0))
+    alike = sign * c2 >= 0
+    parts = np.where(alike, c2 + away, 3 * c3)
+    place = np.where(alike, -c1, away - c2) / np.where(parts == 0, 1.0, parts)
+    return np.asarray(np.clip(place, 0.0, 1.0))
+
+
 def _chord_area(start: ComplexArray, stop: ComplexArray) -> FloatArray:
     """Return ∫₀¹|W|dτ of a motion that is linear in τ."""
     # (31), mathematics/beam
@@ -203,9 +218,7 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     dipping = (sign * start_slope < 0) & (sign * stop_slope > 0) & ~crossing
     dips = np.nonzero(dipping)
     c0, c1, c2, c3 = terms(dips)
-    # Where the derivative c1 + 2 c2 τ + 3 c3 τ² is 0, without cancellation of c2 and the root.
-    root = np.sqrt(np.maximum(c2 * c2 - 3 * c1 * c3, 0.0))
-    lowest = np.clip(-c1 / (c2 + np.where(c2 >= 0, root, -root) + 1e-300), 0.0, 1.0)
+    lowest = _bottoms((c1, c2, c3), sign[dips])
     bottom = sign[dips] * (c0 + lowest * (c1 + lowest * (c2 + lowest * c3)))
     # (33): a deeper dip keeps half of its slope as far as its edges may be off.
     doubt[dips] += np.where(np.abs(bottom) < _SHALLOW * limit[dips], _MOST_DOUBT, 0)

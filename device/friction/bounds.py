@@ -127,15 +127,15 @@ def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[
     low, high = table["damping_ratio"]
     inside = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)
     if frequency_hz is not None:
-        bins = _bins(batch, frequency_hz)
+        bins = _bins(batch.beam, frequency_hz)
         inside = inside & (bins >= 0) & (bins < len(table["envelope"]["speed_per_v_m"]))
     return np.asarray(inside)
 
 
-def _bins(batch: Batch, frequency_hz: FloatArray) -> NDArray[np.intp]:
+def _bins(beam: Beam, frequency_hz: FloatArray) -> NDArray[np.intp]:
     """Return the table's bin of each drive frequency; 0, which is unused, at resonance."""
     envelope = _table()["envelope"]
-    scaled = frequency_hz / (batch.beam.frequency_scale * envelope["low_hz"])
+    scaled = frequency_hz / (beam.frequency_scale * envelope["low_hz"])
     steps = np.log(np.where(np.isnan(scaled), 1.0, scaled)) / math.log(envelope["growth"])
     return np.asarray(np.floor(steps), dtype=np.intp)
 
@@ -220,7 +220,7 @@ def resonant_terms(batch: Batch) -> TopTerms:
 def driven_terms(batch: Batch) -> TopTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
     envelope, scale = _table()["envelope"], batch.beam.frequency_scale
-    bins = _bins(batch, batch.frequency_hz)
+    bins = _bins(batch.beam, batch.frequency_hz)
     # (6): the scale leaves ω²|W| as it is and divides ω|ψ|
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
@@ -289,7 +289,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     All scenes are `reduced_certified`.
     """
     table, contact = _table()["modal_sum"], batch.contact
-    bins = _bins(batch, reduced_frequency_hz(batch))
+    bins = _bins(batch.beam, reduced_frequency_hz(batch))
     direction, area_m, rotation = (
         np.array(table[name])[bins] for name in ("direction", "area_m", "rotation")
     )
@@ -303,7 +303,9 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
         low=np.maximum(window.right - slack, 0.0), high=np.minimum(window.right + slack, 1.0)
     )
     terms = state.terms
-    reference = _bins(batch, np.array([rung_resonance_hz(REDUCED_RUNG, Beam(), Drive().mode)]))
+    # The reference's speed is that of the nominal beam, whatever the scale of this one.
+    plain = Beam()
+    reference = _bins(plain, np.array([rung_resonance_hz(REDUCED_RUNG, plain, Drive().mode)]))
     speed = rotation + float(np.array(table["rotation"])[reference][0])
     inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
     ranges = TopTerms(

@@ -13,7 +13,7 @@ from device.beam.timoshenko import (
     segmented_natural_frequencies_hz,
     segmented_natural_frequency_hz,
 )
-from device.friction.bounds import reduced_certified
+from device.friction.bounds import Range, _around, reduced_certified, reduced_prediction
 from device.friction.coefficient import auto_prediction, error_bounds, friction_coefficient
 from device.friction.contact import contact_of
 from device.friction.laws import LAWS
@@ -150,3 +150,30 @@ def test_few_drives_take_the_top_rung_and_many_take_its_modes() -> None:
     few = auto_prediction(batch.rows(np.arange(8)), LawChoice(), 1e-4)
     assert np.mean(many.rung == REDUCED_RUNG) > 0.8
     assert not (few.rung == REDUCED_RUNG).any()
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.05])
+def test_the_error_of_the_speed_does_not_depend_on_the_scale_of_the_beam(
+    scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The speed is relative to that of the nominal beam, whose error is one number."""
+    errors: list[FloatArray] = []
+
+    def seen(values: FloatArray, relative: FloatArray) -> Range:
+        errors.append(relative)
+        return _around(values, relative)
+
+    monkeypatch.setattr("device.friction.bounds._around", seen)
+    for each in (1.0, scale):
+        scene = Scene(structure=Structure(beam=Beam(frequency_scale=each)), drive=Drive(mode=6))
+        batch = Batch(
+            contact=contact_of(scene, np.array([0.05])),
+            mode=6,
+            voltage_v=np.array([100.0]),
+            frequency_hz=np.array([np.nan]),
+            damping_ratio=np.array([0.005]),
+        )
+        reduced_prediction(batch, LawChoice())
+    of_speed, inertia, _, of_scaled_speed, *_ = errors
+    assert of_speed[0] != inertia[0]
+    np.testing.assert_allclose(of_scaled_speed, of_speed, rtol=1e-12)

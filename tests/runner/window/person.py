@@ -138,8 +138,11 @@ class Person:
         while time.monotonic() < until_s:
             self.look_later()
             is_live = self._is_live()
+            # Seen twice, because a page that is being drawn differs from itself for a moment.
             if self._text() != text:
-                return
+                self.look_later()
+                if self._text() != text:
+                    return
             self.revived += is_live and answered
             answered |= not is_live
 

@@ -9,14 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import ClassVar
 
-from device.drivers.generator import (
-    AMPLITUDE_REL_TOL,
-    NO_ERRORS,
-    NO_LIMITS,
-    NO_WATCHDOG,
-    Generator,
-    Status,
-)
+from device.drivers import generator
 from device.errors import DeviceError, ProtocolError
 from device.link.codec import number, number_text, switch
 from device.link.link import Register
@@ -44,7 +37,7 @@ _UNITS = {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "MV": 1e-3}
 _VALUE = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)([A-Z]*)")
 
 
-class Siglent(Generator):
+class Siglent(generator.Generator):
     """Control an SDG1000X, 2000X, 6000X or similar; it completes commands before it answers."""
 
     dialect: ClassVar[str] = "siglent"
@@ -85,7 +78,7 @@ class Siglent(Generator):
         return LEAST_VPP
 
     def _remarks(self) -> tuple[str, ...]:
-        return NO_WATCHDOG, NO_LIMITS, NO_ERRORS
+        return generator.NO_WATCHDOG, generator.NO_LIMITS, generator.NO_ERRORS
 
     def output(self) -> bool:
         """Return whether the output is on; no unsolicited line is taken for the answer."""
@@ -102,7 +95,9 @@ class Siglent(Generator):
         return []
 
     def _set_vpp(self, vpp: float) -> None:
-        self._set_wave("AMP", vpp, AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp, unit="V")
+        self._set_wave(
+            "AMP", vpp, generator.AMPLITUDE_REL_TOL, self.amplitude_abs_tol_vpp, unit="V"
+        )
 
     def _set_frequency(self, frequency_hz: float) -> None:
         self._set_wave("FRQ", frequency_hz, 1e-6, 0.0, unit="HZ")
@@ -116,16 +111,16 @@ class Siglent(Generator):
         if not math.isclose(kept, value, rel_tol=rel_tol, abs_tol=abs_tol):
             raise DeviceError(f"{name} was set to {value:g} and reads back as {kept:g}")
 
-    def _status(self) -> Status:
+    def _status(self) -> generator.Status:
         return self.link.certain([f"{header}?" for header in _HEADERS], _status_of)
 
 
-def _status_of(answers: list[str]) -> Status:
+def _status_of(answers: list[str]) -> generator.Status:
     words_of = {
         header: _words(answer, header) for header, answer in zip(_HEADERS, answers, strict=True)
     }
     wave = words_of["C1:BSWV"]
-    return Status(
+    return generator.Status(
         output=switch(words_of["C1:OUTP"][0]),
         vpp=_quantity(wave, "AMP"),
         frequency_hz=_quantity(wave, "FRQ"),

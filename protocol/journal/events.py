@@ -9,21 +9,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
 
+from protocol.journal import records
 from protocol.journal.json_record import JsonRecord, Key, absent
-from protocol.journal.records import (
-    NOT_JUDGED,
-    CommandedDrive,
-    Compliance,
-    Identity,
-    InstructionResponse,
-    PlannedTrial,
-    QuestionAnswer,
-    ReadBack,
-    Recording,
-    RigCalibration,
-    TraceSample,
-    VirtualTruth,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +43,13 @@ class SessionOpened(Event):
     conditions: Annotated[tuple[str, ...], Key("conditions in the order of the study file")]
     study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
     study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
-    trials: Annotated[tuple[PlannedTrial, ...], Key("all planned trials", missing=())]
+    trials: Annotated[tuple[records.PlannedTrial, ...], Key("all planned trials", missing=())]
     language: Annotated[str | None, Key("code of the participant's language", missing=None)]
     consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
-    virtual: VirtualTruth | None = absent(
+    virtual: records.VirtualTruth | None = absent(
         None, "the true parameters, if the participant is virtual"
     )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
@@ -70,7 +57,7 @@ class SessionOpened(Event):
     registration: str | None = absent(
         None, "digest of the registration that seeds the plan, if any", sparse=True
     )
-    calibration: RigCalibration | None = absent(
+    calibration: records.RigCalibration | None = absent(
         None, "the rig's calibration in force, if there is one", sparse=True
     )
 
@@ -83,20 +70,22 @@ class SessionResumed(Event):
 
     study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
     study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
-    trials: Annotated[tuple[PlannedTrial, ...], Key("all trials as planned under it", missing=())]
+    trials: Annotated[
+        tuple[records.PlannedTrial, ...], Key("all trials as planned under it", missing=())
+    ]
     language: Annotated[str | None, Key("code of the participant's language", missing=None)]
     consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
     seed: Annotated[
         int | None, Key("of the simulated device and the virtual participant", missing=None)
     ]
-    virtual: VirtualTruth | None = absent(
+    virtual: records.VirtualTruth | None = absent(
         None, "the true parameters, if the participant is virtual"
     )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
     registration: str | None = absent(
         None, "digest of the registration that seeds the plan, if any", sparse=True
     )
-    calibration: RigCalibration | None = absent(
+    calibration: records.RigCalibration | None = absent(
         None, "the rig's calibration in force, if there is one", sparse=True
     )
 
@@ -111,7 +100,7 @@ class PracticeRenewed(Event):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeviceArmed(Identity, Event):
+class DeviceArmed(records.Identity, Event):
     """The device has identified itself, its limits are set, and its output is off."""
 
     TAG: ClassVar = "device-armed"
@@ -176,14 +165,14 @@ class TouchStarted(Event):
     TAG: ClassVar = "touch-started"
 
     touch: Annotated[int, Key("number of the touch in its trial, from 0")]
-    commanded: Annotated[CommandedDrive, Key("the drive at its beginning")]
+    commanded: Annotated[records.CommandedDrive, Key("the drive at its beginning")]
     instruction: Annotated[
-        InstructionResponse | None, Key("how the participant got ready", missing=None)
+        records.InstructionResponse | None, Key("how the participant got ready", missing=None)
     ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TouchRecorded(Recording, Event):
+class TouchRecorded(records.Recording, Event):
     """What the force channel recorded; written after the output is off, before `touch-ended`."""
 
     TAG: ClassVar = "touch-recorded"
@@ -199,7 +188,7 @@ class TouchEnded(Event):
 
     touch: Annotated[int, Key("number of the touch in its trial, from 0")]
     read_back: Annotated[
-        tuple[ReadBack, ...],
+        tuple[records.ReadBack, ...],
         Key(
             "read-back of the device at start and end, and five times a second in between if "
             "amplitude or frequency change",
@@ -207,10 +196,12 @@ class TouchEnded(Event):
         ),
     ]
     trace: Annotated[
-        tuple[TraceSample, ...],
+        tuple[records.TraceSample, ...],
         Key("device time (s), force (N) and position (m) of the finger", missing=()),
     ]
-    judged: Annotated[Compliance, Key("whether it was as instructed", missing=NOT_JUDGED)]
+    judged: Annotated[
+        records.Compliance, Key("whether it was as instructed", missing=records.NOT_JUDGED)
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,15 +224,15 @@ class Answered(Event):
         Key("how each answer came about, see [window.md](window.md)", missing=()),
     ]
     judged: Annotated[
-        tuple[Compliance, ...], Key("whether each touch was as instructed", missing=())
+        tuple[records.Compliance, ...], Key("whether each touch was as instructed", missing=())
     ]
-    questions: tuple[QuestionAnswer, ...] = absent(
+    questions: tuple[records.QuestionAnswer, ...] = absent(
         (), "the answers to the study's own questions after the trial"
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class QuestionAnswered(QuestionAnswer, Event):
+class QuestionAnswered(records.QuestionAnswer, Event):
     """A question of the study's own is answered, before, between or after the blocks."""
 
     TAG: ClassVar = "question-answered"
@@ -389,7 +380,7 @@ class ScoresImported(Event):
     TAG: ClassVar = "scores-imported"
     kind: ClassVar = "published"
     slot: ClassVar = None
-    trials: ClassVar[tuple[PlannedTrial, ...]] = ()
+    trials: ClassVar[tuple[records.PlannedTrial, ...]] = ()
     """Constants in place of the fields of `SessionOpened`, since the table says nothing of them."""
 
     participant: Annotated[str, Key("the subject's name in the table")]

@@ -6,25 +6,14 @@ from textwrap import wrap
 from typing import get_args
 
 from protocol.plan.trials import Trial
-from protocol.preview.preview import (
-    LINE_BAUD,
-    Precision,
-    Prediction,
-    Preview,
-    assumed_cohort,
-    confounded,
-    levels,
-    line_share,
-    precision_by_length,
-    scored_contrasts,
-)
+from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, sequences
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.study_question import When
 
 
-def preview_lines(shown: Preview, model: Prediction) -> Iterator[str]:
+def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
     """Yield the preview line by line: the first participant's trials, then the cohort."""
     yield f"Plan of the first of {_many(len(shown.plans), 'participant')} (session 1)"
     yield ""
@@ -51,7 +40,7 @@ def _many(number: int, one: str, more: str = "") -> str:
     return f"{number} {one if number == 1 else more or one + 's'}"
 
 
-def _trial_rows(shown: Preview, model: Prediction) -> Iterator[tuple[str, ...]]:
+def _trial_rows(shown: preview.Preview, model: preview.Prediction) -> Iterator[tuple[str, ...]]:
     yield ("#", "block", "kind", "condition", "peak V", "drive", "pred.", "expected", "finger")
     for trial in shown.plans[0].trials:
         contrast = model.contrast(trial)
@@ -71,7 +60,7 @@ def _trial_rows(shown: Preview, model: Prediction) -> Iterator[tuple[str, ...]]:
 
 def _finger(trial: Trial, own_beam: str | None) -> str:
     """Return what else changes between touches: the direction, the pressure, the beam."""
-    set_by = levels(trial.touches)
+    set_by = preview.levels(trial.touches)
     presses = [f"x{press:g}" for press in set_by["press"]]
     beams = [str(beam or own_beam) for beam in set_by["beam"]]
     courses = (set_by["direction"], presses, beams)
@@ -82,7 +71,7 @@ def _courses(trial: Trial, key: str) -> str:
     """Return `0.98/1`, or `100` if all touches have the same value; `0>200` within a touch."""
     shown = [
         ">".join(f"{value:g}" for value in course) if isinstance(course, list) else f"{course:g}"
-        for course in levels(trial.touches)[key]
+        for course in preview.levels(trial.touches)[key]
     ]
     return shown[0] if len(set(shown)) == 1 else "/".join(shown)
 
@@ -107,7 +96,7 @@ def _columns(text: str) -> int:
     return sum((east_asian_width(sign) in "WF") + (not combining(sign)) for sign in text)
 
 
-def _question_lines(shown: Preview) -> Iterator[str]:
+def _question_lines(shown: preview.Preview) -> Iterator[str]:
     """Yield what the study itself asks and gives to read, by time; pages by their numbers."""
     asked: dict[str, list[str]] = {}
     for when in get_args(When):
@@ -130,7 +119,7 @@ def _by_time(heading: str, listed: Mapping[str, Sequence[str]]) -> Iterator[str]
             heading = ""
 
 
-def _language_lines(shown: Preview) -> Iterator[str]:
+def _language_lines(shown: preview.Preview) -> Iterator[str]:
     """Yield, for each language of the study's own, which texts are still the English ones."""
     for code, language in shown.study.languages.items():
         same = [key for key, text in reference_texts().items() if language.texts.get(key) == text]
@@ -139,7 +128,7 @@ def _language_lines(shown: Preview) -> Iterator[str]:
             yield f"Language    {code}: {_many(len(same), 'text')} as in English: {first}"
 
 
-def _session_lines(shown: Preview) -> Iterator[str]:
+def _session_lines(shown: preview.Preview) -> Iterator[str]:
     rig, trials = shown.study.rig, shown.plans[0].trials
     touches = sum(len(trial.touches) for trial in trials)
     scored = sum(trial.scored for trial in trials if trial.kind == "trial")
@@ -172,10 +161,10 @@ def _recorded_lines(channel: ForceChannel) -> Iterator[str]:
         if channel.gauge is not None:
             yield "Recorded    nothing: the gauge needs force_channel.rate_hz"
         return
-    measures, share = "board" if channel.gauge is None else "gauge", line_share(channel)
+    measures, share = "board" if channel.gauge is None else "gauge", preview.line_share(channel)
     yield (
         f"Recorded    forces and place in each touch, {channel.rate_hz} samples/s by the "
-        f"{measures}: {share:.0%} of {LINE_BAUD:,} baud"
+        f"{measures}: {share:.0%} of {preview.LINE_BAUD:,} baud"
     )
     if share > 1:
         yield "            (more than a serial line carries: connect it by USB or a network)"
@@ -186,7 +175,7 @@ def _span(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _carryover_lines(shown: Preview) -> Iterator[str]:
+def _carryover_lines(shown: preview.Preview) -> Iterator[str]:
     carryover, names = shown.carryover, shown.study.conditions
     if carryover.balanced:
         yield f"Carry-over  balanced over {_many(len(shown.plans), 'participant')}"
@@ -209,15 +198,15 @@ def _carryover_lines(shown: Preview) -> Iterator[str]:
     yield from _table(iter([header, *rows]))
 
 
-def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:
-    people = assumed_cohort(shown)
+def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
+    people = preview.assumed_cohort(shown)
     yield "Precision by session length: half-widths of the 95% intervals that the report gives"
     yield f"each of {people.participants} participants, in points per unit of predicted change."
     yield "Relative gain: the participant's sensitivity less the group's mean."
     rows: list[tuple[str, ...]] = [
         ("repeats", "trials", "minutes", "relative gain", "of the scale", "gain")
     ]
-    options = precision_by_length(shown, model)
+    options = preview.precision_by_length(shown, model)
     rows += [_precision_row(shown, option) for option in options]
     yield from _table(iter(rows))
     if not all(option.whole for option in options):
@@ -230,12 +219,12 @@ def _precision_lines(shown: Preview, model: Prediction) -> Iterator[str]:
         f"{people.off_the_line_sd:.2f}, gains {people.gain_sd:.2f}."
     )
     yield "Scores at the ends of the scale make intervals wider."
-    if confounded(scored_contrasts(shown, model)):
+    if preview.confounded(preview.scored_contrasts(shown, model)):
         yield "Each condition has a single predicted change here, so that other effects cannot be"
         yield "told apart from it, however many repeats: graded levels make gains more certain."
 
 
-def _precision_row(shown: Preview, option: Precision) -> tuple[str, ...]:
+def _precision_row(shown: preview.Preview, option: preview.Precision) -> tuple[str, ...]:
     here = " <" if option.repeats == shown.study.design.repeats else " *" * (not option.whole)
     return (
         f"{option.repeats}{here}",

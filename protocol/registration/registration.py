@@ -11,13 +11,7 @@ from itertools import permutations
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    SLIDE,
-    SessionOpened,
-    SessionTerms,
-    StoredEvent,
-    StudyRegistered,
-)
+from protocol.journal import events
 from protocol.journal.records import PlannedTrial
 from protocol.journal.shared_form import REGISTRATION_FILE, UNKNOWN_UTC
 from protocol.plan.plan import plan, slide_plan, slide_study
@@ -168,23 +162,23 @@ def _require_form(made: Registration, schema: object) -> None:
         raise TypeError("another form")
 
 
-def registered_event(registration: Registration) -> StudyRegistered:
+def registered_event(registration: Registration) -> events.StudyRegistered:
     """Return the event that records a registration."""
-    return StudyRegistered(
+    return events.StudyRegistered(
         registration=registration.digest,
         study_sha256=registration.study_sha256,
         text=registration.text(),
     )
 
 
-def shared_registration(text: str, source: str = FILE) -> StoredEvent:
+def shared_registration(text: str, source: str = FILE) -> events.StoredEvent:
     """Return the event of a registration that came with a data set, which tells no time.
 
     Raises:
         BadInput: the text was changed.
     """
     event = registered_event(registration_in(text, source))
-    return StoredEvent(
+    return events.StoredEvent(
         seq=0, tag=event.TAG, utc=UNKNOWN_UTC, monotonic_s=0.0, payload=event.to_json()
     )
 
@@ -273,7 +267,7 @@ def require_known(name: str, known: Iterable[str]) -> None:
 # The proof that orders follow from a digest: each session's plan is drawn again and compared.
 
 
-def order_problem(opened: SessionOpened, under: SessionTerms) -> str:
+def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> str:
     """Return why the trials of a registered session are not those of its digest; '' if they are.
 
     The plan is drawn from the study file and the digest that the journal holds, so that a journal
@@ -290,7 +284,7 @@ def order_problem(opened: SessionOpened, under: SessionTerms) -> str:
     # Otherwise another study file could be put beside the digest, and its orders would fit.
     if under.study_sha256 != text_digest(under.study_text):
         return "its study file does not have the digest that the journal names"
-    slot = None if opened.participant == SLIDE else opened.slot
+    slot = None if opened.participant == events.SLIDE else opened.slot
     try:
         drawn = _drawn(under.study_text, under.registration, slot, opened.session)
     except ValueError as error:  # a study file that this version refuses, or no digest

@@ -8,14 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from protocol.errors import Path
-from protocol.study.languages import (
-    REFERENCE,
-    Language,
-    built_in,
-    built_in_codes,
-    later_texts,
-    reference_texts,
-)
+from protocol.study import languages
 from protocol.study.rules import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import SCORE, Label, StudyQuestion
@@ -35,7 +28,7 @@ class Wording:
 
 def study_codes(study: Study) -> tuple[str, ...]:
     """Return the codes of the languages that the study can be read in."""
-    return tuple(dict.fromkeys([*built_in_codes(), *study.languages]))
+    return tuple(dict.fromkeys([*languages.built_in_codes(), *study.languages]))
 
 
 def required_codes(study: Study) -> tuple[str, ...]:
@@ -55,11 +48,11 @@ def study_wording(study: Study, code: str) -> Wording:
     """
     read, own = language(study, code), study.texts.get(code, {})
     texts = {**read.texts, **own}
-    for key, older in later_texts().items():
+    for key, older in languages.later_texts().items():
         if older in own and key not in own:  # the study has its say, as it had before the new key
             texts[key] = own[older]
         elif key not in texts:
-            texts[key] = read.texts.get(older, reference_texts()[key])
+            texts[key] = read.texts.get(older, languages.reference_texts()[key])
     fingers = {
         "hand": texts[f"hand.{study.session.hand}"],
         "finger": texts[f"finger.{study.session.finger}"],
@@ -79,7 +72,7 @@ def study_wording(study: Study, code: str) -> Wording:
 
 def finger_texts() -> tuple[str, ...]:
     """Return the keys of the texts that may name the hand and the finger of the study."""
-    return tuple(key for key, text in reference_texts().items() if "{hand}" in text)
+    return tuple(key for key, text in languages.reference_texts().items() if "{hand}" in text)
 
 
 def page_key(number: int) -> str:
@@ -97,9 +90,9 @@ def _page_texts(study: Study, code: str) -> dict[str, str]:
     return {page_key(number): page.text[code] for number, page in pages if code in page.text}
 
 
-def language(study: Study, code: str) -> Language:
+def language(study: Study, code: str) -> languages.Language:
     """Return a language as its file has it: the study's own before the built-in one."""
-    return study.languages[code] if code in study.languages else built_in(code)
+    return study.languages[code] if code in study.languages else languages.built_in(code)
 
 
 def text_path(study: Study, code: str, key: str) -> Path | None:
@@ -144,14 +137,14 @@ def label_text(label: Label, wording: Wording) -> str:
 def band_name(band: Band, wording: Wording) -> str | None:
     """Return the name of `band`: the study file's, else the language's own for the English one."""
     given = band.names.get(wording.code)
-    return wording.bands.get(band.names.get(REFERENCE, "")) if given is None else given
+    return wording.bands.get(band.names.get(languages.REFERENCE, "")) if given is None else given
 
 
 def band_path(band: Band, number: int, code: str) -> Path:
     """Return where the name of `band` in a language stands: in the study file or the language's."""
     if code in band.names:
         return ("rating", "bands", number, code)
-    return ("languages", code, "bands", band.names.get(REFERENCE, ""))
+    return ("languages", code, "bands", band.names.get(languages.REFERENCE, ""))
 
 
 def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
@@ -165,7 +158,7 @@ def scale_in_words(study: Study, rating: Rating) -> str:
     In the language of reference, or in the first one of the study that has a name of each band.
     """
     ends = f"{rating.minimum} to {rating.maximum}"
-    for code in (REFERENCE, *study_codes(study)) if rating.bands else ():
+    for code in (languages.REFERENCE, *study_codes(study)) if rating.bands else ():
         wording = study_wording(study, code)
         names = [band_name(band, wording) for band in rating.bands]
         if all(names):
@@ -191,7 +184,7 @@ def worded_as_built(study: Study) -> bool:
 def _is_papers(band: Band) -> bool:
     key = PAPERS_BANDS.get((band.first, band.last))
     return key is not None and all(
-        code in built_in_codes() and built_in(code).bands.get(key) == name
+        code in languages.built_in_codes() and languages.built_in(code).bands.get(key) == name
         for code, name in band.names.items()
     )
 
@@ -202,14 +195,16 @@ _OF_OWN_QUESTIONS = {"hint.several", "hint.analogue", "hint.typed", "button.skip
 
 def required_texts(study: Study) -> tuple[str, ...]:
     """Return the keys of the texts that every language of the study must have."""
-    optional = {*later_texts(), *(() if study.question else _OF_OWN_QUESTIONS)}
-    return tuple(key for key in reference_texts() if key not in optional)
+    optional = {*languages.later_texts(), *(() if study.question else _OF_OWN_QUESTIONS)}
+    return tuple(key for key in languages.reference_texts() if key not in optional)
 
 
 def read_in_reference(study: Study, code: str) -> tuple[str, ...]:
     """Return the keys of texts that a study's own language lacks and no older one stands in for."""
     given = {*language(study, code).texts, *study.texts.get(code, {})}
-    return tuple(key for key, older in later_texts().items() if given.isdisjoint({key, older}))
+    return tuple(
+        key for key, older in languages.later_texts().items() if given.isdisjoint({key, older})
+    )
 
 
 def lacking(study: Study, code: str) -> Iterator[str]:

@@ -8,19 +8,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from protocol.study import rules
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
-from protocol.study.rules import (
-    Design,
-    Exclusions,
-    Forecast,
-    Publication,
-    Rating,
-    SessionRules,
-    Timing,
-    TouchRules,
-)
 from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
 from protocol.study.touch import Slide, Touch, TouchDefaults
 
@@ -112,25 +103,29 @@ class Study(Record):
         "The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
         "without a participant.",
     )
-    design: Design = setting(Design(), "Which trials there are, and their order.")
-    timing: Timing = setting(Timing(), "Pauses, and assumptions about how long people take.")
-    rating: Rating = setting(Rating(), "When and how the effect is scored.")
-    forecast: Forecast = setting(
-        Forecast(),
+    design: rules.Design = setting(rules.Design(), "Which trials there are, and their order.")
+    timing: rules.Timing = setting(
+        rules.Timing(), "Pauses, and assumptions about how long people take."
+    )
+    rating: rules.Rating = setting(rules.Rating(), "When and how the effect is scored.")
+    forecast: rules.Forecast = setting(
+        rules.Forecast(),
         "What `touchbeam check` assumes about ratings when it forecasts precision. "
         "The numbers are for a scale of 0 to 10, also if the study has another one.",
     )
-    session: SessionRules = setting(SessionRules(), "How a session is conducted and resumed.")
-    as_instructed: TouchRules = setting(
-        TouchRules(),
+    session: rules.SessionRules = setting(
+        rules.SessionRules(), "How a session is conducted and resumed."
+    )
+    as_instructed: rules.TouchRules = setting(
+        rules.TouchRules(),
         "When a touch was made as instructed, and what follows if it was not. A "
         "rig without sensors of force and position judges no touch.",
     )
-    exclusions: Exclusions = setting(
-        Exclusions(), "Rules, decided before the data, on who and what is left out."
+    exclusions: rules.Exclusions = setting(
+        rules.Exclusions(), "Rules, decided before the data, on who and what is left out."
     )
-    publication: Publication = setting(
-        Publication(), "Facts for exported data that only the author knows."
+    publication: rules.Publication = setting(
+        rules.Publication(), "Facts for exported data that only the author knows."
     )
     # Any name will do for a key, because a touch may name one as its instruction. What is neither
     # that nor built in is refused by `text_checks`.

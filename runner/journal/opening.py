@@ -11,19 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import disk_usage
 
-from runner.journal.database import (
-    SQLITE_ERRORS,
-    checked_version,
-    close_keeping_log,
-    closed_on_error,
-    connected,
-    connected_to_copy,
-    is_writable,
-    lacks_writing,
-    log_aside,
-    log_of,
-    transaction,
-)
+from runner.journal import database
 from runner.journal.store import LOCK_WAIT_S, Journal, JournalError, RandomBytes
 from runner.signals import raise_if_stopped
 
@@ -106,7 +94,7 @@ def unused(path: Path) -> bool:
         with read_journal(path) as journal:
             return not journal.sessions()
     except JournalError:
-        log = log_of(path)
+        log = database.log_of(path)
         logged = log.stat().st_size if log.exists() else 0
         return logged == 0 and path.stat().st_size <= _ONE_PAGE
 
@@ -119,11 +107,13 @@ def read_journal(path: Path, *, to_verify: bool = False) -> Journal:
     Raises `JournalError` if it cannot be read, or if its schema is not touchbeam's.
     """
     try:
-        return _read(path, lambda: connected(path, _access(path), LOCK_WAIT_S), to_verify=to_verify)
+        return _read(
+            path, lambda: database.connected(path, _access(path), LOCK_WAIT_S), to_verify=to_verify
+        )
     except JournalError as error:
-        if not lacks_writing(error.__cause__):
+        if not database.lacks_writing(error.__cause__):
             raise
-    return _read(path, lambda: connected_to_copy(path), to_verify=to_verify, is_copy=True)
+    return _read(path, lambda: database.connected_to_copy(path), to_verify=to_verify, is_copy=True)
 
 
 def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = False) -> Journal:
@@ -132,8 +122,8 @@ def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = Fals
         # The file is opened for writing where possible, so that its log can be removed; this
         # connection itself must change nothing.
         connection.execute("PRAGMA query_only = ON")
-        with transaction(connection):
-            version = checked_version(connection, _SCHEMAS, lacking if to_verify else None)
+        with database.transaction(connection):
+            version = database.checked_version(connection, _SCHEMAS, lacking if to_verify else None)
         if version > 0:
             return Journal(
                 connection,
@@ -145,7 +135,7 @@ def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = Fals
             )
         connection.close()  # made and never filled: its process was killed
         empty = sqlite3.connect(":memory:")
-        with closed_on_error(empty):
+        with database.closed_on_error(empty):
             for statement in _SCHEMA:
                 empty.execute(statement)
         return Journal(empty, path, is_copy=True)
@@ -156,10 +146,10 @@ def _access(path: Path) -> str:
 
     In a writable folder SQLite opens it read-write, so that it can remove its log afterwards.
     """
-    if is_writable(path):
+    if database.is_writable(path):
         return "mode=rw"
     # Without a log no session runs, and SQLite needs no files beside it, which it cannot make.
-    return "mode=ro" if log_of(path).exists() else "immutable=1"
+    return "mode=ro" if database.log_of(path).exists() else "immutable=1"
 
 
 @contextmanager
@@ -170,10 +160,11 @@ def _opening(
 
     Errors of SQLite and of the system become a `JournalError`, and so does a log that is aside.
     """
-    if (aside := log_aside(path)).exists():  # opened without its log, the journal would lack events
+    # Opened without its log, the journal would lack events.
+    if (aside := database.log_aside(path)).exists():
         raise JournalError(
             f"{path}: its log is {aside.name}, because a process was killed while it closed the "
-            f"journal; rename it to {log_of(path).name}"
+            f"journal; rename it to {database.log_of(path).name}"
         )
     try:
         if create:  # SQLite itself would make a file that others may read, as the umask has it
@@ -183,9 +174,9 @@ def _opening(
         try:
             yield connection
         except BaseException:
-            close_keeping_log(connection, path)
+            database.close_keeping_log(connection, path)
             raise
-    except (OSError, *SQLITE_ERRORS) as error:
+    except (OSError, *database.SQLITE_ERRORS) as error:
         # SQLite reports a signal as its own interruption.
         raise_if_stopped()
         # Of a full disk SQLite says "disk I/O error", too.
@@ -206,16 +197,16 @@ def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) ->
         JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.
     """
     # A new journal would make SQLite delete this log.
-    if log_of(path).exists() and not path.exists():
+    if (log := database.log_of(path)).exists() and not path.exists():
         raise JournalError(
-            f"{path}: is missing, but its log {log_of(path).name} exists and holds the latest "
-            "events; restore the journal beside it"
+            f"{path}: is missing, but its log {log.name} exists and holds the latest events; "
+            "restore the journal beside it"
         )
     with _opening(
-        path, "opened", lambda: connected(path, timeout_s=LOCK_WAIT_S), create=True
+        path, "opened", lambda: database.connected(path, timeout_s=LOCK_WAIT_S), create=True
     ) as connection:
-        with transaction(connection):
-            checked_version(connection, _SCHEMAS)
+        with database.transaction(connection):
+            database.checked_version(connection, _SCHEMAS)
         # Only now that the schema was checked: this writes, and a stranger's file is left as it is.
         _log_ahead(connection)
         # In this order: a stored event outlasts a power cut; what a participant takes back is
@@ -249,8 +240,8 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
 
 def _ensured_schema(connection: sqlite3.Connection) -> int:
     """Create the tables unless they exist; return the version of the schema."""
-    with transaction(connection, "IMMEDIATE"):  # another process may be creating them too
-        version = checked_version(connection, _SCHEMAS)
+    with database.transaction(connection, "IMMEDIATE"):  # another process may be creating them too
+        version = database.checked_version(connection, _SCHEMAS)
         if version == 0:
             for statement in _SCHEMA:
                 connection.execute(statement)

@@ -20,14 +20,7 @@ from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
-from runner.journal.database import (
-    SQLITE_ERRORS,
-    LogNotCopiedError,
-    copied_log,
-    copy_database,
-    leave,
-    log_of,
-)
+from runner.journal import database
 from runner.signals import raise_if_stopped
 
 # The stored form of an event and the hash chain of a session.
@@ -213,7 +206,7 @@ class Journal:
         self._path = path
         self._patience_s = patience_s
         self._is_copy = is_copy
-        self._places = (str(path), str(log_of(path)))
+        self._places = (str(path), str(database.log_of(path)))
         self._files = _files_at(self._places)
         self._last_hashes: dict[tuple[str, int], str] = {}
 
@@ -227,7 +220,7 @@ class Journal:
             return
         hidden = nullcontext() if error is None else suppress(JournalError)
         with hidden, self._errors_explained("written"):
-            leave(self._connection, self._path, self._patience_s)
+            database.leave(self._connection, self._path, self._patience_s)
 
     def sessions(self) -> list[str]:
         """Return the names of all chains, oldest first."""
@@ -318,12 +311,12 @@ class Journal:
         # The hash that this process wrote: not everything is compared with what SQLite says.
         last = [(session, chained) for (session, _), chained in self._last_hashes.items()]
         with self._errors_explained("written"):
-            return copied_log(self._connection, self._path, last[0] if last else None)
+            return database.copied_log(self._connection, self._path, last[0] if last else None)
 
     def copy_to(self, new: Path) -> None:
         """Copy the journal as it is now into the empty file `new`, or raise `JournalError`."""
         with self._errors_explained(f"copied to {new.parent}"):
-            copy_database(self._connection, new)
+            database.copy_database(self._connection, new)
 
     def _require_in_place(self) -> None:
         """Require that the open files are still the ones at their paths.
@@ -332,7 +325,7 @@ class Journal:
         """
         if _files_at(self._places) != self._files:
             raise JournalError(
-                f"{self._path}: the journal file or its log {log_of(self._path).name} was "
+                f"{self._path}: the journal file or its log {database.log_of(self._path).name} was "
                 "deleted, moved or replaced while in use; restore both before you continue"
             )
 
@@ -352,7 +345,7 @@ class Journal:
     def _errors_explained(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (*SQLITE_ERRORS, DamagedError, LogNotCopiedError) as error:
+        except (*database.SQLITE_ERRORS, DamagedError, database.LogNotCopiedError) as error:
             raise_if_stopped()  # SQLite takes the exception of a signal for its own interruption
             raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
 

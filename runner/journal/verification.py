@@ -19,16 +19,8 @@ from protocol.journal.events import (
 )
 from protocol.journal.state import NotAllowed, SessionState, folded, in_words
 from protocol.registration.registration import order_problem, registration_in
+from runner.journal import store
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
-from runner.journal.store import (
-    FIRST_HASH,
-    ChainLink,
-    Journal,
-    JournalError,
-    chain_hash,
-    event_fields,
-    payload_digest,
-)
 
 IMPOSSIBLE = (
     NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
@@ -85,19 +77,19 @@ class SessionVerdict:
         return {"ok": self.ok, **asdict(self)}
 
 
-def verdicts(journal: Journal) -> list[SessionVerdict]:
+def verdicts(journal: store.Journal) -> list[SessionVerdict]:
     """Return a verdict on each chain of `journal`."""
     try:
         known = registrations(journal)
-    except (JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
+    except (store.JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
         known = []
     return [_verdict(journal, name, known) for name in journal.sessions()]
 
 
-def _verdict(journal: Journal, name: str, known: "Registrations") -> SessionVerdict:
+def _verdict(journal: store.Journal, name: str, known: "Registrations") -> SessionVerdict:
     try:
         verdict = session_verdict(name, list(journal.chain(name)))
-    except JournalError as error:
+    except store.JournalError as error:
         # One damaged session must not hide the verdicts on the others.
         verdict = session_verdict(name, [])
         return replace(verdict, state="unreadable", problem=str(error))
@@ -109,7 +101,7 @@ def _verdict(journal: Journal, name: str, known: "Registrations") -> SessionVerd
         return replace(verdict, problem=str(error))
 
 
-def session_verdict(name: str, chain: list[ChainLink]) -> SessionVerdict:
+def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
     """Return the verdict on the chain of the session `name`."""
     named = parsed_name(name)
     state, planned, problem = _folded(chain)
@@ -146,7 +138,7 @@ def _touchbeam_version(event: StoredEvent) -> str:
     return ""
 
 
-def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
+def readable_events(journal: store.Journal, session: str) -> list[StoredEvent]:
     """Return the events of `session`, undamaged and with all payloads unless it was withdrawn."""
     events = journal.events(session)
     _require_readable(session, events)
@@ -154,7 +146,7 @@ def readable_events(journal: Journal, session: str) -> list[StoredEvent]:
 
 
 def readable_chains(
-    journal: Journal, broken: list[str], participant: str | None = None
+    journal: store.Journal, broken: list[str], participant: str | None = None
 ) -> Iterator[list[StoredEvent]]:
     """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
 
@@ -182,13 +174,13 @@ def _is_withdrawn(events: Iterable[StoredEvent]) -> bool:
 def _require_readable(session: str, events: list[StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
-        raise JournalError(f"session {session} has lost payloads; run touchbeam verify")
+        raise store.JournalError(f"session {session} has lost payloads; run touchbeam verify")
     if not (withdrawn or session == STUDY_CHAIN or _has_beginning(events)):
-        raise JournalError(f"session {session} has no opening event; run touchbeam verify")
+        raise store.JournalError(f"session {session} has no opening event; run touchbeam verify")
     try:
         folded(events)
     except IMPOSSIBLE as error:
-        raise JournalError(f"session {session} is damaged; run touchbeam verify") from error
+        raise store.JournalError(f"session {session} is damaged; run touchbeam verify") from error
 
 
 def _has_beginning(events: Sequence[StoredEvent]) -> bool:
@@ -199,21 +191,21 @@ def _has_beginning(events: Sequence[StoredEvent]) -> bool:
     )
 
 
-def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) -> bool:
+def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:
     """Return whether each event's hash follows from the previous one and its payload is unchanged.
 
     In a chain that is `erased`, because the participant has withdrawn, payloads may be missing.
     """
-    previous = FIRST_HASH
+    previous = store.FIRST_HASH
     chain = list(chain)
     for seq, link in enumerate(chain):
-        fields = event_fields(name, link.event, link.payload_sha256)
-        if link.event.seq != seq or chain_hash(previous, fields) != link.hash:
+        fields = store.event_fields(name, link.event, link.payload_sha256)
+        if link.event.seq != seq or store.chain_hash(previous, fields) != link.hash:
             return False
         if link.payload is None:
             intact = erased
         else:
-            digest = link.salt is not None and payload_digest(link.payload, link.salt)
+            digest = link.salt is not None and store.payload_digest(link.payload, link.salt)
             intact = digest == link.payload_sha256
         if not intact:
             return False
@@ -222,7 +214,7 @@ def chain_is_unbroken(name: str, chain: Iterable[ChainLink], *, erased: bool) ->
     return bool(chain)
 
 
-def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:
+def _folded(chain: list[store.ChainLink]) -> tuple[SessionState, set[int], str]:
     """Return the state, the planned trials, and the problem, if there is one."""
     try:
         state = folded(link.event for link in chain)
@@ -239,18 +231,18 @@ def _folded(chain: list[ChainLink]) -> tuple[SessionState, set[int], str]:
 Registrations = list[tuple[datetime, StudyRegistered]]
 
 
-def registrations(journal: Journal) -> Registrations:
+def registrations(journal: store.Journal) -> Registrations:
     """Return the registrations of the study, each with its UTC, the one in force last."""
     return journal.records_of(StudyRegistered)
 
 
-def in_force(journal: Journal) -> StudyRegistered | None:
+def in_force(journal: store.Journal) -> StudyRegistered | None:
     """Return the registration that sessions follow now, None if the study is not registered."""
     # The latest one replaces those before it, which the journal keeps.
     return next((record for _, record in reversed(registrations(journal))), None)
 
 
-def session_problem(journal: Journal, chain: str, known: Registrations) -> str:
+def session_problem(journal: store.Journal, chain: str, known: Registrations) -> str:
     """Return why the session of `chain` does not follow from its registration; '' if it does.
 
     Its events can be read; `known` are the `registrations` of the journal.

@@ -12,19 +12,9 @@ from typing import TextIO
 from protocol.errors import BadInput, WorkFailed
 from protocol.study.participant_texts import Wording, band_names, label_text, question_text
 from protocol.study.study_question import BETWEEN, StudyQuestion
+from runner import screens
 from runner.people.operator_console import OPERATOR_MARK, ORDERS
 from runner.people.terminal import at_terminal
-from runner.screens import (
-    Ask,
-    Instruction,
-    LeadIn,
-    Notice,
-    Pacing,
-    Participant,
-    Response,
-    Screen,
-    Welcome,
-)
 
 # A source that never ends, such as a device, must not fill the memory.
 MOST_LINES = 1000
@@ -96,21 +86,21 @@ class TypedLines:
 
 
 @dataclass
-class ConsoleParticipant(Participant):
+class ConsoleParticipant(screens.Participant):
     """Prints texts, takes typed answers, and asks again after an invalid one."""
 
     typed: TypedLines
     say: Callable[[str], None]
     wording: Wording
     monotonic_s: Callable[[], float] = time.monotonic
-    _screen: Screen | None = field(default=None, init=False)
+    _screen: screens.Screen | None = field(default=None, init=False)
     _shown_s: float = field(default=0.0, init=False)
 
     @property
     def _texts(self) -> Mapping[str, str]:
         return self.wording.texts
 
-    def show(self, screen: Screen) -> None:
+    def show(self, screen: screens.Screen) -> None:
         """Print `screen`."""
         self._screen = screen
         # An answer cannot have been meant for a question that was not there yet.
@@ -124,9 +114,11 @@ class ConsoleParticipant(Participant):
         """Print which trial comes next."""
         self.say(self._texts["progress"].format(number=number, total=total))
 
-    def poll(self) -> Response | None:
+    def poll(self) -> screens.Response | None:
         """Return the answer to the current screen once it has been typed."""
-        if self._screen is None or isinstance(self._screen, Notice | LeadIn | Pacing):
+        if self._screen is None or isinstance(
+            self._screen, screens.Notice | screens.LeadIn | screens.Pacing
+        ):
             return None
         after_s = getattr(self._screen, "after_s", 0.0)
         # The line is not taken, so that it counts once the break is over.
@@ -137,23 +129,23 @@ class ConsoleParticipant(Participant):
         if answer is None:
             return None
         self._screen = None
-        return Response(answer=answer, reaction_time_s=self.monotonic_s() - self._shown_s)
+        return screens.Response(answer=answer, reaction_time_s=self.monotonic_s() - self._shown_s)
 
-    def _lines_of(self, screen: Screen) -> list[str]:
+    def _lines_of(self, screen: screens.Screen) -> list[str]:
         match screen:
-            case Notice(text=text):
+            case screens.Notice(text=text):
                 return [self._texts[text]]
-            case Welcome():
+            case screens.Welcome():
                 return [self._texts["welcome"], self._texts["ready"]]
-            case Instruction(text=text, picture=picture):
+            case screens.Instruction(text=text, picture=picture):
                 beside = [] if picture is None else [f"[{picture}]"]
                 return [self._texts[text], *beside, self._texts["ready"]]
-            case LeadIn(several=several, seconds=seconds):
+            case screens.LeadIn(several=several, seconds=seconds):
                 text = self._texts["touch.soon.full" if several else "touch.soon"]
                 return [f"{text} ({seconds:.2g} s)"]
-            case Pacing(duration_s=duration_s):
+            case screens.Pacing(duration_s=duration_s):
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]
-            case Ask(question=question, bands=bands):
+            case screens.Ask(question=question, bands=bands):
                 scale = ["   ".join(band_names(bands, self.wording))] if bands else []
                 skip = [] if question.required else [f"  {self._texts['button.skip']}"]
                 shown = [*self._choices(question), *scale, *skip]
@@ -161,7 +153,7 @@ class ConsoleParticipant(Participant):
 
     def _parse(self, line: str) -> str | None:
         """Return the answer in `line`, None if it is invalid."""
-        if not isinstance(self._screen, Ask):
+        if not isinstance(self._screen, screens.Ask):
             return "ready"
         question = self._screen.question
         answer = self._values(question, line) if question.values else line

@@ -12,19 +12,8 @@ from typing import Protocol
 from device.force_channel.recording import Forces
 from protocol.journal.records import LIFTED_N
 from protocol.plan.trials import Plan
+from runner import screens
 from runner.clock import Clock
-from runner.screens import (
-    FingerPath,
-    Instruction,
-    LeadIn,
-    Notice,
-    Operator,
-    Pacing,
-    Participant,
-    Response,
-    Screen,
-    Welcome,
-)
 
 # The live plot of a sliding experiment: friction against place, and where the block should be.
 
@@ -192,47 +181,47 @@ class MovingFinger(Protocol):
 
 
 @dataclass
-class SlidingBlock(Participant):
+class SlidingBlock(screens.Participant):
     """The block, which is put on the beam, drawn along with the mark, and lifted.
 
     The `operator` puts it on the beam, and draws it unless a `finger` does, on a simulated device.
     `forces` returns the newest ones, None while nothing is recorded.
     """
 
-    operator: Operator
+    operator: screens.Operator
     forces: Callable[[], Forces | None]
     clock: Clock
     plan: Plan
     load_n: float
     plot: SlidePlot
     finger: MovingFinger | None = None
-    _screen: Screen | None = field(default=None, init=False)
+    _screen: screens.Screen | None = field(default=None, init=False)
     _asked_s: float = field(default=0.0, init=False)
     _drawn: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         self._pass = self.plan.trials[0]
 
-    def show(self, screen: Screen) -> None:
+    def show(self, screen: screens.Screen) -> None:
         """Receive `screen`: where to put the block, when to draw it, when to lift it."""
         self._screen, self._asked_s = screen, self.clock.monotonic_s()
         match screen:
-            case Instruction(touch=FingerPath() as path) if self.finger is None:
+            case screens.Instruction(touch=screens.FingerPath() as path) if self.finger is None:
                 end = "left" if path.start_m < path.end_m else "right"
                 self.operator.confirm(
                     f"Put the block ({self.load_n:g} N) on the beam at the {end} end of its way, "
                     f"its right edge at {1e3 * path.start_m:g} mm, then press Enter."
                 )
-            case LeadIn() | Pacing():
+            case screens.LeadIn() | screens.Pacing():
                 self._draw(screen)
             # A session that is stopped in the middle of a pass shows no end of the touch.
-            case Notice(text="touch.end" | "stopped"):
+            case screens.Notice(text="touch.end" | "stopped"):
                 self._lift()
 
-    def _draw(self, screen: LeadIn | Pacing) -> None:
+    def _draw(self, screen: screens.LeadIn | screens.Pacing) -> None:
         """Begin a pass, or with a lead-in the wait before it."""
-        duration_s = inf if isinstance(screen, LeadIn) else screen.duration_s
-        before_s = screen.seconds if isinstance(screen, LeadIn) else 0.0
+        duration_s = inf if isinstance(screen, screens.LeadIn) else screen.duration_s
+        before_s = screen.seconds if isinstance(screen, screens.LeadIn) else 0.0
         drawing = Drawing(
             label=f"pass {self._pass.index + 1}, {self._pass.condition}",
             start_m=screen.start_m,
@@ -241,7 +230,7 @@ class SlidingBlock(Participant):
             duration_s=duration_s,
         )
         self.plot.begin(drawing)
-        self._drawn = isinstance(screen, Pacing)
+        self._drawn = isinstance(screen, screens.Pacing)
         if self.finger is not None:
             direction = "right" if screen.end_m > screen.start_m else "left"
             # 0 during the lead-in: the block rests at its start.
@@ -260,18 +249,18 @@ class SlidingBlock(Participant):
         assert total == len(self.plan.trials), "every trial is a pass"
         self._pass = self.plan.trials[number - 1]
 
-    def poll(self) -> Response | None:
+    def poll(self) -> screens.Response | None:
         """Return that the block is ready once it is on the beam; take what is measured meanwhile.
 
         Nobody has to be welcomed.
         """
         match self._screen:
-            case Pacing():
+            case screens.Pacing():
                 self.plot.take(self.forces())
                 return None
-            case Instruction() if self.finger is None:
+            case screens.Instruction() if self.finger is None:
                 answered = self.operator.answered() is not None
-            case Instruction() | Welcome():
+            case screens.Instruction() | screens.Welcome():
                 answered = True
             case _:
                 answered = False
@@ -279,4 +268,4 @@ class SlidingBlock(Participant):
             return None
         self._screen = None
         seconds = self.clock.monotonic_s() - self._asked_s
-        return Response(answer="ready", reaction_time_s=round(seconds, 3))
+        return screens.Response(answer="ready", reaction_time_s=round(seconds, 3))

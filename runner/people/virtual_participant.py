@@ -16,45 +16,14 @@ import numpy as np
 from device.beam.modes import FloatArray
 from device.drivers.driver import Reading
 from device.friction.changes import Moment, friction_at
-from device.people.answering import (
-    QUESTION_NUMBERS,
-    TOUCH_NUMBERS,
-    Answering,
-    Course,
-    Felt,
-    answer_of,
-    beyond,
-    course,
-    felt_contrast,
-    fractions,
-    kind_of_change,
-    on_scale,
-)
+from device.people import answering
 from device.people.person import People, Person, uniforms
 from protocol.errors import WorkFailed
+from protocol.study import study_question
 from protocol.study.study import Study
-from protocol.study.study_question import (
-    ANSWERS,
-    BETWEEN,
-    QUESTIONS,
-    SCORE,
-    Question,
-    StudyQuestion,
-)
 from protocol.study.touch import Mark
+from runner import screens
 from runner.clock import Clock
-from runner.screens import (
-    Ask,
-    Instruction,
-    Notice,
-    OwnFinger,
-    Pacing,
-    Participant,
-    Response,
-    Screen,
-    Welcome,
-    is_last,
-)
 
 _SKIPPED, _CHOSEN = 0.1, 0.4
 """How often a question is skipped that may be, and how often one of several labels is chosen."""
@@ -84,11 +53,13 @@ class Finger(Protocol):
 class _Touch:
     """A touch in progress: its course, and what the finger has felt of it so far."""
 
-    def __init__(self, control: Finger, way: Course, tremor: Callable[[], float] | None) -> None:
+    def __init__(
+        self, control: Finger, way: answering.Course, tremor: Callable[[], float] | None
+    ) -> None:
         self._control = control
         self._way = way
         self._tremor = tremor
-        self._parts = fractions(way.mark)
+        self._parts = answering.fractions(way.mark)
         self._friction: list[float] = []
 
     def go_on(self, part: float) -> None:
@@ -115,14 +86,14 @@ class _Touch:
         return self._control.touch(force_n, place_m, self._way.mark.direction, speed_m_s)
 
     @property
-    def felt(self) -> Felt:
+    def felt(self) -> answering.Felt:
         """What was felt; a touch that was cut short felt to its end as it did last."""
         rest = [self._friction[-1]] * (len(self._parts) - len(self._friction))
-        return Felt(mark=self._way.mark, friction=np.array([self._friction + rest]))
+        return answering.Felt(mark=self._way.mark, friction=np.array([self._friction + rest]))
 
 
 @dataclass
-class VirtualParticipant(Participant):
+class VirtualParticipant(screens.Participant):
     """A participant who answers at once.
 
     A touch for which `slips` returns True is pressed twice as hard as instructed. `name` determines
@@ -135,9 +106,9 @@ class VirtualParticipant(Participant):
     name: str
     slips: Callable[[], bool] = lambda: False
     _people: People = field(init=False)
-    _answering: Answering = field(init=False)
+    _answering: answering.Answering = field(init=False)
     _streams: dict[str, random.Random] = field(init=False)
-    _screen: Screen | None = field(default=None, init=False)
+    _screen: screens.Screen | None = field(default=None, init=False)
     _pacing_from_s: float = field(default=0.0, init=False)
     _touches: list[_Touch] = field(default_factory=list, init=False)
     _resting: FloatArray | None = field(default=None, init=False)
@@ -146,65 +117,67 @@ class VirtualParticipant(Participant):
 
     def __post_init__(self) -> None:
         self._people = People.of([self.person])
-        self._answering = Answering(self._people)
+        self._answering = answering.Answering(self._people)
         # One for each purpose, so that a further question leaves touches and scores alone.
         purposes = ("ready", "own questions", "tremor")
         self._streams = {each: random.Random(f"{each}/{self.name}") for each in purposes}
 
-    def show(self, screen: Screen) -> None:
+    def show(self, screen: screens.Screen) -> None:
         """Receive `screen`; a pacing cue puts the finger on the beam."""
         self._screen = screen
-        if isinstance(screen, Pacing):
+        if isinstance(screen, screens.Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
             self._touches.append(self._begun(screen.mark))
             self._touches[-1].go_on(0.0)
-        elif isinstance(screen, Notice) and screen.text == "touch.end":
+        elif isinstance(screen, screens.Notice) and screen.text == "touch.end":
             self.control.lift()
 
     def progress(self, number: int, total: int) -> None:  # noqa: ARG002 - it counts itself
         """Forget the touches of a trial that is begun anew."""
         self._touches.clear()
 
-    def poll(self) -> Response | None:
+    def poll(self) -> screens.Response | None:
         """Return the answer to the current screen, unless it has left; while touching, go on."""
         match self._screen:
-            case Pacing() as pacing:
+            case screens.Pacing() as pacing:
                 passed_s = self.clock.monotonic_s() - self._pacing_from_s
                 # Ticks that are summed up may end just before the end.
                 part = passed_s / pacing.duration_s + _ROUNDING
                 self._touches[-1].go_on(min(part, 1.0))
                 return None
-            case Instruction(text="remember"):
+            case screens.Instruction(text="remember"):
                 self._resting = self._touches[-1].felt.friction[:, -1]
                 self._touches.clear()
                 return self._respond("ready", self._seconds("ready"))
-            case Instruction() | Welcome():
+            case screens.Instruction() | screens.Welcome():
                 return self._respond("ready", self._seconds("ready"))
-            case Ask(question=question):
+            case screens.Ask(question=question):
                 return self._answer(question)
         return None
 
-    def _answer(self, question: StudyQuestion) -> Response:
-        if change := next((each for each in QUESTIONS if each == question.name), None):
+    def _answer(self, question: study_question.StudyQuestion) -> screens.Response:
+        if change := next(
+            (each for each in study_question.QUESTIONS if each == question.name), None
+        ):
             return self._change(change)
-        if question.name == SCORE:
+        if question.name == study_question.SCORE:
             score, seconds = self._answering.score()
             lowest, highest, _ = question.scale
-            return self._respond(f"{on_scale(score, lowest, highest)[0]:.0f}", seconds[0])
+            return self._respond(f"{answering.on_scale(score, lowest, highest)[0]:.0f}", seconds[0])
         return self._respond(self._own(question), self._seconds("own questions"))
 
-    def _respond(self, answer: str, seconds: float) -> Response:
+    def _respond(self, answer: str, seconds: float) -> screens.Response:
         self._screen = None
-        return Response(answer=answer, reaction_time_s=float(seconds))
+        return screens.Response(answer=answer, reaction_time_s=float(seconds))
 
     def _seconds(self, purpose: str) -> float:
         return round(self._streams[purpose].uniform(0.4, 2), 3)
 
     def _begun(self, mark: Mark) -> _Touch:
         # Numbered by touch, so that a further question does not change what later touches are like.
-        u = uniforms(f"touches/{self.name}", self._touched + 1, TOUCH_NUMBERS)[-1:]
+        u = uniforms(f"touches/{self.name}", self._touched + 1, answering.TOUCH_NUMBERS)[-1:]
         self._touched += 1
-        way = course(self._people, u, mark)
+        way = answering.course(self._people, u, mark)
         if self.slips():
             way = replace(way, force_n=2 * way.force_n)
         return _Touch(self.control, way, self._tremor if self.person.tremor else None)
@@ -212,24 +185,24 @@ class VirtualParticipant(Participant):
     def _tremor(self) -> float:
         return max(1 + self._streams["tremor"].gauss(0, self.person.tremor), _LEAST_FORCE)
 
-    def _change(self, question: Question) -> Response:
+    def _change(self, question: study_question.Question) -> screens.Response:
         felt = [touch.felt for touch in self._touches]
         marks = [touch.mark for touch in felt]
         resting = felt[0].friction[:, 0] if self._resting is None else self._resting
         self._touches.clear()
-        u = uniforms(f"questions/{self.name}", self._asked + 1, QUESTION_NUMBERS)[-1:]
+        u = uniforms(f"questions/{self.name}", self._asked + 1, answering.QUESTION_NUMBERS)[-1:]
         self._asked += 1
         answer, seconds = self._answering.change(
-            felt_contrast(question, felt, resting),
-            beyond(kind_of_change(question, marks), self._people),
-            np.array([len(ANSWERS[question]) > 2]),
+            answering.felt_contrast(question, felt, resting),
+            answering.beyond(answering.kind_of_change(question, marks), self._people),
+            np.array([len(study_question.ANSWERS[question]) > 2]),
             u,
         )
         if self._answering.left[0]:
             raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
-        return self._respond(answer_of(question, int(answer[0])), seconds[0])
+        return self._respond(answering.answer_of(question, int(answer[0])), seconds[0])
 
-    def _own(self, question: StudyQuestion) -> str:
+    def _own(self, question: study_question.StudyQuestion) -> str:
         """Return an answer to a question of the study's own, at random but plausible."""
         stream = self._streams["own questions"]
         if not question.required and stream.random() < _SKIPPED:
@@ -239,7 +212,7 @@ class VirtualParticipant(Participant):
                 return stream.choice(question.values)
             case "several":
                 chosen = [value for value in question.values if stream.random() < _CHOSEN]
-                return BETWEEN.join(chosen or [stream.choice(question.values)])
+                return study_question.BETWEEN.join(chosen or [stream.choice(question.values)])
             case "number":
                 low, high, decimals = _range(question)
                 return f"{stream.uniform(low, high):.{decimals}f}"
@@ -249,7 +222,7 @@ class VirtualParticipant(Participant):
         return str(question.place(round(stream.betavariate(2, 2) * question.places)))
 
 
-def _range(question: StudyQuestion) -> tuple[float, float, int]:
+def _range(question: study_question.StudyQuestion) -> tuple[float, float, int]:
     """Return between which ends, and with how many decimals, a number is drawn."""
     low, high, decimals = question.minimum, question.maximum, question.decimals or 0
     if low is None:
@@ -332,7 +305,7 @@ CLOSES_AFTER_S = 2.0
 """How long the last page is read."""
 
 
-class Keys(Participant, Protocol):
+class Keys(screens.Participant, Protocol):
     """A window with a keyboard."""
 
     def press(self, answer: str, reaction_time_s: float) -> None:
@@ -340,24 +313,24 @@ class Keys(Participant, Protocol):
 
 
 @dataclass
-class VirtualAtWindow(Participant):
+class VirtualAtWindow(screens.Participant):
     """A virtual `person` who touches and answers as ever, but gives each answer in the `window`.
 
     The window says what was answered and when, as it does for people.
     """
 
-    person: Participant
+    person: screens.Participant
     window: Keys
-    _screen: Screen | None = field(default=None, init=False)
-    _meant: Response | None = field(default=None, init=False)
+    _screen: screens.Screen | None = field(default=None, init=False)
+    _meant: screens.Response | None = field(default=None, init=False)
 
-    def show(self, screen: Screen) -> None:
+    def show(self, screen: screens.Screen) -> None:
         """Show `screen` to the person in the window; the last one is closed when it is read."""
         # What was meant for the page before must not be compared with an answer on this one.
         self._screen, self._meant = screen, None
         self.window.show(screen)
         self.person.show(screen)
-        if is_last(screen):
+        if screens.is_last(screen):
             # Nobody is there to close the last page.
             self.window.press("ready", CLOSES_AFTER_S)
 
@@ -370,11 +343,11 @@ class VirtualAtWindow(Participant):
         """Let the window say that the answer is saved."""
         self.window.saved()
 
-    def felt(self, finger: OwnFinger) -> None:
+    def felt(self, finger: screens.OwnFinger) -> None:
         """Let the window show the finger."""
         self.window.felt(finger)
 
-    def poll(self) -> Response | None:
+    def poll(self) -> screens.Response | None:
         """Return the answer that the window took, None before it did.
 
         Raises `WorkFailed` if it is another answer than the person gave.
@@ -384,7 +357,7 @@ class VirtualAtWindow(Participant):
             self.window.press(meant.answer, meant.reaction_time_s)
         # The window decides what was answered, as it does for people, so that a rehearsal tries it.
         given = self.window.poll()
-        if given is not None and isinstance(self._screen, Ask):
+        if given is not None and isinstance(self._screen, screens.Ask):
             answer, wanted = self._screen.question.answer, self._meant
             if wanted is None or answer(given.answer) != answer(wanted.answer):
                 raise WorkFailed(

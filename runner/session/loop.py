@@ -6,13 +6,7 @@ from datetime import datetime, timedelta
 
 from device.errors import OutputUnknown
 from protocol.errors import BadInput, WorkFailed
-from protocol.journal.events import (
-    DeviceOff,
-    PracticeRenewed,
-    SessionCompleted,
-    TrialDeferred,
-    TrialStarted,
-)
+from protocol.journal import events
 from protocol.journal.records import Compliance, PlannedTrial
 from protocol.journal.state import SessionState
 from protocol.plan.blocks import Stream
@@ -73,7 +67,7 @@ def _run_trials(context: SessionContext) -> None:
 def _run_trial(context: SessionContext, trial: Trial) -> None:
     """Run one trial; if it must be repeated, it remains pending."""
     # Before anything is shown: a session killed from here on is known to have been in this trial.
-    context.log.append(TrialStarted(index=trial.index, kind=trial.kind))
+    context.log.append(events.TrialStarted(index=trial.index, kind=trial.kind))
     total = len(context.session.plan.trials)
     context.participant.progress(len(context.log.state.answered) + 1, total)
     update_view(context)
@@ -107,7 +101,7 @@ def _resume(context: SessionContext) -> None:
         practice = {trial.index for trial in session.plan.trials if trial.kind == "practice"}
         # Practice that has no answer yet is pending anyway.
         if again := sorted(practice & log.state.answered):
-            log.append(PracticeRenewed(indices=tuple(again)))
+            log.append(events.PracticeRenewed(indices=tuple(again)))
 
 
 def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionContext) -> None:
@@ -130,7 +124,7 @@ def run_then_turn_off(part: Callable[[SessionContext], None], context: SessionCo
             raise
         _turn_off(context, "end of session")
         # Last, so that no session counts as complete whose output was not read back as off.
-        context.log.append(SessionCompleted())
+        context.log.append(events.SessionCompleted())
 
 
 def _turn_off(
@@ -156,7 +150,7 @@ def _turn_off(
         # The trial first: the journal permits `device-off` only where no trial is running.
         abort_trial(context.log, why)
         if context.log.state.name in {"armed", "paused"}:
-            context.log.append(DeviceOff(confirmed=unknown is None, why=why))
+            context.log.append(events.DeviceOff(confirmed=unknown is None, why=why))
         if unknown is not None:
             update_view(context, unknown=True)
     except Exception as error:
@@ -187,7 +181,7 @@ def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:
     stream = Stream(session.study.study.seed, "again", *place)
     index, after = deferral(session.study, context.order, trial, state.beam, stream)
     # Before it is told: no trial runs then, which `repeat` during the notice could repeat, too.
-    context.log.append(TrialDeferred(index=index, missed=made.missed, after=after))
+    context.log.append(events.TrialDeferred(index=index, missed=made.missed, after=after))
     # The participant reads one reason at a time; the journal has all of them.
     context.participant.show(Notice(text=f"again.{made.missed[0]}"))
     wait(context, _NOTICE_S)
@@ -203,7 +197,7 @@ def renew_practice(context: SessionContext) -> None:
     recent = state.practised[-rules.practise_of :]
     lacking = bool(recent) and sum(recent) < rules.practise_until
     if is_over and lacking and state.practice_rounds < rules.practice_rounds:
-        context.log.append(PracticeRenewed(indices=tuple(practice)))
+        context.log.append(events.PracticeRenewed(indices=tuple(practice)))
 
 
 # Checks before a session starts or resumes: same study, same kind, intact chain, not too old.

@@ -4,30 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
+from protocol.journal import records
 from protocol.journal.events import Answered, QuestionAnswered, TouchEnded, TouchStarted
-from protocol.journal.records import (
-    Compliance,
-    InstructionResponse,
-    QuestionAnswer,
-    ReadBack,
-    TraceSample,
-)
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Trial
 from protocol.study.participant_texts import language, page_key
 from protocol.study.study_question import Answer, StudyQuestion, When
 from protocol.study.touch import Touch
-from runner.screens import (
-    Ask,
-    Instruction,
-    Notice,
-    OwnFinger,
-    Response,
-    ask_change,
-    ask_score,
-    lead_in,
-    pacing,
-)
+from runner import screens
 from runner.session.session import Session, SessionContext, judged, samples_of
 from runner.session.setup import begin, end, mount, tare
 from runner.session.waiting import TICK_S, response, update_view, wait
@@ -38,7 +22,7 @@ Due = tuple[When, int | None, StudyQuestion]
 """When a question is asked, and after which block if it is asked after one."""
 
 
-def asked(context: SessionContext, screen: Ask) -> tuple[Answer, Response]:
+def asked(context: SessionContext, screen: screens.Ask) -> tuple[Answer, screens.Response]:
     """Return what the answer means, and the response; raises `ValueError` if it is not allowed."""
     # Only what is shown is turned, so that answers keep their names and the data stay the same.
     turned = context.session.answer_order == "reversed" and screen.question.values
@@ -63,14 +47,14 @@ def read_pages(context: SessionContext, before: str, block: int = 0) -> None:
     study = context.session.study
     for number in study.pages(before, block):
         picture = study.page[number].picture
-        context.participant.show(Instruction(text=page_key(number), picture=picture))
+        context.participant.show(screens.Instruction(text=page_key(number), picture=picture))
         response(context)
 
 
 def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None:
     """Say that practice begins if `trial` begins it after `last`; show its pages, or a block's."""
     if trial.kind == "practice" and (last is None or last.kind != "practice"):
-        context.participant.show(Instruction(text="practice"))
+        context.participant.show(screens.Instruction(text="practice"))
         response(context)
         read_pages(context, "practice")
     elif trial.block > 0 and (last is None or last.block != trial.block):
@@ -98,10 +82,10 @@ def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | 
         yield "after", None
 
 
-def _asked(context: SessionContext, question: StudyQuestion) -> QuestionAnswer:
+def _asked(context: SessionContext, question: StudyQuestion) -> records.QuestionAnswer:
     letters = language(context.session.study, context.session.language).letters
-    answer, given = asked(context, Ask(question=question, letters=letters))
-    return QuestionAnswer(
+    answer, given = asked(context, screens.Ask(question=question, letters=letters))
+    return records.QuestionAnswer(
         name=question.name, answer=answer, reaction_time_s=given.reaction_time_s, trace=given.trace
     )
 
@@ -113,7 +97,7 @@ SWEEP_STEPS = 10
 FASTEST_STEP_S = 0.02
 
 
-def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
+def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compliance:
     """Carry out one touch of a trial and return its compliance.
 
     The output is off before and after the touch. It is switched on only after the journal has
@@ -127,15 +111,15 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> Compliance:
     drifted = tare(context)
     stimulus = _Stimulus(context, to_make)
     path = stimulus.pacing.touch
-    context.participant.show(Instruction(text=stimulus.pacing.text, touch=path))
-    ready = InstructionResponse(**vars(response(context)))
+    context.participant.show(screens.Instruction(text=stimulus.pacing.text, touch=path))
+    ready = records.InstructionResponse(**vars(response(context)))
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     # On the disk before the output goes on: no touch is driven of which the journal does not know.
     context.log.append(TouchStarted(touch=number, commanded=start, instruction=ready))
     moved_s = stimulus.deliver(start)
     # Off before anything is shown or stored, because neither may keep it on.
     context.device.off()
-    context.participant.show(Notice(text="touch.end"))
+    context.participant.show(screens.Notice(text="touch.end"))
     # Before `touch-ended`: a session killed between the two repeats the trial and loses no samples.
     warnings = end(context, number, moved_s)
     rules = context.session.study.as_instructed
@@ -162,9 +146,9 @@ class _Stimulus:
         self._context = context
         self._touch = to_make
         self._next_sample_s = 0.0
-        self.read_back: list[ReadBack] = []
-        self.samples: list[TraceSample] = []
-        self.pacing = pacing(to_make, context.session.study.touch)
+        self.read_back: list[records.ReadBack] = []
+        self.samples: list[records.TraceSample] = []
+        self.pacing = screens.pacing(to_make, context.session.study.touch)
         self._next_step_s = self._step_s
         self._shows_finger = _shows_finger(context)
 
@@ -176,7 +160,7 @@ class _Stimulus:
         """
         context, to_make = self._context, self._touch
         begin(context)
-        before = lead_in(self.pacing, context.session.study.touch)
+        before = screens.lead_in(self.pacing, context.session.study.touch)
         moves_s = context.clock.monotonic_s() + before.seconds
         # The finger is put down while the output rises, on the same page whatever is driven.
         context.participant.show(before)
@@ -206,7 +190,7 @@ class _Stimulus:
     def _sample_and_show(self) -> None:
         update_view(self._context, device=self._sample(keep=True))
 
-    def _sample(self, *, keep: bool) -> ReadBack:
+    def _sample(self, *, keep: bool) -> records.ReadBack:
         """Read back the drive and the finger; keep the read-back only if `keep`."""
         read_back = self._context.device.read_back()
         if keep:
@@ -215,12 +199,12 @@ class _Stimulus:
         self._show_finger(read_back)
         return read_back
 
-    def _show_finger(self, read_back: ReadBack) -> None:
+    def _show_finger(self, read_back: records.ReadBack) -> None:
         rules = self._context.session.study.as_instructed
         if self._shows_finger:
             for sample in samples_of(read_back):
                 force = sample.force_n / self.pacing.force_n
-                finger = OwnFinger(
+                finger = screens.OwnFinger(
                     position_m=sample.position_m, force=force, within=rules.force_within
                 )
                 self._context.participant.felt(finger)
@@ -274,7 +258,7 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
     )
 
 
-def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> Answered:
+def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Compliance]) -> Answered:
     """Ask about `trial`, whose touches are `judged`; return the event with the answers."""
     change, score, given = _answers(context, trial)
     questions = context.session.study.questions_after(trial.condition)
@@ -296,7 +280,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[Compliance]) -> 
 
 def _answers(
     context: SessionContext, trial: Trial
-) -> tuple[str | None, int | None, list[Response]]:
+) -> tuple[str | None, int | None, list[screens.Response]]:
     """Return the reported change, its score, and the responses that gave them.
 
     The score is None if the answer disagrees with the expectation and the study asks for a score
@@ -307,13 +291,13 @@ def _answers(
         return None, None, []
     # A trial to remember, such as the baseline, has no question; the participant only confirms.
     if trial.question is None:
-        context.participant.show(Instruction(text="remember"))
+        context.participant.show(screens.Instruction(text="remember"))
         return None, None, [response(context)]
     rating = context.session.study.rating
-    _, change = asked(context, ask_change(trial.question))
+    _, change = asked(context, screens.ask_change(trial.question))
     agrees = change.answer == trial.expected
     if not trial.scored or not (agrees or rating.score_when == "always"):
         return change.answer, None, [change]
-    score, given = asked(context, ask_score(rating))
+    score, given = asked(context, screens.ask_score(rating))
     assert isinstance(score, int), "scores are whole"
     return change.answer, score, [change, given]

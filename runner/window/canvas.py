@@ -14,26 +14,7 @@ from psychopy import logging, visual
 from pyglet.window import key, mouse
 
 from protocol.errors import WorkFailed
-from runner.window.elements import (
-    BACKGROUND,
-    LINE_HEIGHT,
-    Dot,
-    Dragged,
-    Element,
-    Input,
-    Key,
-    Outline,
-    Page,
-    Picture,
-    Pressed,
-    Released,
-    Text,
-    Typed,
-    first_font,
-    missing_font,
-    pixels_per_unit,
-    wrapped,
-)
+from runner.window import elements
 from runner.window.messages import Settings
 
 SMALL_WINDOW_PX = (800, 600)
@@ -63,24 +44,28 @@ class PsychopyCanvas:
     def __init__(self, settings: Settings) -> None:
         logging.console.setLevel(logging.CRITICAL)
         wording = settings.wording
-        font = first_font(wording.fonts, pyglet.font.have_font)
+        font = elements.first_font(wording.fonts, pyglet.font.have_font)
         if font is None:
-            raise WorkFailed(missing_font(wording.code, wording.fonts, wording.font_package))
+            raise WorkFailed(
+                elements.missing_font(wording.code, wording.fonts, wording.font_package)
+            )
         self._font = font
         self._window = _window(settings)
-        self._scale = float(pixels_per_unit(*self._window.size))
+        self._scale = float(elements.pixels_per_unit(*self._window.size))
         self._handle = self._window.winHandle
         self._screen = settings.screen
         self._folder = settings.folder
-        self._drawn: dict[Element, list[Any]] = {}
-        self._inputs: list[tuple[float, Input]] = []
+        self._drawn: dict[elements.Element, list[Any]] = {}
+        self._inputs: list[tuple[float, elements.Input]] = []
         self.closed = False
         self._looked_s = 0.0
         self._window.setMouseVisible(True)
         self._handle.push_handlers(
-            on_mouse_press=lambda x, y, *_: self._latched(Pressed(**self._on_canvas(x, y))),
-            on_mouse_drag=lambda x, y, *_: self._latched(Dragged(**self._on_canvas(x, y))),
-            on_mouse_release=lambda *_: self._latched(Released()),
+            on_mouse_press=lambda x, y, *_: self._latched(
+                elements.Pressed(**self._on_canvas(x, y))
+            ),
+            on_mouse_drag=lambda x, y, *_: self._latched(elements.Dragged(**self._on_canvas(x, y))),
+            on_mouse_release=lambda *_: self._latched(elements.Released()),
             on_key_press=self._on_key,
             on_text=self._on_text,
             on_close=self._on_close,
@@ -98,34 +83,34 @@ class PsychopyCanvas:
             "font": self._font,
         }
 
-    def draw(self, page: Page) -> None:
+    def draw(self, page: elements.Page) -> None:
         """Draw `page` into the back buffer."""
         for element in page:
             for stimulus in self.stimuli(element):
                 stimulus.draw()
 
-    def prepare(self, page: Page) -> None:
+    def prepare(self, page: elements.Page) -> None:
         """Build the stimuli of `page` in advance, so that its first frame is not late."""
         for element in page:
             self.stimuli(element)
 
-    def stimuli(self, element: Element) -> list[Any]:
+    def stimuli(self, element: elements.Element) -> list[Any]:
         """Return the stimuli that draw `element`, built once: typesetting takes milliseconds."""
-        if isinstance(element, Dot):
+        if isinstance(element, elements.Dot):
             return [self._dot(element)]
         if element not in self._drawn:
             if len(self._drawn) > MOST_KEPT:  # a countdown needs a new text each second
                 del self._drawn[next(iter(self._drawn))]
             match element:
-                case Text():
+                case elements.Text():
                     self._drawn[element] = self._text(element)
-                case Picture():
+                case elements.Picture():
                     self._drawn[element] = [self._picture(element)]
-                case Outline():
+                case elements.Outline():
                     self._drawn[element] = [self._outline(element)]
         return self._drawn[element]
 
-    def _picture(self, picture: Picture) -> Any:
+    def _picture(self, picture: elements.Picture) -> Any:
         image = visual.ImageStim(
             self._window,
             image=str(Path(self._folder) / picture.name),
@@ -146,34 +131,34 @@ class PsychopyCanvas:
             self.closed = self.closed or not self.is_there()
         return flipped_s
 
-    def inputs(self) -> list[tuple[float, Input]]:
+    def inputs(self) -> list[tuple[float, elements.Input]]:
         """Return the inputs since the last call, each with its time."""
         self._handle.dispatch_events()
         taken, self._inputs = self._inputs, []
         return taken
 
-    def press(self, given: Input) -> None:
+    def press(self, given: elements.Input) -> None:
         """Put `given` into the window's own queue of events, where a person's keys arrive."""
         put = self._handle.dispatch_event
         match given:
-            case Key(name=name):
+            case elements.Key(name=name):
                 put("on_key_press", _SYMBOLS[name], 0)
-            case Typed(text=text):
+            case elements.Typed(text=text):
                 put("on_text", text)
-            case Pressed(x=x, y=y):
+            case elements.Pressed(x=x, y=y):
                 across, up = (side / 2 for side in self._window.size)
                 place = (across + x * self._scale, up + y * self._scale)
                 put("on_mouse_press", *place, mouse.LEFT, 0)
-            case Released():
+            case elements.Released():
                 put("on_mouse_release", 0, 0, mouse.LEFT, 0)
 
     def close(self) -> None:
         """Close the window."""
         self._window.close()
 
-    def _dot(self, dot: Dot) -> Any:
+    def _dot(self, dot: elements.Dot) -> Any:
         # One for all places: a dot moves with each frame, and building one takes too long for that.
-        rest = Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)
+        rest = elements.Dot(x=0, y=0, radius=dot.radius, fill=dot.fill)
         if rest not in self._drawn:
             radius = dot.radius * self._scale
             self._drawn[rest] = [
@@ -185,7 +170,7 @@ class PsychopyCanvas:
         stimulus.pos = (dot.x * self._scale, dot.y * self._scale)
         return stimulus
 
-    def _outline(self, outline: Outline) -> Any:
+    def _outline(self, outline: elements.Outline) -> Any:
         return visual.ShapeStim(
             self._window,
             vertices=[(x * self._scale, y * self._scale) for x, y in outline.points],
@@ -195,9 +180,9 @@ class PsychopyCanvas:
             lineWidth=outline.width * self._scale,
         )
 
-    def _text(self, text: Text) -> list[Any]:
-        lines = wrapped(text.text, text.size, text.box.width)
-        step = text.size * LINE_HEIGHT
+    def _text(self, text: elements.Text) -> list[Any]:
+        lines = elements.wrapped(text.text, text.size, text.box.width)
+        step = text.size * elements.LINE_HEIGHT
         top = text.box.y + step * (len(lines) - 1) / 2
         return [
             visual.TextStim(
@@ -217,17 +202,17 @@ class PsychopyCanvas:
     def _on_key(self, symbol: int, _modifiers: int) -> bool:
         """Latch a key; returning True keeps pyglet from closing the window at Escape."""
         name = _KEYS.get(symbol)
-        return True if name is None else self._latched(Key(name=name))
+        return True if name is None else self._latched(elements.Key(name=name))
 
     def _on_text(self, text: str) -> bool:
-        return self._latched(Typed(text=text)) if text.isprintable() else True
+        return self._latched(elements.Typed(text=text)) if text.isprintable() else True
 
     def _on_close(self) -> bool:
         # The loop of the server ends, and tells the session before it closes the window.
         self.closed = True
         return True
 
-    def _latched(self, given: Input) -> bool:
+    def _latched(self, given: elements.Input) -> bool:
         # The time of its arrival here, because pyglet's events have none.
         self._inputs.append((time.monotonic(), given))
         return True
@@ -269,7 +254,7 @@ def _window(settings: Settings) -> Any:
         fullscr=not settings.windowed,
         screen=settings.screen,
         units="pix",
-        color=BACKGROUND,
+        color=elements.BACKGROUND,
         title="touchbeam",
         allowGUI=True,
         checkTiming=False,

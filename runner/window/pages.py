@@ -10,17 +10,7 @@ from typing import get_args
 
 from device.beam.beam import Beam
 from protocol.study.participant_texts import Wording, is_own_page
-from runner.screens import (
-    Ask,
-    FingerPath,
-    Instruction,
-    LeadIn,
-    OwnFinger,
-    Pacing,
-    Screen,
-    Welcome,
-    is_last,
-)
+from runner import screens
 from runner.window.elements import (
     ACCENT,
     FAINT,
@@ -70,7 +60,7 @@ def beam_x(position_m: float) -> float:
     return _LEFT + _LENGTH * position_m / BEAM_M
 
 
-def sketch(way: FingerPath) -> Page:
+def sketch(way: screens.FingerPath) -> Page:
     """Return the beam and the touch: an arrow along it, or marks that point at places."""
     if way.start_m != way.end_m:
         return (*_beam(), *_arrow(way))
@@ -92,7 +82,7 @@ def labels(texts: Mapping[str, str]) -> Page:
     )
 
 
-def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
+def fingers(way: screens.FingerPath, fraction: float) -> tuple[Dot, ...]:
     """Return the pacing marks after `fraction` of the way, from 0 to 1."""
     position_m = way.start_m + fraction * (way.end_m - way.start_m)
     return tuple(
@@ -101,7 +91,7 @@ def fingers(way: FingerPath, fraction: float) -> tuple[Dot, ...]:
     )
 
 
-def _places(way: FingerPath, position_m: float) -> list[float]:
+def _places(way: screens.FingerPath, position_m: float) -> list[float]:
     """Return the positions of the fingers; of several, only those on the beam."""
     if not way.several:
         return [position_m]
@@ -118,7 +108,7 @@ def _beam() -> Page:
     )
 
 
-def _arrow(way: FingerPath) -> Page:
+def _arrow(way: screens.FingerPath) -> Page:
     start, end = beam_x(way.start_m), beam_x(way.end_m)
     base = end - _HEAD if end > start else end + _HEAD
     head = ((end, _ARROW_Y), (base, _ARROW_Y + _HEAD), (base, _ARROW_Y - _HEAD))
@@ -147,7 +137,7 @@ _LONGEST = 2.0
 """Force at the bar's right end, relative to the instructed one."""
 
 
-def own_finger(finger: OwnFinger, texts: Mapping[str, str]) -> Page:
+def own_finger(finger: screens.OwnFinger, texts: Mapping[str, str]) -> Page:
     """Return a dot at the finger's place, and a bar with the range in which its force should be."""
     low, high = (_bar_x(1 + sign * finger.within) for sign in (-1, 1))
     wanted = Box(x=(low + high) / 2, y=_BAR.y, width=high - low, height=_BAR.height)
@@ -180,24 +170,24 @@ _CALL = Box(x=-295, y=-208, width=190, height=66)
 _BANNER = Box(x=0, y=-273, width=780, height=50)
 
 
-def page(screen: Screen, view: PageState, wording: Wording) -> Page:
+def page(screen: screens.Screen, view: PageState, wording: Wording) -> Page:
     """Return the page of `screen` in the state `view`."""
     texts = wording.texts
-    around = () if is_last(screen) else _around(screen, view, texts)
+    around = () if screens.is_last(screen) else _around(screen, view, texts)
     return (*_page(screen, view, wording, texts), *around)
 
 
-def states(screen: Screen) -> Iterator[PageState]:
+def states(screen: screens.Screen) -> Iterator[PageState]:
     """Yield the states that the page of `screen` is likely to be in."""
     yield from (PageState(button=button) for button in get_args(Button))
     match screen:
-        case LeadIn(seconds=seconds):
+        case screens.LeadIn(seconds=seconds):
             yield from (PageState(passed_s=third * seconds / 3) for third in (1, 2))
-        case Ask(question=question):
+        case screens.Ask(question=question):
             yield from (PageState(chosen=chosen) for chosen in chosen_in_advance(question))
 
 
-def targets(screen: Screen) -> tuple[Target, ...]:
+def targets(screen: screens.Screen) -> tuple[Target, ...]:
     """Return the targets on `screen`.
 
     Enter also activates `ready` and `confirm`, and Escape `call`, which the last page lacks.
@@ -205,33 +195,35 @@ def targets(screen: Screen) -> tuple[Target, ...]:
     call = Target(name="call", box=_CALL, role="call")
     ready = Target(name="ready", box=BUTTON, role="button")
     match screen:
-        case Welcome() | Instruction():
+        case screens.Welcome() | screens.Instruction():
             return (ready, call)
-        case Ask():
+        case screens.Ask():
             return (*question_targets(screen), call)
-    return (ready,) if is_last(screen) else (call,)
+    return (ready,) if screens.is_last(screen) else (call,)
 
 
-def target_at(screen: Screen, x: float, y: float) -> Target | None:
+def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
     """Return the target at a point, or None."""
     return next((target for target in targets(screen) if target.box.holds(x, y)), None)
 
 
-def _page(screen: Screen, view: PageState, wording: Wording, texts: Mapping[str, str]) -> Page:
+def _page(
+    screen: screens.Screen, view: PageState, wording: Wording, texts: Mapping[str, str]
+) -> Page:
     match screen:
-        case Welcome():
+        case screens.Welcome():
             return _welcome(screen, view, texts)
-        case Instruction():
+        case screens.Instruction():
             return _instruction(screen, view, texts)
-        case LeadIn() | Pacing():
+        case screens.LeadIn() | screens.Pacing():
             return _touch(screen, view, texts)
-        case Ask():
+        case screens.Ask():
             return question_page(screen, view, wording)
-    closing = button("button.close", view, texts) if is_last(screen) else ()
+    closing = button("button.close", view, texts) if screens.is_last(screen) else ()
     return (Text(text=texts[screen.text], box=MIDDLE, size=TITLE_SIZE), *closing)
 
 
-def _welcome(screen: Welcome, view: PageState, texts: Mapping[str, str]) -> Page:
+def _welcome(screen: screens.Welcome, view: PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
         Text(text=texts["welcome"], box=MIDDLE, size=TITLE_SIZE),
@@ -241,14 +233,14 @@ def _welcome(screen: Welcome, view: PageState, texts: Mapping[str, str]) -> Page
     )
 
 
-def _own_page(screen: Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
+def _own_page(screen: screens.Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
     """Return a page of the study's own: its text alone, or above its picture."""
     shown = () if screen.picture is None else (Picture(name=screen.picture, box=_PICTURE),)
     text = Text(text=texts[screen.text], box=_ABOVE if shown else _WHOLE, size=PAGE_SIZE)
     return (text, *shown, *button("button.ready", view, texts))
 
 
-def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
+def _instruction(screen: screens.Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
     if is_own_page(screen.text):
         return _own_page(screen, view, texts)
     box = MIDDLE if screen.touch is None else TITLE
@@ -261,19 +253,21 @@ def _instruction(screen: Instruction, view: PageState, texts: Mapping[str, str])
     return (title, *drawn, *button("button.ready", view, texts))
 
 
-def _touch(screen: LeadIn | Pacing, view: PageState, texts: Mapping[str, str]) -> Page:
+def _touch(
+    screen: screens.LeadIn | screens.Pacing, view: PageState, texts: Mapping[str, str]
+) -> Page:
     """Return the page whose mark rests, then moves; it hides how long to hold a place."""
     title = Text(text=texts[screen.text], box=TITLE, size=TITLE_SIZE)
     own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen), *labels(texts))
-    if isinstance(screen, LeadIn):
+    if isinstance(screen, screens.LeadIn):
         return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts), *own)
     # The mark stays at its end until the session shows the next page.
     marks = fingers(screen, min(view.passed_s / screen.duration_s, 1.0))
     return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE), *own)
 
 
-def _lead_in(screen: LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
+def _lead_in(screen: screens.LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
     """Return what to do until the mark moves, and the countdown in three equal steps."""
     soon = texts["touch.soon.full" if screen.several else "touch.soon"]
     if not (screen.countdown and screen.seconds):
@@ -282,10 +276,10 @@ def _lead_in(screen: LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
     return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), hint(soon, _SOON))
 
 
-def _around(screen: Screen, view: PageState, texts: Mapping[str, str]) -> Page:
+def _around(screen: screens.Screen, view: PageState, texts: Mapping[str, str]) -> Page:
     """Return what stands on every page but the last: progress, and the call for the operator."""
     progress: Page = ()
-    if view.progress is not None and not isinstance(screen, Welcome):
+    if view.progress is not None and not isinstance(screen, screens.Welcome):
         number, total = view.progress
         shown = texts["progress"].format(number=number, total=total)
         progress = (_small(shown, _PROGRESS),)

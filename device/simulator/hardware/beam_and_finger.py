@@ -12,17 +12,10 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
+from device.friction import scenes
 from device.friction.changes import LAW, RUNG
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import law_by_name
-from device.friction.scenes import (
-    REFERENCE_SPEED_M_S,
-    Direction,
-    Drive,
-    FingerContact,
-    Scene,
-    Structure,
-)
 from device.people.person import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
 from device.simulator.hardware.power_stage import Instrument
 
@@ -76,7 +69,7 @@ SENSOR_NOISE = {
 }
 """Standard deviations of the sensors; that of the vibration is relative."""
 
-_DIRECTIONS: dict[str, Direction] = {"right": "right", "left": "left"}
+_DIRECTIONS: dict[str, scenes.Direction] = {"right": "right", "left": "left"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +82,7 @@ class Finger:
 
     force_n: float
     position_m: float
-    direction: Direction
+    direction: scenes.Direction
     speed_m_s: float = 0.0
     at_s: float = 0.0
 
@@ -260,7 +253,7 @@ class SimulatedBeam:
         fingers = Fingers(
             place_m=self._places_m(finger, times_s),
             force_n=finger.force_n,
-            speed_m_s=finger.speed_m_s or REFERENCE_SPEED_M_S,
+            speed_m_s=finger.speed_m_s or scenes.REFERENCE_SPEED_M_S,
             voltage_v=voltage_v,
             body_height_m=self.body_height_m,
             skin=self.skin.skin,
@@ -296,15 +289,15 @@ class SimulatedBeam:
         tip_m = 2 * modal_displacement_m(self.beam, MODE, voltage_v, instrument.frequency_hz)
         return float(tip_m) * (1 + self._noise("vibration", instrument))
 
-    def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> Scene:
+    def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> scenes.Scene:
         model_hz = frequency_hz * self._model_hz_per_hz
-        return Scene(
-            structure=Structure(beam=self.world.beam, body_height_m=self.body_height_m),
-            drive=Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
-            touch=FingerContact(
+        return scenes.Scene(
+            structure=scenes.Structure(beam=self.world.beam, body_height_m=self.body_height_m),
+            drive=scenes.Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
+            touch=scenes.FingerContact(
                 x_m=finger.position_m,
                 finger_load_n=finger.force_n,
-                sliding_speed_m_s=finger.speed_m_s or REFERENCE_SPEED_M_S,
+                sliding_speed_m_s=finger.speed_m_s or scenes.REFERENCE_SPEED_M_S,
             ),
             direction=finger.direction,
         )

@@ -4,17 +4,9 @@ from collections.abc import Callable, Mapping
 
 from device.force_channel.recording import encoded
 from device.link.codec import block, number_text
+from device.simulator.hardware import power_stage
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
-from device.simulator.hardware.power_stage import (
-    DEFAULT_FREQUENCY_HZ,
-    FREQUENCY_RANGE_HZ,
-    MAX_VOLTAGE_V,
-    RAMP_RANGE_V_PER_S,
-    WATCHDOG_RANGE_S,
-    FrequencySweep,
-    Instrument,
-)
 from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Status, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
@@ -31,7 +23,7 @@ class BoardDialect(Dialect):
     idn = IDN
     banner = BANNER
 
-    def __init__(self, instrument: Instrument, beam: SimulatedBeam) -> None:
+    def __init__(self, instrument: power_stage.Instrument, beam: SimulatedBeam) -> None:
         self._instrument = instrument
         self._beam = beam
         self.sampler = ForceSampler(beam)
@@ -53,17 +45,17 @@ class BoardDialect(Dialect):
     def turn_knobs(self) -> None:
         """Change limit and ramp, as if the board had a panel."""
         # A board has no panel: what may change behind the host's back are limit and ramp.
-        self._instrument.limit_v = MAX_VOLTAGE_V
-        self._instrument.ramp_v_per_s = RAMP_RANGE_V_PER_S[1]
+        self._instrument.limit_v = power_stage.MAX_VOLTAGE_V
+        self._instrument.ramp_v_per_s = power_stage.RAMP_RANGE_V_PER_S[1]
 
     def _handlers(self) -> dict[str, Handler]:
         instrument, sampler, volts = self._instrument, self.sampler, "[SOURce#:]VOLTage"
         frequency, sweep = "[SOURce#:]FREQuency[:CW]", "[SOURce#:]FREQuency:SWEep"
         amplitude = f"{volts}[:LEVel][:IMMediate][:AMPLitude]"
-        ramp = (_V_PER_S, *RAMP_RANGE_V_PER_S)
-        hertz, rates = (scpi.HERTZ, *FREQUENCY_RANGE_HZ), (scpi.HERTZ, *RATE_RANGE_HZ)
-        watchdog = (scpi.SECONDS, *WATCHDOG_RANGE_S)
-        readings: dict[str, Callable[[Instrument], float]] = {
+        ramp = (_V_PER_S, *power_stage.RAMP_RANGE_V_PER_S)
+        hertz, rates = (scpi.HERTZ, *power_stage.FREQUENCY_RANGE_HZ), (scpi.HERTZ, *RATE_RANGE_HZ)
+        watchdog = (scpi.SECONDS, *power_stage.WATCHDOG_RANGE_S)
+        readings: dict[str, Callable[[power_stage.Instrument], float]] = {
             "VOLTage": self._beam.monitor_v,
             "FORCe": self._beam.measured_force_n,
             "TANGential": self._beam.measured_tangential_n,
@@ -72,7 +64,7 @@ class BoardDialect(Dialect):
             "TEMPerature": lambda instrument: instrument.temperature_c,
         }
 
-        def reading(read: Callable[[Instrument], float]) -> Handler:
+        def reading(read: Callable[[power_stage.Instrument], float]) -> Handler:
             return asked(lambda: number_text(read(instrument)))
 
         return {
@@ -85,7 +77,7 @@ class BoardDialect(Dialect):
             "SYSTem:BOOT?": asked(lambda: str(instrument.boot)),
             frequency: self._set_frequency,
             f"{frequency}?": lambda call: number_text(
-                scpi.told(call.argument, instrument.frequency_hz, *FREQUENCY_RANGE_HZ)
+                scpi.told(call.argument, instrument.frequency_hz, *power_stage.FREQUENCY_RANGE_HZ)
             ),
             amplitude: self._set_voltage,
             f"{amplitude}?": lambda call: number_text(
@@ -95,7 +87,7 @@ class BoardDialect(Dialect):
             **self._quantity(f"{volts}:RAMP", instrument, "ramp_v_per_s", ramp),
             f"{volts}:LIMit": self._set_limit,
             f"{volts}:LIMit?": lambda call: number_text(
-                scpi.told(call.argument, instrument.limit_v, 0.0, MAX_VOLTAGE_V)
+                scpi.told(call.argument, instrument.limit_v, 0.0, power_stage.MAX_VOLTAGE_V)
             ),
             "OUTPut#[:STATe]": lambda call: self._switch(scpi.boolean(call.argument)),
             "OUTPut#[:STATe]?": asked(lambda: str(int(instrument.output))),
@@ -152,7 +144,7 @@ class BoardDialect(Dialect):
         return {header: put, f"{header}?": get}
 
     def _set_frequency(self, call: Call) -> None:
-        value = scpi.quantity(call.argument, scpi.HERTZ, *FREQUENCY_RANGE_HZ)
+        value = scpi.quantity(call.argument, scpi.HERTZ, *power_stage.FREQUENCY_RANGE_HZ)
         self._instrument.sweep = None
         # The gain is that of the fault `read-back-differs`; the read-back must then show it.
         self._instrument.frequency_hz = self._instrument.set_gain * value
@@ -162,7 +154,7 @@ class BoardDialect(Dialect):
         self._instrument.target_v = self._instrument.set_gain * value
 
     def _set_limit(self, call: Call) -> None:
-        value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, MAX_VOLTAGE_V)
+        value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, power_stage.MAX_VOLTAGE_V)
         # Refused: a limit that lowers the amplitude by itself would hide a slip of the host.
         if value < self._instrument.target_v:
             raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")
@@ -178,7 +170,7 @@ class BoardDialect(Dialect):
 
     def _switch_sweep(self, on: bool) -> None:
         self._instrument.sweep = (
-            FrequencySweep(
+            power_stage.FrequencySweep(
                 start_hz=self.sweep_start_hz,
                 stop_hz=self.sweep_stop_hz,
                 begin_s=self._instrument.time_s,
@@ -202,7 +194,7 @@ class BoardDialect(Dialect):
         self._forget()
 
     def _forget(self) -> None:
-        self.sweep_start_hz = self.sweep_stop_hz = DEFAULT_FREQUENCY_HZ
+        self.sweep_start_hz = self.sweep_stop_hz = power_stage.DEFAULT_FREQUENCY_HZ
         self.sweep_time_s = 1.0
 
 

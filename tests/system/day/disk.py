@@ -184,7 +184,10 @@ class Disk:
         def left(connection: sqlite3.Connection, path: Path, _patience_s: float) -> None:
             leave(connection, path, patience_s=0.0)  # likewise
 
-        with patch.object(sqlite3, "connect", connect), patch("runner.journal.store.leave", left):
+        with (
+            patch.object(sqlite3, "connect", connect),
+            patch("runner.journal.database.leave", left),
+        ):
             yield
 
 

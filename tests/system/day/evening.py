@@ -334,7 +334,7 @@ def _impatient() -> Iterator[None]:
         leave(connection, path, patience_s=0.0)
 
     with (
-        patch("runner.journal.store.leave", left),
+        patch("runner.journal.database.leave", left),
         patch("runner.journal.opening.LOCK_WAIT_S", 0.0),
     ):
         yield

@@ -104,12 +104,38 @@ A picture has at most 4 MB and 4096 pixels in width and height, and is not a lin
 says if a text does not fit the smallest screen beside its picture. Pages before the session follow
 the welcome. A resumed session shows them again, and those before the block in which it continues.
 """
+_FACTORS = """\
+Each value of a factor meets each value of every other one, in every `[[condition]]`, the last
+factor varying fastest. This makes twelve conditions, from `50 V, 23 kHz` to `200 V, 25 kHz`:
+
+```toml
+[[factor]]
+name = "voltage"
+varies = "ramp_to_v"
+values = [50, 100, 150, 200]
+
+[[factor]]
+name = "frequency"
+varies = "frequency_hz"
+values = [23000, 24000, 25000]
+
+[[condition]]
+name = "ramp"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "path", voltage_v = 0 }]
+```
+
+Where the file has several conditions, each name begins with theirs, and `condition` is a factor,
+too. There are at most 30 conditions in all.
+"""
 _TEXTS = """\
 The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the built-in texts;
 `touchbeam translate STUDY CODE` copies them into a file of the study.
 """
 _REMARKS = {
     "texts": _TEXTS,
+    "factor": _FACTORS,
     "page": _PAGES,
     "design": _DESIGN,
     "as_instructed": _AS_INSTRUCTED,
@@ -192,8 +218,9 @@ def _toml(value: Any) -> str:
 def _kind(entry: _Schema) -> str:
     """Type, choices and range in words; only what is not a number is named."""
     if options := entry.get("anyOf"):
-        merged = {**entry, **next(option for option in options if option.get("type") != "null")}
-        return _kind({key: value for key, value in merged.items() if key != "anyOf"})
+        kinds = [option for option in options if option.get("type") != "null"]
+        merged = {key: value for key, value in {**entry, **kinds[0]}.items() if key != "anyOf"}
+        return _kind(merged) if len(kinds) == 1 else "texts or numbers"
     if "enum" in entry or "const" in entry:
         return ", ".join(f"`{_toml(choice)}`" for choice in entry.get("enum", [entry.get("const")]))
     if entry.get("type") == "array":

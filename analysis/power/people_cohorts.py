@@ -196,7 +196,7 @@ def _touched(
     kind: TrialKind, number: int, force_n: float, offset_m: float, resonance_hz: float
 ) -> _Touched:
     """Return a touch as the rig would have measured it: see `loaded_sessions`."""
-    touch, mark = kind.trial.touches[number], kind.marks[number]
+    touch, mark = kind.trial.touches[number].at(resonance_hz), kind.marks[number]
     held = touch.place != "path" and not mark.slides and force_n > LIFTED_N
     return _Touched(
         planned=touch,

@@ -216,7 +216,7 @@ class _Feeling:
         speed_m_s: FloatArray,
     ) -> None:
         number, touch = key
-        to_make = self._kinds[number].trial.touches[touch]
+        to_make = self._kinds[number].trial.touches[touch].at(self._world.resonance_hz)
         # A touch without a beam of its own is on the one that the study mounts.
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)

@@ -92,8 +92,8 @@ def _given(value: float) -> float | None:
 def _add_touch(
     rows: Rows, planned: PlannedTrials, kind: TrialKind, number: int, force_n: float
 ) -> None:
-    touch = kind.trial.touches[number]
     resonance_hz = planned.study.rig.nominal_resonance_hz
+    touch = kind.trial.touches[number].at(resonance_hz)
     rows.touches.append(
         TouchRow.begun(
             touch,

@@ -319,11 +319,12 @@ def opposite(touches: tuple[Touch, ...]) -> tuple[Touch, ...]:
 
 
 def _backwards(touch: Touch) -> Touch:
-    update: dict[str, float] = {}
+    update: dict[str, float | None] = {}
     if touch.ramp_to_v is not None:
         update |= {"voltage_v": touch.ramp_to_v, "ramp_to_v": touch.voltage_v}
     if touch.sweep_to is not None:
         update |= {"frequency": touch.sweep_to, "sweep_to": touch.frequency}
+        update |= {"frequency_hz": touch.sweep_to_hz, "sweep_to_hz": touch.frequency_hz}
     return touch.model_copy(update=update)
 
 

@@ -29,14 +29,14 @@ def design_problems(study: Study) -> list[Problem]:
 
 
 def _levels(study: Study) -> Iterator[Problem]:
-    for number, condition in enumerate(study.condition):
+    for condition in study.condition:
         if study.design.repeats % len(condition.levels):
             yield Problem(
                 where=f"condition {condition.name}, levels",
                 rule=f"their number must divide design.repeats = {study.design.repeats}",
                 value=str(len(condition.levels)),
                 hint="each level then comes equally often",
-                path=("condition", number, "levels"),
+                path=("condition", condition.written, "levels"),
             )
 
 

@@ -422,6 +422,7 @@ def levels(touches: Sequence[Touch]) -> dict[str, list[Any]]:
     return {
         "voltage_v": [_course(touch.voltage_v, touch.end_voltage_v) for touch in touches],
         "frequency": [_course(touch.frequency, touch.end_frequency) for touch in touches],
+        "frequency_hz": [touch.frequency_hz for touch in touches],
         "press": [touch.press for touch in touches],
         "direction": [touch.direction for touch in touches],
         "beam": [touch.beam for touch in touches],

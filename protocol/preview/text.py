@@ -1,6 +1,6 @@
 """The preview of a cohort's plans as lines of text, for a terminal of 80 columns or more."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from textwrap import wrap
 from typing import get_args
@@ -50,8 +50,8 @@ def _trial_rows(shown: preview.Preview, model: preview.Prediction) -> Iterator[t
             # Scored trials are the rule, so that only other kinds are named.
             "opposite" if trial.opposite else trial.kind.replace("trial", ""),
             trial.condition or "",
-            _courses(trial, "voltage_v"),
-            _courses(trial, "frequency"),
+            _courses((f"{t.voltage_v:g}", f"{t.end_voltage_v:g}") for t in trial.touches),
+            _courses(touch.drive_ends for touch in trial.touches),
             "" if contrast is None else f"{contrast:+.3f}",
             trial.expected or "",
             _finger(trial, shown.study.touch.beam),
@@ -67,12 +67,9 @@ def _finger(trial: Trial, own_beam: str | None) -> str:
     return "; ".join("/".join(course) for course in courses if len(set(course)) > 1)
 
 
-def _courses(trial: Trial, key: str) -> str:
+def _courses(ends: Iterable[tuple[str, str]]) -> str:
     """Return `0.98/1`, or `100` if all touches have the same value; `0>200` within a touch."""
-    shown = [
-        ">".join(f"{value:g}" for value in course) if isinstance(course, list) else f"{course:g}"
-        for course in preview.levels(trial.touches)[key]
-    ]
+    shown = [start if start == end else f"{start}>{end}" for start, end in ends]
     return shown[0] if len(set(shown)) == 1 else "/".join(shown)
 
 

@@ -56,7 +56,7 @@ def _as_asked(study: Study, trial: Trial) -> bool:
 
 def _kind(trial: Trial) -> Kind:
     made = trial.touches[0]
-    drive, way = made.fixed_hz or made.frequency, made.own_path_m or (0.0, 0.0)
+    drive, way = made.frequency_hz or made.frequency, made.own_path_m or (0.0, 0.0)
     return drive, way, made.duration_s or 0.0, made.direction
 
 

@@ -48,7 +48,8 @@ def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
     rig = study.rig
     # Not `peak_voltage_v`, which the planner uses: a mistake in it must not hide here, too.
     volts = max(touch.voltage_v, touch.end_voltage_v)
-    hertz = max(touch.frequency, touch.end_frequency) * rig.nominal_resonance_hz
+    ends = (touch.frequency, touch.frequency_hz), (touch.sweep_to or 0.0, touch.sweep_to_hz)
+    hertz = max(hz or relative * rig.nominal_resonance_hz for relative, hz in ends)
     seconds = _touch_s(study, touch)
     before_s = max(study.touch.lead_in_s, touch.voltage_v / rig.ramp_v_per_s)
     yield "amplitude, V,", volts, rig.max_voltage_v
@@ -163,8 +164,10 @@ def _course(touch: Touch, level: float, *, backwards: bool) -> tuple[list[float]
     changing += [touch.frequency, touch.end_frequency]
     if backwards:
         changing = [changing[1], changing[0], changing[3], changing[2]]
+    hertz = (touch.frequency_hz, touch.sweep_to_hz)
     staying = [touch.place, touch.direction, touch.coverage, touch.press, touch.beam]
-    return changing, [*staying, touch.duration_s, touch.instruction]
+    turned = backwards and touch.sweep_to is not None
+    return changing, [*staying, touch.duration_s, touch.instruction, hertz[:: -1 if turned else 1]]
 
 
 def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list[object]]) -> bool:

@@ -123,13 +123,13 @@ def _conditions(study: Study) -> Iterator[str]:
 def _touch(touch: Touch) -> str:
     """Return what the finger and the device do: `slide to the left, 100 V, frequency 1`."""
     at_place, sliding = "touch the place", f"slide to the {touch.direction}"
-    frequency = f"frequency {_course(touch.frequency, touch.end_frequency)}"
+    frequency = f"frequency {_course(*touch.drive_ends)}"
     parts = (
         at_place if touch.place == "smooth" else sliding,
         "several fingers" if touch.coverage == "full" else "",
         f"{touch.press:g} times the force" if touch.press != 1 else "",
         f"beam {touch.beam}" if touch.beam else "",
-        f"{_course(touch.voltage_v, touch.end_voltage_v)} V",
+        f"{_course(f'{touch.voltage_v:g}', f'{touch.end_voltage_v:g}')} V",
         # At 0 V there is no drive that could have a frequency.
         frequency if touch.peak_voltage_v else "",
         f"{touch.duration_s:g} s" if touch.duration_s else "",
@@ -137,8 +137,8 @@ def _touch(touch: Touch) -> str:
     return ", ".join(filter(None, parts))
 
 
-def _course(start: float, end: float) -> str:
-    return f"{start:g}" if start == end else f"{start:g} to {end:g}"
+def _course(start: str, end: str) -> str:
+    return start if start == end else f"{start} to {end}"
 
 
 def _measured(study: Study) -> Iterator[str]:

@@ -4,11 +4,14 @@ Every record is frozen and refuses unknown keys. Quantities are in SI units; a v
 amplitude (peak), a frequency is relative to the resonance that the rig measures.
 """
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from itertools import chain, count
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from protocol.study import rules
+from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, cells, combinations
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
@@ -47,6 +50,9 @@ class Item(Record):
         return self
 
 
+AnyItem = TypeVar("AnyItem", bound=Item)
+
+
 class Opening(Item):
     """A trial that every session begins with; it is not scored."""
 
@@ -58,6 +64,19 @@ class Opening(Item):
 
 class Condition(Item):
     """A parameter that changes; its effect is scored."""
+
+    _cell: dict[str, str] = PrivateAttr(default_factory=dict)
+    _written: int = PrivateAttr(0)
+
+    @property
+    def cell(self) -> dict[str, str]:
+        """What each factor has here, by the factor's name; empty without factors."""
+        return self._cell
+
+    @property
+    def written(self) -> int:
+        """Which condition of the file became this one, from 0."""
+        return self._written
 
     name: Annotated[Name, Field(description="name in tables and reports")]
     question: Annotated[Question, Field(description="what is asked after the last touch")]
@@ -152,10 +171,56 @@ class Study(Record):
         ),
     ] = Field(default_factory=dict)
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
+    factor: tuple[Factor, ...] = setting(
+        (), "What varies, and is crossed into conditions.", max_length=6
+    )
     condition: Annotated[
         tuple[Condition, ...],
-        Field(min_length=1, max_length=24, description="What is changed, and scored."),
+        Field(min_length=1, max_length=MOST_CONDITIONS, description="What is changed, and scored."),
     ]
+
+    @model_validator(mode="after")
+    def _worked_out(self) -> Self:
+        """Cross conditions with factors, and give drives in Hz relative to the nominal resonance.
+
+        All that reads a study then finds each condition as it is run.
+        """
+        crossed = chain.from_iterable(map(self._crossed, count(), self.condition))
+        for key, items in (("condition", crossed), ("opening", self.opening)):
+            # A frozen record sets its own fields in this way alone.
+            object.__setattr__(self, key, tuple(map(self._at_resonance, items)))
+        return self
+
+    def _crossed(self, number: int, condition: Condition) -> Iterator[Condition]:
+        # What is crossed already stays; of too many conditions `study_file.limits` tells.
+        if not condition.cell:
+            condition._written = number
+        many = combinations(self.factor) * len(self.condition)
+        if not self.factor or condition.cell or many > MOST_CONDITIONS:
+            yield condition
+            return
+        several = len(self.condition) > 1
+        for places, named in cells(self.factor):
+            name = ", ".join([condition.name] * several + [*named])
+            touches = condition.touches
+            for factor, place in zip(self.factor, places, strict=True):
+                touches = factor.set_in(touches, factor.values[place])
+            own = condition.model_copy(update={"name": name, "touches": touches})
+            own._written = number
+            own._cell = {CONDITION: condition.name} if several else {}
+            own._cell |= dict(zip((factor.name for factor in self.factor), named, strict=True))
+            yield own
+
+    def _at_resonance(self, item: AnyItem) -> AnyItem:
+        hz = self.rig.nominal_resonance_hz
+        return item.model_copy(update={"touches": tuple(it.at(hz) for it in item.touches)})
+
+    @property
+    def factors(self) -> dict[str, tuple[str, ...]]:
+        """What the values of each factor are called; the conditions of the file may be one."""
+        own = {factor.name: factor.named for factor in self.factor}
+        written = dict.fromkeys(each.cell.get(CONDITION, "") for each in self.condition)
+        return {CONDITION: tuple(written), **own} if len(written) > 1 else own
 
     @property
     def conditions(self) -> tuple[str, ...]:

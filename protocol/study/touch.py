@@ -28,6 +28,8 @@ Way = Annotated[tuple[OnBeam, OnBeam], AfterValidator(_leads_right)]
 SHORTEST_S, LONGEST_S = 0.1, 600.0
 """Of a touch: nothing is felt in less, and nothing may be driven for longer."""
 TouchTime = Annotated[Positive, Field(ge=SHORTEST_S, le=LONGEST_S)]
+Hertz = Annotated[Positive, Field(ge=1_000, le=100_000)]
+"""Of a drive that does not follow the resonance."""
 Relative = Annotated[Positive, Field(ge=0.1, le=10)]
 """To a resonance or a force: a tenth or ten times of it is another experiment."""
 
@@ -76,7 +78,11 @@ class Touch(Record):
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
     ramp_to_v: NotNegative | None = setting(None, "amplitude (peak) at the end of a ramp")
     frequency: Relative = setting(1.0, "frequency of the drive, relative to the measured resonance")
+    frequency_hz: Hertz | None = setting(
+        None, "instead of `frequency`: a drive that does not follow the resonance"
+    )
     sweep_to: Relative | None = setting(None, "frequency at the end of a sweep, likewise relative")
+    sweep_to_hz: Hertz | None = setting(None, "instead of `sweep_to`")
     direction: Direction = setting("right", "direction of the sliding finger")
     coverage: Coverage = setting("local", "one finger, or several that cover the beam")
     press: Relative = setting(1.0, "touch force, relative to `touch.force_n`; above 1 is harder")
@@ -109,20 +115,26 @@ class Touch(Record):
         return max(self.frequency, self.end_frequency)
 
     @property
+    def drive_ends(self) -> tuple[str, str]:
+        """The drive at start and end as the study gives it: `0.98`, or `23000 Hz`."""
+        start = _said(self.frequency, self.frequency_hz)
+        return start, start if self.sweep_to is None else _said(self.sweep_to, self.sweep_to_hz)
+
+    @property
     def own_path_m(self) -> tuple[float, float] | None:
         """Ends of a way of its own, m; None where the finger takes that of the study."""
         return None
 
-    @property
-    def fixed_hz(self) -> float | None:
-        """Drive that does not follow the resonance, Hz; None where it is relative."""
-        return None
-
     def at(self, resonance_hz: float) -> Self:
-        """Return the touch on a beam of this resonance: a fixed drive becomes relative to it."""
-        if self.fixed_hz is None:
+        """Return the touch on a beam of this resonance: what is in Hz becomes relative to it."""
+        hertz = {"frequency": self.frequency_hz, "sweep_to": self.sweep_to_hz}
+        relative = {key: hz / resonance_hz for key, hz in hertz.items() if hz is not None}
+        if not relative:
             return self
-        return self.model_copy(update={"frequency": self.fixed_hz / resonance_hz})
+        found = self.model_copy(update=relative)
+        # What was worked out was not given, and the study file's own keys must stay known.
+        found.model_fields_set.intersection_update(self.model_fields_set)
+        return found
 
     @property
     def programme(self) -> Programme:
@@ -130,6 +142,10 @@ class Touch(Record):
         if self.ramp_to_v is None:
             return "hold" if self.sweep_to is None else "sweep"
         return "ramp" if self.sweep_to is None else "ramp and sweep"
+
+
+def _said(relative: float, hertz: float | None) -> str:
+    return f"{relative:g}" if hertz is None else f"{hertz:g} Hz"
 
 
 def touch_s(touch: Touch, finger: TouchDefaults) -> float:
@@ -234,7 +250,7 @@ class Slide(Record):
         "frequencies of the drives, relative to the measured resonance",
         max_length=50,
     )
-    frequencies_hz: tuple[Annotated[Positive, Field(ge=1_000, le=100_000)], ...] = setting(
+    frequencies_hz: tuple[Hertz, ...] = setting(
         (23_200.0,), "fixed frequencies of further drives, in Hz", max_length=50
     )
     references: Whole = setting(
@@ -306,17 +322,9 @@ class SlidePass(Touch):
     """One drawing of the block; its duration follows from path and speed."""
 
     path_m: Annotated[Way, Field(description="where the block is drawn")]
-    frequency_hz: Positive | None = setting(
-        None, "instead of `frequency`: a drive wherever it resonates"
-    )
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak), 0 in a reference")]
 
     @property
     def own_path_m(self) -> tuple[float, float]:
         """Ends of the block's way, m."""
         return self.path_m
-
-    @property
-    def fixed_hz(self) -> float | None:
-        """Drive that does not follow the resonance, Hz."""
-        return self.frequency_hz

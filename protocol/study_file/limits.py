@@ -10,8 +10,9 @@ from protocol.plan.blocks import scaled
 from protocol.plan.feasibility import design_problems
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
+from protocol.study.factor import CONDITION, MOST_CONDITIONS, combinations
 from protocol.study.study import Condition, Item, Study
-from protocol.study.touch import Touch, current_ma, driven_s, slew_v_per_us, touch_s
+from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study_file.text_checks import (
     instruction_problem,
     page_problems,
@@ -29,12 +30,36 @@ def name_problems(study: Study) -> Iterator[Problem]:
     """Yield every name of the study, a condition or a beam that is blank or like another one."""
     yield from _blank("study", [(("study", "name"), study.study.name)])
     conditions: list[_Named] = [
-        (("condition", number, "name"), name) for number, name in enumerate(study.conditions)
+        (("condition", each.written, "name"), each.name) for each in study.condition
     ]
     beams: list[_Named] = [(("beams", name), name) for name in study.beams]
     for where, named in (("condition", conditions), ("beams", beams)):
         yield from _blank(where, named)
         yield from _alike(where, named)
+
+
+def factor_problems(study: Study) -> Iterator[Problem]:
+    """Yield factors whose names are alike, and too many conditions."""
+    named: list[_Named] = [
+        (("factor", number, "name"), factor.name) for number, factor in enumerate(study.factor)
+    ]
+    yield from _blank("factor", named)
+    yield from _alike("factor", [*named, *([(("factor",), CONDITION)] if named else [])])
+    varied = [(factor.varies, factor.touches) for factor in study.factor]
+    for number, factor in enumerate(study.factor):
+        if varied.index((factor.varies, factor.touches)) < number:
+            rule, hint = "must differ from those of the other factors", "cross them into one factor"
+            yield Problem(
+                where=f"factor {factor.name}, varies",
+                rule=rule,
+                value=repr(factor.varies),
+                hint=hint,
+                path=("factor", number, "varies"),
+            )
+    if study.factor and not study.condition[0].cell:
+        many = combinations(study.factor) * len(study.condition)
+        rule = f"must give at most {MOST_CONDITIONS} conditions"
+        yield Problem.of_key("factor", rule, many, "leave a value or a factor out")
 
 
 def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
@@ -112,14 +137,20 @@ def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
     broken = [
         *name_problems(study),
+        *factor_problems(study),
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]
+    of_touches: dict[object, Problem] = {}
     for where, path, item in _items(study):
         # The largest level counts: all others drive less.
         level = max(item.levels) if isinstance(item, Condition) else 1.0
         for number, touch in enumerate(item.touches):
             place = (f"{where}, touch {number + 1}", (*path, "touches", number))
-            broken += _touch_problems(study, *place, touch, level)
+            for problem in _touch_problems(study, *place, touch, level):
+                told = _of_factor(study, item, problem)
+                # What many cells share is told once.
+                of_touches.setdefault((told.path, told.rule, told.value), told)
+    broken += of_touches.values()
     if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
         broken += slide_problems(study)
     broken += [*opening_problems(study), *practice_problems(study)]
@@ -130,8 +161,18 @@ def limit_problems(study: Study) -> list[Problem]:
 def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
     for number, opening in enumerate(study.opening):
         yield f"opening {opening.kind}", ("opening", number), opening
-    for number, condition in enumerate(study.condition):
-        yield f"condition {condition.name}", ("condition", number), condition
+    for condition in study.condition:
+        yield f"condition {condition.name}", ("condition", condition.written), condition
+
+
+def _of_factor(study: Study, item: Item, problem: Problem) -> Problem:
+    """Return a problem of a touch, at the factor that sets the key if one does."""
+    crossed = isinstance(item, Condition) and item.cell
+    for number, factor in enumerate(study.factor if crossed else ()):
+        if factor.varies == problem.path[-1]:
+            where = f"factor {factor.name}"
+            return replace(problem, where=where, path=("factor", number, "values"))
+    return problem
 
 
 _OF_A_SLIDE = {
@@ -149,8 +190,8 @@ def slide_problems(study: Study) -> list[Problem]:
     # most.
     driven_first = sorted(slide_plan(sliding).trials, key=lambda trial: -trial.touches[0].voltage_v)
     for trial in driven_first:
-        made = trial.touches[0].at(study.rig.nominal_resonance_hz)
-        for problem in _touch_problems(sliding, f"slide, {trial.condition}", path, made, 1.0):
+        made = f"slide, {trial.condition}"
+        for problem in _touch_problems(sliding, made, path, trial.touches[0], 1.0):
             key, hint = _OF_A_SLIDE.get(str(problem.path[-1]), (problem.path[-1], ""))
             known = replace(problem, path=(*path, key), hint=hint or problem.hint)
             broken.setdefault((problem.rule, problem.value), known)
@@ -176,6 +217,8 @@ def _touch_problems(
     study: Study, where: str, path: Path, touch: Touch, level: float
 ) -> Iterator[Problem]:
     peak_v = touch.peak_voltage_v * level
+    yield from _twice(where, path, touch)
+    touch = touch.at(study.rig.nominal_resonance_hz)
     for rule, value, hint, key in (
         *_finger(study, touch),
         *_drive(study, touch, peak_v),
@@ -186,6 +229,19 @@ def _touch_problems(
     yield from _missing_beam(study, where, path, touch.beam)
     if textless := instruction_problem(study, where, path, touch):
         yield textless
+
+
+def _twice(where: str, path: Path, touch: Touch) -> Iterator[Problem]:
+    """A drive that is given both ways would obey one of them without a word."""
+    for key in ("frequency", "sweep_to"):
+        if {key, f"{key}_hz"} <= touch.model_fields_set and not isinstance(touch, SlidePass):
+            yield Problem(
+                where=where,
+                rule=f"must not be given beside {key}_hz",
+                value="both",
+                hint=f"{key} is relative to the resonance, {key}_hz is fixed: leave one out",
+                path=(*path, key),
+            )
 
 
 _Broken = tuple[str, str, str, str]
@@ -218,11 +274,12 @@ def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
         )
     frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
     if frequency_hz > rig.max_frequency_hz:
+        key = "sweep_to" if touch.end_frequency > touch.frequency else "frequency"
         yield (
             f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:.15g} Hz",
             f"{_above(frequency_hz, rig.max_frequency_hz)} Hz",
             "frequency is relative to the resonance: 1.0 drives the beam there",
-            "sweep_to" if touch.end_frequency > touch.frequency else "frequency",
+            key if getattr(touch, f"{key}_hz") is None else f"{key}_hz",
         )
 
 
@@ -358,10 +415,14 @@ def max_resonance_hz(study: Study, touches: Iterable[Touch]) -> float:
 
 
 def _highest_hz(study: Study, touch: Touch) -> float:
-    """Drive, slew and current are all proportional to the resonance."""
+    """Drive, slew and current are all proportional to the resonance, but for a drive in Hz."""
+    ends = (touch.frequency, touch.frequency_hz), (touch.sweep_to or 0.0, touch.sweep_to_hz)
+    relative = max((frequency for frequency, hz in ends if hz is None), default=0.0)
+    if not relative:
+        return inf
     rig = study.rig
-    slew = slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency)
-    limits = [rig.max_frequency_hz / touch.peak_frequency]
+    slew = slew_v_per_us(touch.peak_voltage_v, relative)
+    limits = [rig.max_frequency_hz / relative]
     if slew > 0:
         limits.append(rig.max_slew_v_per_us / slew)
         # Without a capacitance no current is known, so that its limit cannot be reached.

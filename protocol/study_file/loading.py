@@ -177,7 +177,8 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     elif key.endswith("_v") or key == "voltages_are":
         hint = _PEAK
     elif entry["type"] in _OUT_OF_RANGE:
-        hint = unit_hint(path, entry["input"], too_large=entry["type"] == "less_than_equal")
+        of = path if path[0] != "factor" else (document["factor"][path[1]]["varies"],)
+        hint = unit_hint(of, entry["input"], too_large=entry["type"] == "less_than_equal")
     else:
         hint = _meant_choice(entry)
     return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)

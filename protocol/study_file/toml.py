@@ -353,10 +353,14 @@ _BY_ENDING = {
     "_ma": Unit(name="mA", mistaken="A", worth=1e3, example=0.1),
     "_vpp": Unit(name="V", mistaken="mV", worth=1e-3, example=500),
 }
+_RELATIVE = "relative to the resonance: 1.0 drives the beam there; {} is in Hz"
+_FIXED = "in Hz: 24.221 kHz is 24221; {} is relative to the resonance"
 _HINTS = {
-    "frequency": "relative to the resonance: 1.0 drives the beam there",
-    "frequencies": "relative to the resonance: 1.0 drives the beam there",
-    "sweep_to": "relative to the resonance: 1.0 drives the beam there",
+    "frequency": _RELATIVE.format("frequency_hz"),
+    "frequencies": _RELATIVE.format("frequencies_hz"),
+    "frequency_hz": _FIXED.format("frequency"),
+    "sweep_to_hz": _FIXED.format("sweep_to"),
+    "sweep_to": _RELATIVE.format("sweep_to_hz"),
     "press": "relative to touch.force_n: 1.5 presses half as hard again",
     "levels": "amplitudes are multiplied by it: 0.5 halves them",
     "amplifier_gain": "volts out per volt in: 26 dB is 20",

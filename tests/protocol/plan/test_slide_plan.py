@@ -39,7 +39,7 @@ def driven(plan: Plan) -> list[Trial]:
 def of_pass(trial: Trial) -> tuple[object, ...]:
     (made,) = trial.touches
     assert isinstance(made, SlidePass)
-    return (made.fixed_hz or made.frequency, made.path_m, made.duration_s, made.direction)
+    return (made.frequency_hz or made.frequency, made.path_m, made.duration_s, made.direction)
 
 
 @given(slide=SLIDES, seed=st.integers(0, 1000))

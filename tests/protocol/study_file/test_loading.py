@@ -55,7 +55,17 @@ def test_an_unknown_template_is_refused() -> None:
     ("right", "wrong", "message"),
     [
         ("max_voltage_v", "max_voltag_v", "unknown key, got 'max_voltag_v'; did you mean 'max_vol"),
-        ("frequency = 0.98", "frequency_hz = 23700", "'frequency', relative to the resonance: 1.0"),
+        ("frequency = 0.98", "frequency_hz = 0.98", "at least 1000, .*; frequency is relative to"),
+        (
+            "frequency = 0.98",
+            "frequency = 23700",
+            "most 10, got 23700; .*; frequency_hz is in Hz",
+        ),
+        (
+            "frequency = 0.98",
+            "frequency = 1, frequency_hz = 23700",
+            "must not be given beside frequency_hz, got both; .* leave one out",
+        ),
         ("press = 1.5", "prss = 1.5", "pressure, touch 2, prss: .* 'prss'; did you mean 'press'"),
         ("ramp_to_v = 200", "ramp_to_v = 201", "must not exceed .* = 200 V, got 201 V"),
         ("max_voltage_v = 200 ", "max_voltage_v = 400 ", "max_voltage_v: must be at most 200, got"),

@@ -1,0 +1,122 @@
+"""Factors: what varies between touches, crossed into conditions with names that can be read."""
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from math import prod
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import (
+    Field,
+    StrictFloat,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticKnownError
+
+from protocol.study.fields import Name, Record, setting
+from protocol.study.touch import Touch
+
+Varied = Literal[
+    "voltage_v",
+    "ramp_to_v",
+    "frequency",
+    "frequency_hz",
+    "sweep_to",
+    "sweep_to_hz",
+    "press",
+    "direction",
+    "place",
+    "coverage",
+    "beam",
+    "duration_s",
+    "instruction",
+]
+_UNITS = {"_v": "V", "to_v": "V", "_s": "s"}
+MOST_CONDITIONS = 30
+"""Written or crossed: with more a session is too long, and a table cannot be read."""
+CONDITION = "condition"
+"""Names the factor whose values are the conditions of the file, where it has several."""
+
+
+class Factor(Record):
+    """What varies: each value of it meets each value of every other factor, in each condition."""
+
+    name: Annotated[Name, Field(description="name in tables and reports")]
+    varies: Annotated[Varied, Field(description="the key of a touch that it sets")]
+    values: Annotated[
+        tuple[StrictStr | StrictInt | StrictFloat, ...],
+        Field(min_length=2, max_length=MOST_CONDITIONS, description="what the key is set to"),
+    ]
+    touches: Literal["first", "last", "all"] = setting(
+        "last", "which touches of a condition it sets"
+    )
+    labels: tuple[Name, ...] = setting(
+        (), "names of the values, in their order; without them a name says the value and its unit"
+    )
+
+    @field_validator("values")
+    @classmethod
+    def _of_a_touch(cls, values: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
+        for value in values:
+            try:
+                Touch.model_validate({"place": "path", "voltage_v": 0, info.data["varies"]: value})
+            except ValidationError as error:
+                wrong = error.errors()[0]
+                # pydantic's own error, so that it reads as one of the touch itself.
+                raise PydanticKnownError(cast("Any", wrong["type"]), wrong.get("ctx")) from None
+            except KeyError:
+                return values  # what it varies is wrong, and that is told
+        if len(set(values)) < len(values):
+            raise ValueError("must differ")
+        return values
+
+    @field_validator("labels")
+    @classmethod
+    def _one_each(cls, labels: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        count = len(info.data.get("values", labels))
+        if labels and (len(labels) != count or len(set(labels)) != count):
+            raise ValueError(f"must be as many as values, {count}, and differ")
+        return labels
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """What each value is called."""
+        return self.labels or tuple(map(self._said, self.values))
+
+    def _said(self, value: float | str) -> str:
+        if isinstance(value, str):
+            return f"{self.name} {value}"
+        if self.varies.endswith("_hz"):
+            return f"{value / 1000:.10g} kHz"
+        unit = next((unit for ending, unit in _UNITS.items() if self.varies.endswith(ending)), None)
+        return f"{value:g} {unit}" if unit else f"{self.name} {value:g}"
+
+    def set_in(self, touches: Sequence[Touch], value: float | str) -> tuple[Touch, ...]:
+        """Return a condition's touches with this value."""
+        chosen = {"first": {0}, "last": {len(touches) - 1}, "all": set(range(len(touches)))}
+        return tuple(
+            touch.model_copy(
+                update={self.varies: value if isinstance(value, str) else float(value)}
+            )
+            if number in chosen[self.touches]
+            else touch
+            for number, touch in enumerate(touches)
+        )
+
+
+def cells(factors: Sequence[Factor]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
+    """Yield each combination of the factors: places among their values, and what they are called.
+
+    The last factor varies fastest.
+    """
+    places = product(*(range(len(factor.values)) for factor in factors))
+    for at in places:
+        yield at, tuple(factor.named[place] for factor, place in zip(factors, at, strict=True))
+
+
+def combinations(factors: Sequence[Factor]) -> int:
+    """Return how many conditions each one of the file becomes."""
+    return prod(len(factor.values) for factor in factors)

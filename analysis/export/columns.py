@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from device.friction.laws import LAWS
-from protocol.study.study_question import QUESTIONS, StudyQuestion
+from protocol.study.study_question import MEANINGS, QUESTIONS, StudyQuestion
 
 YES_NO = {"true": "yes", "false": "no"}
 
@@ -44,17 +44,6 @@ class Column:
 
 _session = partial(Column, of_session=True)
 _touch = partial(Column, per_touch=True)
-
-
-def _answers() -> dict[str, str]:
-    """Return every answer with its meaning; one to several questions stands after the last."""
-    meanings: dict[str, str] = {}
-    for asked in QUESTIONS.values():
-        for answer, meaning in asked.answers.items():
-            # Taken out first, so that an answer to several questions moves to the last one's place.
-            meanings.pop(answer, None)
-            meanings[answer] = meaning
-    return meanings
 
 
 _SESSION = (
@@ -110,7 +99,7 @@ _PLAN = (
 )
 
 _ANSWER = (
-    Column("change", "The participant's answer.", levels=_answers()),
+    Column("change", "The participant's answer.", levels=MEANINGS),
     Column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     Column(
         "score",
@@ -278,7 +267,7 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
         for label in question.labels
     }
     scale = ""
-    if question.kind in {"scale", "analogue"}:
+    if question.form == "scale":
         low, high, step = question.scale
         named = "".join(f"; {value}: {name}" for value, name in names.items())
         scale = f" From {low:.15g} to {high:.15g} in steps of {step:.15g}{named}."

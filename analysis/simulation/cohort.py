@@ -26,7 +26,7 @@ from device.people.person import BODY_HEIGHT_M, Fingers, People, World, felt_fri
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Mark, Touch, mark_of
 
 # The plans of a study's slots as arrays, with each different trial once.
@@ -54,7 +54,8 @@ class TrialKind:
     @property
     def two_sided(self) -> bool:
         """Whether its question knows a contrary answer."""
-        return self.trial.question is not None and len(ANSWERS[self.trial.question]) > 2
+        question = self.trial.question
+        return question is not None and QUESTIONS[question].less is not None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ import pandas as pd
 from analysis.estimates import Json
 from analysis.loading.records import values
 from protocol.study.study import Study
-from protocol.study.study_question import StudyQuestion
+from protocol.study.study_question import KINDS, StudyQuestion
 
 CATCH = "catch trials"
 
@@ -65,7 +65,6 @@ class Answers:
     def as_json(self) -> Json:
         """Return the summary for `report.json`."""
         about = self.question
-        numeric = about.kind in {"scale", "analogue", "number"}
         return {
             "name": about.name,
             "kind": about.kind,
@@ -76,7 +75,7 @@ class Answers:
                     "name": group.name,
                     "answers": len(group.given),
                     "skipped": group.skipped,
-                    **(group.numbers() if numeric else {}),
+                    **(group.numbers() if about.is_number else {}),
                     **({"counts": group.counts(about)} if about.values else {}),
                 }
                 for group in self.groups
@@ -120,9 +119,7 @@ def answers_by_question(study: Study, answers: pd.DataFrame) -> list[Answers]:
 
 def _is_of(question: StudyQuestion, row: _Row) -> bool:
     """Return whether `row` answers `question` as the study has it now: it may have been amended."""
-    kinds = {"choice": str, "several": tuple, "text": str}
-    kind = kinds.get(question.kind, float)
-    fits = row.answer is None or isinstance(row.answer, (kind, int) if kind is float else kind)
+    fits = row.answer is None or isinstance(row.answer, KINDS[question.kind].answers)
     return row.name == question.name and fits
 
 

@@ -33,7 +33,7 @@ from device.friction.laws import LAWS
 from device.friction.rungs import SEGMENTED_RUNGS
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS, CONTRARIES, QUESTIONS, Question, no_change
+from protocol.study.study_question import QUESTIONS, Question
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, parsed_study
 
@@ -304,15 +304,16 @@ def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -
     )
     trials = data.trials[chosen]
     same = trials["change"].eq(
-        trials["question"].map({asked: no_change(asked) for asked in ANSWERS})
+        trials["question"].map({name: asked.same for name, asked in QUESTIONS.items()})
     )
     answers = np.select([trials["change"].eq(expected[chosen]), same], [EXPECTED, SAME], OPPOSITE)
+    both_ways = [each for it in QUESTIONS.values() if it.less for each in (it.more, it.less)]
     # -0.0 and 0.0 are one contrast.
     signed = contrasts.by_law[LAW][chosen] * np.where(trials["opposite"], -1.0, 1.0) + 0.0
     return AnsweredTrials(
         ratings=ratings_of(data, trials, signed),
         answer=answers,
-        two_sided=expected[chosen].isin([*CONTRARIES, *CONTRARIES.values()]).to_numpy(),
+        two_sided=expected[chosen].isin(both_ways).to_numpy(),
     )
 
 

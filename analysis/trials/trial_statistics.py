@@ -54,14 +54,14 @@ from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, predicted_co
 from device.friction.laws import LAWS
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS, no_change
+from protocol.study.study_question import QUESTIONS
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2
 """They fit the models of a large study; each takes some 0.3 GB."""
 FEWEST_AT_PLACES = 40
 """Of fewer ratings, gains at places alone would be the prior's rather than the data's."""
-_NO_CHANGE = frozenset(map(no_change, ANSWERS))
+_NO_CHANGE = frozenset(asked.same for asked in QUESTIONS.values())
 
 
 @dataclass(frozen=True, kw_only=True)

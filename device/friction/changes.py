@@ -22,7 +22,7 @@ from device.friction.scenes import (
     Structure,
 )
 from protocol.study.study import Study
-from protocol.study.study_question import CONTRARIES, QUESTIONS, Effect, Question
+from protocol.study.study_question import QUESTIONS, Effect, Question
 from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
 
 
@@ -93,7 +93,7 @@ def trial_change(
         effect = "friction"
     return Change(
         effect=effect,
-        contrary=expected in CONTRARIES.values(),
+        contrary=expected is not None and expected == QUESTIONS[question].less,
         before=_moment(study, first, first.voltage_v, first.frequency),
         after=_moment(study, last, last.end_voltage_v, last.end_frequency),
         places_m=_places_m(study.touch, effect, last.place),

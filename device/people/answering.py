@@ -31,8 +31,8 @@ def meaning(question: Question, answer: str | None) -> int | None:
     >>> meaning("roughness", "rougher")
     -1
     """
-    more, *less, same = ANSWERS[question]
-    known = {more: MORE, **dict.fromkeys(less, LESS), same: SAME}
+    asked = QUESTIONS[question]
+    known = {asked.more: MORE, asked.less: LESS, asked.same: SAME}
     return None if answer is None else known.get(answer)
 
 
@@ -42,7 +42,7 @@ def answer_of(question: Question, said: int) -> str:
     >>> answer_of("places", SAME)
     'not swapped'
     """
-    return ANSWERS[question][{MORE: 0, LESS: 1, SAME: -1}[said]]
+    return next(answer for answer in ANSWERS[question] if meaning(question, answer) == said)
 
 
 @dataclass

@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 from protocol.plan.trials import Beams, beams_of, swap_count
 from protocol.study.rules import Grouping, Order
 from protocol.study.study import Condition, Study
-from protocol.study.study_question import opposite_answer
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
 
 # Named random streams, one for each purpose, and constrained shuffles.
@@ -331,10 +331,9 @@ def _backwards(touch: Touch) -> Touch:
 @lru_cache(maxsize=1024)
 def opposite_expected(condition: Condition) -> str | None:
     """Return the answer expected of the opposite trial, or `None` if the condition has none."""
-    answer = opposite_answer(condition.question, condition.expected)
     there, back = map(_courses, (condition.touches, opposite(condition.touches)))
     # Touches that are the same backwards feel the same: nothing contrary can be expected.
-    return None if there == back else answer
+    return None if there == back else QUESTIONS[condition.question].contrary(condition.expected)
 
 
 def _courses(touches: tuple[Touch, ...]) -> list[Touch]:

@@ -16,7 +16,7 @@ from protocol.plan.blocks import (
 )
 from protocol.plan.trials import beams_of, between_trials_s, touches_s
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
 
 
@@ -42,7 +42,7 @@ def _levels(study: Study) -> Iterator[Problem]:
 
 def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
-    asked_both_ways = [question for question, answers in ANSWERS.items() if len(answers) > 2]
+    asked_both_ways = [question for question, entry in QUESTIONS.items() if entry.less]
     if asked and not any(map(opposite_expected, study.condition)):
         yield Problem.of_key(
             "design.opposite_repeats",

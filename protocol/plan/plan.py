@@ -18,7 +18,7 @@ from protocol.plan.blocks import (
 )
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Opening, Study
-from protocol.study.study_question import no_change
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Slide, SlidePass
 
 
@@ -132,7 +132,7 @@ def _main(
             # A catch trial has everything of its condition but the drive, so that nothing else
             # tells it apart.
             still = _trial(condition, 0.0, turned=False, block=block)
-            same = no_change(condition.question)
+            same = QUESTIONS[condition.question].same
             yield replace(still, kind="catch", expected=same, scored=False)
         block_before = block
 

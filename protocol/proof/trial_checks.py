@@ -13,7 +13,7 @@ from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial, plan_swaps
 from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Condition, Study
-from protocol.study.study_question import ANSWERS
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
 
 # Checks of a plan's trials against the limits of the rig.
@@ -131,11 +131,11 @@ def content_violations(study: Study, plan: Plan) -> Violations:
 def _asked(condition: Condition, trial: Trial) -> Iterator[str]:
     if trial.question != condition.question:
         yield "a trial must ask its condition's question"
-    same, contrary = ANSWERS[condition.question][-1], set(ANSWERS[condition.question])
+    asked = QUESTIONS[condition.question]
     if trial.kind == "catch":
-        wanted = {same}
+        wanted = {asked.same}
     elif trial.opposite:
-        wanted = contrary - {same, condition.expected}
+        wanted = {*asked.answers} - {asked.same, condition.expected}
     else:
         wanted = {condition.expected}
     if trial.expected not in wanted:
@@ -180,8 +180,8 @@ def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list
 def _opposites(study: Study, plan: Plan) -> Violations:
     turned = Counter(trial.condition for trial in plan.trials if trial.opposite)
     for condition in study.condition:
-        *changes, same = ANSWERS[condition.question]
-        possible = len(changes) == 2 and condition.expected != same
+        asked = QUESTIONS[condition.question]
+        possible = asked.less is not None and condition.expected != asked.same
         there = [_course(touch, 1.0, backwards=False) for touch in condition.touches]
         back = [_course(touch, 1.0, backwards=True) for touch in reversed(condition.touches)]
         wanted = study.design.opposite_repeats if possible and there != back else 0

@@ -4,12 +4,13 @@ A built-in question is an instance: what changed is a choice of one label, the s
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from math import isfinite
-from typing import Annotated, Literal
+from math import ceil, floor, inf, isfinite
+from random import Random
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, ConfigDict, Field
 
@@ -37,71 +38,66 @@ Effect = Literal["friction", "depth", "places"]
 class QuestionType:
     """A question after a touch; its texts and those of its answers are in each language's file.
 
-    Each answer has its meaning, for exported data as that of the question. For the first one a
-    predicted contrast is positive, the last says that nothing changed; one between them is the
-    contrary of the first.
+    `meaning` is for exported data. For the answer `more` a predicted contrast is positive, `less`
+    is its contrary, if there is one, and `same` says that nothing changed.
     """
 
     effect: Effect
     meaning: str
-    answers: Mapping[str, str]
+    more: str
+    less: str | None = None
+    same: str = "same"
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """All answers in the order in which they are shown."""
+        return (self.more, *([self.less] if self.less else []), self.same)
+
+    def contrary(self, answer: str) -> str | None:
+        """Return the answer that says the contrary, or `None` if there is none.
+
+        Places that swap from right to left also swap from left to right.
+
+        >>> QUESTIONS["roughness"].contrary("smoother")
+        'rougher'
+        """
+        return {self.more: self.less, self.less: self.more}.get(answer)
 
 
-_SAME = {"same": "no change of roughness or strength"}
 QUESTIONS: Mapping[Question, QuestionType] = {
     "roughness": QuestionType(
         effect="friction",
         meaning="how did the roughness change",
-        answers={"smoother": "about the roughness", "rougher": "about the roughness", **_SAME},
+        more="smoother",
+        less="rougher",
     ),
     "strength": QuestionType(
-        effect="depth",
-        meaning="how did the effect change",
-        answers={
-            "stronger": "about the strength of the effect",
-            "weaker": "about the strength of the effect",
-            **_SAME,
-        },
+        effect="depth", meaning="how did the effect change", more="stronger", less="weaker"
     ),
     "places": QuestionType(
         effect="places",
         meaning="did the smooth and the rough places swap",
-        answers={
-            "swapped": "the smooth and the rough places swapped",
-            "not swapped": "they did not swap",
-        },
+        more="swapped",
+        same="not swapped",
     ),
 }
 """The paper asks how the touch changed (section 5.2); the wording fits the condition."""
-ANSWERS = {question: tuple(asked.answers) for question, asked in QUESTIONS.items()}
-
-
-CONTRARIES = {answers[0]: answers[1] for answers in ANSWERS.values() if len(answers) > 2}
-"""Answers and their contraries; a predicted contrast is positive for the former."""
-
-
-def opposite_answer(question: Question, answer: str) -> str | None:
-    """Return the answer that says the contrary, or `None` if there is none.
-
-    Places that swap from right to left also swap from left to right.
-
-    >>> opposite_answer("roughness", "smoother")
-    'rougher'
-    """
-    *changes, same = ANSWERS[question]
-    return next((other for other in changes if answer not in {other, same}), None)
-
-
-def no_change(question: Question) -> str:
-    """Return the answer that says that nothing changed.
-
-    >>> no_change("places")
-    'not swapped'
-    """
-    return ANSWERS[question][-1]
+ANSWERS = {question: asked.answers for question, asked in QUESTIONS.items()}
+MEANINGS = {
+    "smoother": "about the roughness",
+    "rougher": "about the roughness",
+    "stronger": "about the strength of the effect",
+    "weaker": "about the strength of the effect",
+    "same": "no change of roughness or strength",
+    "swapped": "the smooth and the rough places swapped",
+    "not swapped": "they did not swap",
+}
+"""Of all answers, for exported data."""
 
 
 Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
+Form = Literal["labels", "scale", "typed"]
+"""How a question is asked: with labels to choose from, a scale, or a line to type in."""
 When = Literal["before", "trial", "block", "after"]
 Answer = str | int | float | tuple[str, ...] | None
 """A label's value or several, a number, a text; None for a question that was skipped."""
@@ -240,70 +236,28 @@ class StudyQuestion(Record):
         """Return the question with its answers in the opposite order."""
         return self.model_copy(update={"labels": self.labels[::-1]})
 
+    @property
+    def form(self) -> Form:
+        """How it is asked."""
+        return KINDS[self.kind].form
+
+    @property
+    def is_number(self) -> bool:
+        """Whether its answers are numbers."""
+        return float in KINDS[self.kind].answers
+
     def answer(self, given: str) -> Answer:
         """Return what `given` means: a value, several with `;` between, a number or a text.
 
         If the question does not allow it, a ValueError says what it allows.
         """
-        if not given and not self.required:
-            return None
-        match self.kind:
-            case "choice":
-                return self._checked(given, given in self.values, f"be one of {self._known}")
-            case "several":
-                return self._several(given)
-            case "text":
-                rule = f"have 1 to {self.longest} characters"
-                return self._checked(given, 0 < len(given) <= self.longest, rule)
-            case "number":
-                return self._number(given)
-        return self._on_scale(given)
+        return KINDS[self.kind].read(self, given) if given or self.required else None
 
-    @property
-    def _known(self) -> str:
-        return ", ".join(self.values)
-
-    def _checked(self, given: str, allowed: bool, rule: str) -> str:
+    def checked(self, given: str, allowed: bool, rule: str) -> str:
+        """Return `given` if it is `allowed`, else raise a ValueError with the rule."""
         if not allowed:
             raise ValueError(f"the answer to {self.name} must {rule}, got {given!r}")
         return given
-
-    def _several(self, given: str) -> tuple[str, ...]:
-        chosen = set(given.split(BETWEEN))
-        self._checked(given, chosen <= set(self.values), f"be some of {self._known}")
-        # In the order of the labels, so that the same choice is always the same answer.
-        return tuple(value for value in self.values if value in chosen)
-
-    def _number(self, given: str) -> int | float:
-        low, high = self.minimum, self.maximum
-        spoken = [f"at least {low:.15g}"] if low is not None else []
-        spoken += [f"at most {high:.15g}"] if high is not None else []
-        decimals = self.decimals or 0
-        kind = f"a number with at most {decimals} decimals" if decimals else "a whole number"
-        rule = f"be {', '.join([kind, *spoken])}"
-        # Many languages write a decimal comma, and a number has no other use for it here.
-        plain = given.replace(",", ".")
-        # A pattern and not `float` alone, which takes `1e9`, `nan` and digits of other scripts. 15
-        # digits are what a float holds.
-        form = rf"[+-]?\d{{1,15}}(\.\d{{0,{decimals}}})?" if decimals else r"[+-]?\d{1,15}"
-        self._checked(given, re.fullmatch(form, plain, re.ASCII) is not None, rule)
-        number = float(plain)
-        above = low is None or number >= low
-        self._checked(given, above and (high is None or number <= high), rule)
-        return plain_number(number)
-
-    def _on_scale(self, given: str) -> int | float:
-        low, high, step = self.scale
-        try:
-            number = float(given)
-        except ValueError:
-            number = float("nan")
-        whole = isfinite(number) and low <= number <= high
-        # The answer is the scale's own number and not the one that came, which may be rounded.
-        nearest = self.place(round((number - low) / step)) if whole else None
-        rule = f"lie on the scale from {low:.15g} to {high:.15g}"
-        self._checked(given, nearest is not None and abs(nearest - number) < step * 1e-6, rule)
-        return plain_number(float(nearest or 0))
 
 
 def plain_number(number: float) -> int | float:
@@ -313,6 +267,115 @@ def plain_number(number: float) -> int | float:
     (7, 0.5)
     """
     return int(number) if number.is_integer() else number
+
+
+# The kinds of questions: what each asks for, which answers it allows, and how people may answer.
+
+
+def _chosen(asked: StudyQuestion, given: str) -> str:
+    return asked.checked(given, given in asked.values, f"be one of {', '.join(asked.values)}")
+
+
+def _several(asked: StudyQuestion, given: str) -> tuple[str, ...]:
+    chosen = set(given.split(BETWEEN))
+    asked.checked(given, chosen <= set(asked.values), f"be some of {', '.join(asked.values)}")
+    # In the order of the labels, so that the same choice is always the same answer.
+    return tuple(value for value in asked.values if value in chosen)
+
+
+def _on_scale(asked: StudyQuestion, given: str) -> int | float:
+    low, high, step = asked.scale
+    try:
+        number = float(given)
+    except ValueError:
+        number = float("nan")
+    whole = isfinite(number) and low <= number <= high
+    # The answer is the scale's own number and not the one that came, which may be rounded.
+    nearest = asked.place(round((number - low) / step)) if whole else None
+    rule = f"lie on the scale from {low:.15g} to {high:.15g}"
+    asked.checked(given, nearest is not None and abs(nearest - number) < step * 1e-6, rule)
+    return plain_number(float(nearest or 0))
+
+
+def _number(asked: StudyQuestion, given: str) -> int | float:
+    low, high, decimals = asked.minimum, asked.maximum, asked.decimals or 0
+    spoken = [f"a number with at most {decimals} decimals" if decimals else "a whole number"]
+    spoken += [f"at least {low:.15g}"] if low is not None else []
+    spoken += [f"at most {high:.15g}"] if high is not None else []
+    # Many languages write a decimal comma, and a number has no other use for it here.
+    plain = given.replace(",", ".")
+    # A pattern and not `float` alone, which takes `1e9`, `nan` and digits of other scripts. 15
+    # digits are what a float holds.
+    form = rf"[+-]?\d{{1,15}}(\.\d{{0,{decimals}}})?" if decimals else r"[+-]?\d{1,15}"
+    number = float(plain) if re.fullmatch(form, plain, re.ASCII) else float("nan")
+    allowed = (-inf if low is None else low) <= number <= (inf if high is None else high)
+    asked.checked(given, allowed, f"be {', '.join(spoken)}")
+    return plain_number(number)
+
+
+def _text(asked: StudyQuestion, given: str) -> str:
+    rule = f"have 1 to {asked.longest} characters"
+    return asked.checked(given, 0 < len(given) <= asked.longest, rule)
+
+
+_CHOSEN = 0.4
+"""How often one of several labels is chosen at random."""
+_REMARKS = ("nothing", "quite smooth", "rough at first", "hard to tell")
+
+
+def _any_of(asked: StudyQuestion, stream: Random) -> str:
+    chosen = [value for value in asked.values if stream.random() < _CHOSEN]
+    return BETWEEN.join(chosen or [stream.choice(asked.values)])
+
+
+def _any_place(asked: StudyQuestion, stream: Random) -> str:
+    # Most people avoid the ends of a scale.
+    return str(asked.place(round(stream.betavariate(2, 2) * asked.places)))
+
+
+def _any_number(asked: StudyQuestion, stream: Random) -> str:
+    low, high, steps = asked.minimum, asked.maximum, 10 ** (asked.decimals or 0)
+    if low is None:
+        low = 20.0 if high is None else high - 50.0
+    high = low + 50.0 if high is None else high
+    # Rounded inwards, so that a number with these decimals cannot lie beyond an end.
+    number = stream.uniform(ceil(low * steps) / steps, floor(high * steps) / steps)
+    return f"{number:.{asked.decimals or 0}f}"
+
+
+class KindOfQuestion(NamedTuple):
+    """A kind of question.
+
+    `keys` are those of the study file that it has beside those of all, `read` returns the answer
+    that is given or raises a ValueError, and `drawn` a random but plausible one.
+    """
+
+    form: Form
+    keys: Set[str]
+    answers: tuple[type, ...]
+    read: Callable[[StudyQuestion, str], Answer]
+    drawn: Callable[[StudyQuestion, Random], str]
+
+
+_NUMBERS = (int, float)
+_SCALE = {"labels", "minimum", "maximum", "step", "ticks"}
+_OF_NUMBERS = {"minimum", "maximum", "decimals", "unit"}
+KINDS: Mapping[Kind, KindOfQuestion] = {
+    "choice": KindOfQuestion(
+        "labels", {"labels"}, (str,), _chosen, lambda asked, stream: stream.choice(asked.values)
+    ),
+    "several": KindOfQuestion("labels", {"labels"}, (tuple,), _several, _any_of),
+    "scale": KindOfQuestion("scale", _SCALE, _NUMBERS, _on_scale, _any_place),
+    "analogue": KindOfQuestion("scale", {"labels"}, _NUMBERS, _on_scale, _any_place),
+    "number": KindOfQuestion("typed", _OF_NUMBERS, _NUMBERS, _number, _any_number),
+    "text": KindOfQuestion(
+        "typed",
+        {"max_length"},
+        (str,),
+        _text,
+        lambda asked, stream: stream.choice(_REMARKS)[: asked.longest].strip(),
+    ),
+}
 
 
 class InstructionPage(Record):

@@ -20,7 +20,7 @@ from protocol.study.participant_texts import (
 )
 from protocol.study.rules import Band
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS, BETWEEN, MOST_LABELS, Label, StudyQuestion
+from protocol.study.study_question import ANSWERS, BETWEEN, KINDS, MOST_LABELS, Label, StudyQuestion
 from protocol.study.touch import Touch
 
 
@@ -217,17 +217,6 @@ PICTURE_RULE = (
 )
 TAKEN = frozenset(_COLUMNS.split())
 """Names of the columns that every export has, and of the built-in questions."""
-_KINDS = {
-    "labels": {"choice", "several", "scale", "analogue"},
-    "minimum": {"scale", "number"},
-    "maximum": {"scale", "number"},
-    "step": {"scale"},
-    "ticks": {"scale"},
-    "decimals": {"number"},
-    "unit": {"number"},
-    "max_length": {"text"},
-}
-"""The kinds of question that each key is for; the other keys are for all."""
 
 _Found = Iterator[tuple[str | int, str, str, str]]
 """Key, rule, value and hint of each problem."""
@@ -288,10 +277,11 @@ def _name_problems(study: Study) -> Iterator[Problem]:
 
 def _key_problems(study: Study, question: StudyQuestion) -> _Found:
     # Only what the file gives: a default is wrong for nobody.
-    for key in sorted(question.model_fields_set & _KINDS.keys()):
-        if question.kind not in _KINDS[key]:
-            kinds = ", ".join(sorted(_KINDS[key]))
-            yield key, f"must be left out where kind = {question.kind!r}", "one", f"for {kinds}"
+    for key in sorted(question.model_fields_set):
+        kinds = sorted(name for name, kind in KINDS.items() if key in kind.keys)
+        if kinds and question.kind not in kinds:
+            rule = f"must be left out where kind = {question.kind!r}"
+            yield key, rule, "one", f"for {', '.join(kinds)}"
     if question.conditions and question.when != "trial":
         yield "when", 'must be "trial" where conditions are named', repr(question.when), ""
     if question.sessions == "first" and question.when not in {"before", "after"}:
@@ -306,15 +296,13 @@ def _key_problems(study: Study, question: StudyQuestion) -> _Found:
 
 
 def _form(question: StudyQuestion) -> _Found:
-    match question.kind:
-        case "choice" | "several":
-            yield from _choices(question)
-        case "scale" | "analogue":
-            yield from _scale(question)
-        case "number" if question.minimum is not None and question.maximum is not None:
-            if question.minimum >= question.maximum:
-                rule = f"must be above minimum = {question.minimum:.15g}"
-                yield "maximum", rule, f"{question.maximum:.15g}", ""
+    low, high = question.minimum, question.maximum
+    if question.form == "labels":
+        yield from _choices(question)
+    elif question.form == "scale":
+        yield from _scale(question)
+    elif question.is_number and low is not None and high is not None and low >= high:
+        yield "maximum", f"must be above minimum = {low:.15g}", f"{high:.15g}", ""
 
 
 def _choices(question: StudyQuestion) -> _Found:

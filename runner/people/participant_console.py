@@ -173,18 +173,19 @@ class ConsoleParticipant(screens.Participant):
 
         Of a number its limits, of a text its shortest and greatest length.
         """
-        match question.kind:
-            case "scale" | "analogue":
+        match question.form:
+            case "scale":
                 first = [str(question.place(at)) for at in range(min(question.places, 2))]
                 return [f"  {', '.join(first)} … {question.place(question.places)}"]
-            case "number":
+            case "typed" if question.is_number:
                 form = f".{question.decimals}f" if question.decimals else ".15g"
                 ends = (question.minimum, question.maximum)
                 low, high = ("" if end is None else format(end, form) for end in ends)
                 return [f"  {low} … {high} {question.unit or ''}".rstrip()]
-            case "text":
+            case "typed":
                 return [f"  … (1–{question.longest})"]
-        return self._choices(question)
+            case "labels":
+                return self._choices(question)
 
     def _values(self, question: StudyQuestion, line: str) -> str:
         """Return the values of the labels that are typed, by number, value or text."""

@@ -5,7 +5,6 @@ a real device a predicted one (`untouched_beam`). It knows neither the plan nor 
 is like, feels and answers is in `device.people`.
 """
 
-import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -25,9 +24,8 @@ from protocol.study.touch import Mark
 from runner import screens
 from runner.clock import Clock
 
-_SKIPPED, _CHOSEN = 0.1, 0.4
-"""How often a question is skipped that may be, and how often one of several labels is chosen."""
-_REMARKS = ("nothing", "quite smooth", "rough at first", "hard to tell")
+_SKIPPED = 0.1
+"""How often a question is skipped that may be."""
 _LEAST_FORCE = 0.5
 """Of a trembling finger, relative to its mean force."""
 _ROUNDING = 1e-9
@@ -195,7 +193,7 @@ class VirtualParticipant(screens.Participant):
         answer, seconds = self._answering.change(
             answering.felt_contrast(question, felt, resting),
             answering.beyond(answering.kind_of_change(question, marks), self._people),
-            np.array([len(study_question.ANSWERS[question]) > 2]),
+            np.array([study_question.QUESTIONS[question].less is not None]),
             u,
         )
         if self._answering.left[0]:
@@ -207,30 +205,7 @@ class VirtualParticipant(screens.Participant):
         stream = self._streams["own questions"]
         if not question.required and stream.random() < _SKIPPED:
             return ""
-        match question.kind:
-            case "choice":
-                return stream.choice(question.values)
-            case "several":
-                chosen = [value for value in question.values if stream.random() < _CHOSEN]
-                return study_question.BETWEEN.join(chosen or [stream.choice(question.values)])
-            case "number":
-                low, high, decimals = _range(question)
-                return f"{stream.uniform(low, high):.{decimals}f}"
-            case "text":
-                return stream.choice(_REMARKS)[: question.longest].strip()
-        # Most people avoid the ends of a scale.
-        return str(question.place(round(stream.betavariate(2, 2) * question.places)))
-
-
-def _range(question: study_question.StudyQuestion) -> tuple[float, float, int]:
-    """Return between which ends, and with how many decimals, a number is drawn."""
-    low, high, decimals = question.minimum, question.maximum, question.decimals or 0
-    if low is None:
-        low = 20.0 if high is None else high - 50.0
-    high = low + 50.0 if high is None else high
-    # Rounded inwards, so that a number with these decimals cannot lie beyond an end.
-    steps = 10**decimals
-    return math.ceil(low * steps) / steps, math.floor(high * steps) / steps, decimals
+        return study_question.KINDS[question.kind].drawn(question, stream)
 
 
 # A real beam that nobody touches, in a dry run: its friction is predicted from what is read back.

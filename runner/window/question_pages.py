@@ -291,23 +291,25 @@ def question_targets(screen: Ask) -> tuple[Target, ...]:
     """Return the targets of a question: answers, a scale or keys, and the button."""
     question = screen.question
     confirm = Target(name="confirm", box=BUTTON, role="button")
-    if question.kind in {"choice", "several"}:
-        return (*_answers(question.values), confirm)
-    if question.kind in {"scale", "analogue"}:
-        return (Target(name="scale", box=SCALE_BOX, role="scale"), confirm)
-    return (*_keys(screen), confirm)
+    match question.form:
+        case "labels":
+            return (*_answers(question.values), confirm)
+        case "scale":
+            return (Target(name="scale", box=SCALE_BOX, role="scale"), confirm)
+        case "typed":
+            return (*_keys(screen), confirm)
 
 
 def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
     """Return the page of a question; nothing is marked until it is chosen."""
     question, texts, chosen = screen.question, wording.texts, view.chosen
-    match question.kind:
-        case "choice" | "several":
+    match question.form:
+        case "labels":
             shown, key = _answer_boxes(question, chosen, wording), "hint.change"
-        case "scale" | "analogue":
+        case "scale":
             at = None if chosen is None else float(chosen)
             shown, key = scale(question, screen.bands, wording, at), "hint.score"
-        case _:
+        case "typed":
             shown, key = _entry(screen, view.typed), "hint.typed"
     if question.kind in {"several", "analogue"}:
         key = f"hint.{question.kind}"
@@ -438,15 +440,15 @@ def by_key(question: StudyQuestion, now: Choice, key: Key | Typed, start: float 
         return _typed(question, now.typed[:-1])
     match question.kind:
         case "choice":
-            now = Choice(chosen=_label_by_key(question, now.chosen, key.name))
+            return Choice(chosen=_label_by_key(question, now.chosen, key.name))
         case "several":
             label = _label_by_key(question, None, key.name if key.name.isdigit() else "")
-            now = now if label is None else by_press(question, now, label)
+            return now if label is None else by_press(question, now, label)
         case "scale" | "analogue":
-            now = _place_by_key(question, now, key.name, start)
-        case "number" if _is_sign(key.name):
-            now = _longer(question, now, key.name)
-    return now
+            return _place_by_key(question, now, key.name, start)
+        case "number" | "text":
+            is_sign = question.is_number and _is_sign(key.name)
+            return _longer(question, now, key.name) if is_sign else now
 
 
 def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
@@ -458,9 +460,10 @@ def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
             marked = set(now.chosen.split(BETWEEN)) if now.chosen else set()
             turned = (value for value in question.values if value in marked ^ {target})
             return Choice(chosen=BETWEEN.join(turned) or None)
-    if target == BACKSPACE:
-        return _typed(question, now.typed[:-1])
-    return _longer(question, now, " " if target == SPACE else target)
+        case "scale" | "analogue" | "number" | "text":
+            if target == BACKSPACE:
+                return _typed(question, now.typed[:-1])
+            return _longer(question, now, " " if target == SPACE else target)
 
 
 def on_scale(question: StudyQuestion, x: float) -> Choice:
@@ -484,8 +487,9 @@ def inputs_for(question: StudyQuestion, answer: str) -> tuple[Input, ...]:
         case "analogue":
             at = Pressed(x=score_x(float(answer), question), y=SCALE_BOX.y)
             return (at, Released())
-    # Without an exponent, which no key of the window types.
-    return tuple(Key(name=sign) for sign in f"{Decimal(answer):f}")
+        case "scale" | "number":
+            # Without an exponent, which no key of the window types.
+            return tuple(Key(name=sign) for sign in f"{Decimal(answer):f}")
 
 
 def _longer(question: StudyQuestion, now: Choice, text: str) -> Choice:

@@ -119,6 +119,6 @@ class PendingResponse:
         self.chosen = choice.chosen
         self.changes.append({"t_s": round(t_s, 4), "value": self.chosen, "by": by})
         assert isinstance(self.screen, Ask)
-        if by == "key" and self.screen.question.kind in {"scale", "analogue"}:
+        if by == "key" and self.screen.question.form == "scale":
             at = None if self.chosen is None else self.screen.question.answer(self.chosen)
             self.path.append({"t_s": round(t_s, 4), "at": at, "by": "key"})

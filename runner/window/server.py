@@ -133,7 +133,7 @@ class ShownScreen:
         """Return the message with the answer, and with all screens since the last one in `past`."""
         screens = [*past, self.record()]
         trace = {**self.pending.trace(), "screens": screens, "display": display}
-        if isinstance(self.screen, Ask) and self.screen.question.kind in {"scale", "analogue"}:
+        if isinstance(self.screen, Ask) and self.screen.question.form == "scale":
             trace["scale"] = _scale_look(self.screen, display, wording)
         return {
             "answer": self.pending.answer,

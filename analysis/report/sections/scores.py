@@ -78,11 +78,11 @@ def _answer_table(asked: Answers) -> Table:
     """Return counts of each label, or statistics of numbers, by group."""
     question = asked.question
     statistics = ("mean", "sd", "median", "lowest", "highest")
-    names = question.values or (() if question.kind == "text" else statistics)
+    names = question.values or (statistics if question.is_number else ())
     rows: list[Row] = []
     for group in asked.groups:
         counts = {name: str(count) for name, count in group.counts(question).items()}
-        shown = group.numbers() if not (question.values or question.kind == "text") else {}
+        shown = group.numbers() if question.is_number else {}
         cells = counts or {name: number(value, 2) for name, value in shown.items()}
         told = [str(len(group.given)), str(group.skipped)]
         rows.append([group.name, *told, *(cells.get(name, MISSING) for name in names)])
@@ -102,7 +102,7 @@ def _caption(question: StudyQuestion) -> str:
     # In the language of the page if the study has it.
     text = question.text.get(REFERENCE) or next(iter(question.text.values()), "")
     scale = ""
-    if question.kind in {"scale", "analogue"}:
+    if question.form == "scale":
         low, high, _ = question.scale
         scale = f" From {low:g} to {high:g}."
     unit = f" In {question.unit}." if question.unit else ""

@@ -10,6 +10,7 @@ from protocol.study.languages import built_in, built_in_codes
 from protocol.study.participant_texts import question_text, study_wording, worded_as_built
 from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study_question import (
+    MEANINGS,
     QUESTIONS,
     Effect,
     Question,
@@ -115,6 +116,7 @@ def test_every_question_is_defined_once() -> None:
     for asked in QUESTIONS.values():
         assert asked.effect in get_args(Effect)
         assert len(asked.answers) in (2, 3)
+    assert MEANINGS.keys() == {answer for asked in QUESTIONS.values() for answer in asked.answers}
 
 
 @pytest.mark.parametrize("question", QUESTIONS)

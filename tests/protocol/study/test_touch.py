@@ -4,7 +4,7 @@ import pytest
 
 from protocol.plan.blocks import at_level, opposite, opposite_expected
 from protocol.study.rig_settings import Rig
-from protocol.study.study_question import ANSWERS, no_change, opposite_answer
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
 from protocol.study_file.loading import parsed_study, template
 
@@ -66,11 +66,11 @@ def test_only_conditions_with_a_contrary_answer_have_an_opposite() -> None:
 
 
 def test_contrary_answers_come_in_pairs() -> None:
-    for question, answers in ANSWERS.items():
-        assert opposite_answer(question, no_change(question)) is None
-        for answer in answers:
-            other = opposite_answer(question, answer)
-            assert other is None or opposite_answer(question, other) == answer
+    for asked in QUESTIONS.values():
+        assert asked.contrary(asked.same) is None
+        for answer in asked.answers:
+            other = asked.contrary(answer)
+            assert other is None or asked.contrary(other) == answer
 
 
 def test_a_level_scales_every_amplitude_and_nothing_else() -> None:

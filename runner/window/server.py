@@ -227,6 +227,7 @@ class WindowServer:
     _alive_s: float = field(default=0.0, init=False)
     _due_s: float = field(default=0.0, init=False)
     _share: float = field(default=1.0, init=False)
+    _drawn: Page | None = field(default=None, init=False)
 
     def run(self) -> None:
         """Show a page that asks to wait, then serve."""
@@ -320,20 +321,28 @@ class WindowServer:
         )
 
     def _frame(self) -> None:
-        self.canvas.draw(self._page())
-        flipped_s = self.canvas.flip()
-        first = not self._standing.frames.shown_s
+        first, page_now = not self._standing.frames.shown_s, self._page()
+        if first or page_now != self._drawn or not self._may_keep():
+            self.canvas.draw(page_now)
+            flipped_s, self._drawn = self.canvas.flip(), page_now
+        else:
+            flipped_s = self.now_s()
         self._standing.frames.add(flipped_s)
         earliest_s = flipped_s - self._interval_s
         # Added to the time that was due, so that small delays do not add up; but a long one is not
-        # made good by a burst of frames.
-        self._due_s = max(self._due_s, earliest_s) + self._interval_s * self._share
+        # made good by a burst of frames, and the frame after a page that came early is not late.
+        from_s = min(max(self._due_s, earliest_s), flipped_s)
+        self._due_s = from_s + self._interval_s * self._share
         if first and self._standing.number:
             self.send({"shown": self._standing.number, "at_s": flipped_s})
         if flipped_s - self._alive_s >= ALIVE_EVERY_S:
             self._alive_s = flipped_s
             # Sent from here: it says that frames are drawn, not only that a process exists.
             self.send({"alive": flipped_s})
+
+    def _may_keep(self) -> bool:
+        """Return whether the last frame may stand: a clock paces them, and `alive` is not due."""
+        return self._share == 1.0 and self.now_s() - self._alive_s < ALIVE_EVERY_S
 
     def _page(self) -> Page:
         return self._standing.page(self.now_s(), self.settings.wording)

@@ -15,7 +15,7 @@ from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.question_pages import Button, PageState
-from runner.window.server import ORPHANED_S, FrameTimes, Mailbox, WindowServer
+from runner.window.server import ALIVE_EVERY_S, ORPHANED_S, FrameTimes, Mailbox, WindowServer
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(
@@ -77,7 +77,7 @@ class FakeCanvas:
 
 
 def served(
-    script: dict[int, Any], *, holds_back: bool = False, readable_s: float = 0.0
+    script: dict[int, Any], *, holds_back: bool = True, readable_s: float = 0.0
 ) -> tuple[FakeCanvas, list[Any]]:
     """Serve until the script ends it; the flips before the first screen are the first seven."""
     mailbox = NeverWaits()
@@ -158,7 +158,7 @@ def test_a_window_that_shows_its_last_page_already_ends_with_its_session() -> No
 
 @pytest.mark.parametrize("holds_back", [True, False])
 def test_frames_follow_the_refresh_rate_paced_by_screen_or_clock(holds_back: bool) -> None:
-    _, sent = served(
+    canvas, sent = served(
         {
             8: show_message(1, Instruction(text="remember")),
             200: lambda canvas: canvas.press("enter"),
@@ -171,6 +171,14 @@ def test_frames_follow_the_refresh_rate_paced_by_screen_or_clock(holds_back: boo
     assert frames["median_ms"] == pytest.approx(1000 * INTERVAL_S, abs=1.1)
     assert frames["dropped"] == []
     assert answer["trace"]["display"]["paced_by"] == ("screen" if holds_back else "clock")
+    # Where a clock paces them, a page that stays is drawn when the next `alive` is due.
+    assert canvas.t_s == pytest.approx(210 / 60 if holds_back else 202 * ALIVE_EVERY_S, rel=0.1)
+
+
+@pytest.mark.parametrize("holds_back", [True, False])
+def test_a_page_that_moves_is_drawn_at_each_refresh(holds_back: bool) -> None:
+    canvas, _ = served({8: show_message(1, PACING), 68: {"end": True}}, holds_back=holds_back)
+    assert canvas.t_s == pytest.approx(68 * INTERVAL_S, abs=0.1)
 
 
 def test_a_new_screen_is_drawn_at_once() -> None:

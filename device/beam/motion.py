@@ -205,12 +205,19 @@ def _refined(
     return place
 
 
+def _once(places: FloatArray, more: FloatArray | tuple[float, ...]) -> FloatArray:
+    """Return all these places once, in rising order."""
+    # Not np.union1d, which loads masked arrays: that takes longer than to set a motion up.
+    every = np.sort(np.concatenate([places, more]))
+    return np.asarray(every[np.concatenate([[True], every[1:] != every[:-1]])])
+
+
 def sample_places(motion: Motion) -> FloatArray:
     """Return places close enough to resolve every zone, including the tip and the joints."""
     count = int(motion.wave_number_per_m * motion.length_m * _SAMPLES_PER_RADIAN) + 48
     even = np.linspace(0.0, motion.length_m, count)
     even[0] = _CLAMP * motion.length_m
-    return np.union1d(even, motion.joints_m)
+    return _once(even, motion.joints_m)
 
 
 def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatArray:
@@ -227,7 +234,7 @@ def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
     is missed.
     """
     turning = _signed_cells(motion, _direction_slope, places_m)
-    return _signed_cells(motion, direction, np.union1d(places_m, turning))
+    return _signed_cells(motion, direction, _once(places_m, turning))
 
 
 # The pattern of a motion, set up once and then evaluated at any number of places.
@@ -364,7 +371,7 @@ def _cells(motion: Motion) -> _Cells:
     """Return even cells, split at the joints and halved until |W| is smooth in each."""
     length_m = motion.length_m
     count = int(motion.wave_number_per_m * length_m * _CELLS_PER_RADIAN) + 16
-    edges = np.union1d(np.linspace(0.0, length_m, count + 1), motion.joints_m)
+    edges = _once(np.linspace(0.0, length_m, count + 1), motion.joints_m)
     open_cells = _measured(motion, edges[:-1], edges[1:])
     done, smooth = [open_cells], []
     floor = max(motion.rounding_m_per_v, _FLOOR * float(open_cells.deflection.max()))
@@ -396,7 +403,7 @@ def _pieces(
     coefficients = _ANTIDERIVATIVE @ area.T
     coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
     right_m = np.concatenate([[0.0], np.cumsum(np.diff(edges_m) * moves_right)])
-    start_m = np.union1d(cells.low_m, edges_m[:-1])
+    start_m = _once(cells.low_m, edges_m[:-1])
     cell = np.searchsorted(cells.low_m[1:], start_m, side="right")
     zone = np.searchsorted(edges_m[1:-1], start_m, side="right")
     return _Pieces(

@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import groupby, pairwise, product
 from typing import NamedTuple
 
-from protocol.journal.events import SLIDE
 from protocol.plan.blocks import (
     Name,
     Stream,
@@ -258,7 +257,7 @@ def slide_plan(study: Study, session: int = 1) -> Plan:
     come in rounds, each with every path, speed and direction: the first round before the first
     driven pass, the last one after the last, the others evenly between them.
     """
-    slide, name = study.slide, (study.study.seed, SLIDE, session)
+    slide, name = study.slide, (study.study.seed, "slide", session)
     drives = _drives(slide, study.rig.nominal_resonance_hz)
     driven_once = [trial for drive in drives for trial in _passes(slide, drive)]
     # At a frequency that is driven anyway, so that a reference breaks no limit of its own.

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 from device.errors import OutOfRangeError
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput
-from protocol.journal.events import ResonanceMeasured
 from runner.study.files import own_file, require_no_link, short_text, write_whole
 
 if TYPE_CHECKING:
     from device.resonance import Resonance
+    from protocol.journal.events import ResonanceMeasured
 
 FILE = "calibration.json"
 FITTED = "fitted"
@@ -38,7 +38,7 @@ def keep_calibration(folder: Path, swept: "Resonance", idn: str, measured_utc: s
 
 
 def keep_fit(
-    folder: Path, measured: ResonanceMeasured, idn: str, fitted: Mapping[str, object]
+    folder: Path, measured: "ResonanceMeasured", idn: str, fitted: Mapping[str, object]
 ) -> Path:
     """Store what a sliding experiment determined of the rig; return the file.
 

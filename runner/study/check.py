@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from device.friction.changes import trial_change
 from device.friction.scenes import Calibration
@@ -15,17 +15,16 @@ from protocol.plan.trials import Trial
 from protocol.preview.preview import Prediction, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.trial_checks import cohort_problems, cycle
-from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import read_in_reference, worded_as_built
 from protocol.study.study import Study
 from protocol.study.study_question import Question
 from protocol.study.touch import Touch
 from protocol.study_file.loading import StudyError, located, parsed_study, text_digest
-from runner.journal.amendments import accepted_digests
-from runner.journal.opening import read_journal
 from runner.study.calibration import fitted_calibration
 from runner.study.folder import DIALECTS, StudyFolder
-from runner.study.registered import checked_registration
+
+if TYPE_CHECKING:
+    from protocol.registration.registration import Registration
 
 
 class WrongPlan(WorkFailed):
@@ -92,9 +91,15 @@ def checked(
         study = validated_study(text, source)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
-    registered = checked_registration(folder)
-    # The registration seeds the orders: without it the plans shown would not be those that are run.
-    study = study if registered is None else locked(study, registered.digest)
+    registered = None
+    # Journals and registrations take long to import, and a study has neither while it is written.
+    if folder.journal.is_file() or (folder.path / "registration.toml").exists():
+        from protocol.registration.registration import locked
+        from runner.study.registered import checked_registration
+
+        # The registration seeds the orders: without it the plans shown would not be those run.
+        if registered := checked_registration(folder):
+            study = locked(study, registered.digest)
     size = participants or study.design.participants or 1
     shown = preview(study, size)
     broken = cohort_problems(study, shown.plans)
@@ -117,7 +122,7 @@ def _language_lines(study: Study) -> Iterator[str]:
             yield f"texts/{code}.toml lacks {lacks}: read in English until they are added."
 
 
-def _lock_lines(folder: StudyFolder, registered: Registration | None, text: str) -> Iterator[str]:
+def _lock_lines(folder: StudyFolder, registered: "Registration | None", text: str) -> Iterator[str]:
     """Yield that the study is registered, and whether it still is the registered one."""
     if registered is not None:
         yield f"Registered: {registered.digest}, which seeds the orders."
@@ -135,6 +140,9 @@ def _is_accepted(folder: StudyFolder, digest: str) -> bool:
     """Return whether the journal holds this digest as that of the latest accepted study file."""
     if not folder.journal.is_file():  # of a copy that rehearses
         return False
+    from runner.journal.amendments import accepted_digests
+    from runner.journal.opening import read_journal
+
     with read_journal(folder.journal) as journal:
         return digest in accepted_digests(journal)[-1:]
 

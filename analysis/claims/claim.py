@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from inspect import signature
+from inspect import getdoc, signature
 from typing import Any
 
 from analysis.estimates import plain
@@ -69,7 +69,7 @@ def near(target: float, tolerance: float, **values: float) -> Finding:
 Check = Callable[..., Finding]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Claim:
     """A claim of the paper.
 
@@ -100,16 +100,32 @@ class Claim:
 class Claims(list[Claim]):
     """Claims in the order of the paper."""
 
-    def add(self, **texts: str) -> Callable[[Check], Check]:
-        """Add a claim with these texts; the decorated check gives it its name."""
+    def add(
+        self, place: str, claim: str, expected: str, *, check: str = "", remark: str = ""
+    ) -> Callable[[Check], Check]:
+        """Add a claim with these texts; the decorated check gives it its name.
 
-        def added(check: Check) -> Check:
+        Its docstring says what is computed, and the criterion, unless that needs more than a line.
+        """
+
+        def added(find: Check) -> Check:
+            said = check or _within_a_sentence(getdoc(find) or "")
             # Named after its function, so that no two places have to agree.
-            name = check.__name__.strip("_").replace("_", "-")
-            self.append(Claim(id=name, find=check, **texts))
-            return check
+            name = find.__name__.strip("_").replace("_", "-")
+            self.append(Claim(name, place, claim, said, expected, find, remark))
+            return find
 
         return added
+
+
+def _within_a_sentence(text: str) -> str:
+    """Return a sentence without its capital, unless it numbers something, and its full stop.
+
+    >>> _within_a_sentence("Minima of μ' at x below 81 mm."), _within_a_sentence("Eq 5 times 2.")
+    ("minima of μ' at x below 81 mm", 'Eq 5 times 2')
+    """
+    first = text[:1] if text.startswith(("Eq ", "Table ")) else text[:1].lower()
+    return (first + text[1:]).removesuffix(".")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -129,24 +129,16 @@ def _fig8(law: str) -> FloatArray:
     return np.array([full_coverage(law, same_direction=float(a)) for a in range(21)])
 
 
-@CLAIMS.add(
-    place="Fig 8",
-    claim="μ' under full coverage runs from about 0.2 to 0.6",
-    check="lowest and highest μ' for a = 0 to 20 of 20, each within 0.02",
-    expected="0.2 and 0.6",
-)
+@CLAIMS.add("Fig 8", "μ' under full coverage runs from about 0.2 to 0.6", "0.2 and 0.6")
 def _fig8_range(law: str) -> Finding:
+    """Lowest and highest μ' for a = 0 to 20 of 20, each within 0.02."""
     curve = _fig8(law)
     return from_02_to_06(float(curve.min()), float(curve.max()))
 
 
-@CLAIMS.add(
-    place="Fig 8, Section 4.1",
-    claim="μ' falls linearly with a",
-    check="every step in a lowers μ', all steps equal",
-    expected="a straight line",
-)
+@CLAIMS.add("Fig 8, Section 4.1", "μ' falls linearly with a", "a straight line")
 def _fig8_linear_in_a(law: str) -> Finding:
+    """Every step in a lowers μ', all steps equal."""
     steps = np.diff(_fig8(law))
     ends = {"first_step": steps[0], "last_step": steps[-1]}
     # A line has equal steps; 1e-9 allows for rounding.
@@ -154,47 +146,39 @@ def _fig8_linear_in_a(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Fig 8",
-    claim="with less than half of the bodies helping it is rougher, with more it is smoother",
-    check="μ' above μ for a below 10 of 20, below μ for a above 10",
-    expected="crossing at 10",
+    "Fig 8",
+    "with less than half of the bodies helping it is rougher, with more it is smoother",
+    "crossing at 10",
 )
 def _fig8_crossing(law: str) -> Finding:
+    """μ' above μ for a below 10 of 20, below μ for a above 10."""
     curve = _fig8(law)
     middle = {f"at_{a}": curve[a] for a in (9, 10, 11)}
     return finding([(curve[:10] > MU).all(), (curve[11:] < MU).all()], **middle)
 
 
-@CLAIMS.add(
-    place="Section 4.1, Fig 13b",
-    claim="μ' falls as u grows (a fixed)",
-    check="μ' at u = 10, 15, 20, 30, 40 with a = 10",
-    expected="falling",
-)
+@CLAIMS.add("Section 4.1, Fig 13b", "μ' falls as u grows (a fixed)", "falling")
 def _u_lowers_mu_fixed_a(law: str) -> Finding:
+    """μ' at u = 10, 15, 20, 30, 40 with a = 10."""
     # With a = 10 there cannot be fewer than ten bodies.
     values = [full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 15, 20, 30, 40)]
     return finding(falling(values), mu_at_10_15_20_30_40=values)
 
 
-@CLAIMS.add(
-    place="Section 4.1, Fig 13b, Eq 7",
-    claim="μ' falls as u grows (a/b fixed)",
-    check="μ' at u = 10, 20, 30, 40 with half of them helping",
-    expected="falling",
-)
+@CLAIMS.add("Section 4.1, Fig 13b, Eq 7", "μ' falls as u grows (a/b fixed)", "falling")
 def _u_lowers_mu_fixed_ratio(law: str) -> Finding:
+    """μ' at u = 10, 20, 30, 40 with half of them helping."""
     values = [full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 30, 40)]
     return finding(falling(values), mu_at_10_20_30_40=values)
 
 
 @CLAIMS.add(
-    place="Section 4.1",
-    claim="beyond 20 bodies more of them change little (a/b fixed)",
-    check="the change from 20 to 40 is at most a quarter of that from 4 to 20, at 2 N",
-    expected="no significant change",
+    "Section 4.1",
+    "beyond 20 bodies more of them change little (a/b fixed)",
+    "no significant change",
 )
 def _u_saturates(law: str) -> Finding:
+    """The change from 20 to 40 is at most a quarter of that from 4 to 20, at 2 N."""
     # The lightest of the paper's three loads: the number of bodies acts through f_p/(uf), which is
     # largest there.
     at = {u: full_coverage(law, same_direction=u / 2, bodies=u, load_n=2.0) for u in (4, 20, 40)}
@@ -202,13 +186,9 @@ def _u_saturates(law: str) -> Finding:
     return finding(late <= 0.25 * early, from_4_to_20=early, from_20_to_40=late)
 
 
-@CLAIMS.add(
-    place="Section 4.1, Fig 13b",
-    claim="u matters at first and less as it grows (a fixed)",
-    check="the change from 40 to 80 against that from 10 to 20, with a = 10",
-    expected="smaller",
-)
+@CLAIMS.add("Section 4.1, Fig 13b", "u matters at first and less as it grows (a fixed)", "smaller")
 def _u_effect_fades(law: str) -> Finding:
+    """The change from 40 to 80 against that from 10 to 20, with a = 10."""
     values = {u: full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 20, 40, 80)}
     early, late = values[10] - values[20], values[40] - values[80]
     return finding(abs(late) < abs(early), from_10_to_20=early, from_40_to_80=late)
@@ -219,13 +199,13 @@ _BELOW, _ABOVE = (0.95, 0.97, 0.99, 1.0), (1.0, 1.01, 1.03, 1.05)
 
 
 @CLAIMS.add(
-    place="Section 4.1, Fig 13c, Section 6",
-    claim="μ' under full coverage rises with frequency",
-    check="μ' (a = 10 of 20) from 0.95 to 1 and from 1 to 1.05 times the resonance",
-    expected="rising",
+    "Section 4.1, Fig 13c, Section 6",
+    "μ' under full coverage rises with frequency",
+    "rising",
     remark="a = 10 of 20 is assumed; with a = 20 the verdicts are the same",
 )
 def _omega_raises_mu(law: str) -> Finding:
+    """μ' (a = 10 of 20) from 0.95 to 1 and from 1 to 1.05 times the resonance."""
     values, helped = (_by_frequency(law, same_direction=a) for a in (10.0, 20.0))
     rises = {f"with_a_20_rises_{side}": rising(mu) for side, mu in helped.items()}
     return finding(map(rising, values.values()), **values, **rises)
@@ -243,14 +223,14 @@ def _by_frequency(law: str, *, same_direction: float) -> dict[str, list[float]]:
 
 
 @CLAIMS.add(
-    place="Section 4.1, Fig 13d",
-    claim="μ' under full coverage falls linearly with voltage",
-    check="μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5%",
-    expected="falling, straight",
+    "Section 4.1, Fig 13d",
+    "μ' under full coverage falls linearly with voltage",
+    "falling, straight",
     remark="a is assumed: the paper gives none for Fig 13d; with a = 20 of 20 μ' falls under "
     "`consistent`, though not on a line, and the claim is partly true; printed, μ' rises at any a",
 )
 def _voltage_lowers_mu(law: str) -> Finding:
+    """μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5%."""
     values = [full_coverage(law, voltage_v=v) for v in (0.0, 50.0, 100.0, 150.0, 200.0)]
     steps = np.diff(values)
     straight = np.ptp(steps) < 0.05 * np.abs(steps).max()
@@ -265,26 +245,22 @@ def _voltage_lowers_mu(law: str) -> Finding:
     )
 
 
-@CLAIMS.add(
-    place="Section 4.1, Fig 13",
-    claim="the higher the touch pressure the smaller μ'",
-    check="μ' (a = 10 of 20) at 2, 10 and 20 N per body",
-    expected="falling",
-)
+@CLAIMS.add("Section 4.1, Fig 13", "the higher the touch pressure the smaller μ'", "falling")
 def _pressure_lowers_mu(law: str) -> Finding:
+    """μ' (a = 10 of 20) at 2, 10 and 20 N per body."""
     values = [full_coverage(law, load_n=load) for load in (2.0, 10.0, 20.0)]
     return finding(falling(values), mu_at_2_10_20_n=values)
 
 
 @CLAIMS.add(
-    place="Section 4.1, Section 6",
-    claim="under full coverage a and the frequency have the greatest influence",
-    check="spread of μ' over a 0-20, frequency ±5%, u 10-40 and 0-200 V: the two largest",
-    expected="a and frequency",
+    "Section 4.1, Section 6",
+    "under full coverage a and the frequency have the greatest influence",
+    "a and frequency",
     remark="a = 10 of 20 and these ranges are assumed; with a = 20 the voltage leads the "
     "frequency as well",
 )
 def _a_and_frequency_lead(law: str) -> Finding:
+    """Spread of μ' over a 0-20, frequency ±5%, u 10-40 and 0-200 V: the two largest."""
     effects = {
         "a": np.ptp(_fig8(law)),
         "frequency": np.ptp([full_coverage(law, detuning=d) for d in (*_BELOW, *_ABOVE)]),
@@ -305,11 +281,11 @@ def _a_and_frequency_lead(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 4.1, after Fig 13",
-    claim="for the best effect raise a and V as far as possible and keep u within 20",
+    "Section 4.1, after Fig 13",
+    "for the best effect raise a and V as far as possible and keep u within 20",
+    "a = 20, 200 V, u up to 20",
     check="the lowest μ' over a = 0 to 20 and 0 to 200 V is at a = 20 and at 200 V; from u = 20 to "
     "40 it falls by less than 0.01 (a/b fixed)",
-    expected="a = 20, 200 V, u up to 20",
     remark="the best effect is taken to be the lowest μ'; in the printed law V acts through the "
     "inertia alone, which raises μ'",
 )
@@ -338,27 +314,23 @@ _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 
 
 @CLAIMS.add(
-    place="Fig 12",
-    claim="μ' fluctuates from about 0.2 to 0.6 along the beam",
-    check="lowest and highest μ' beyond 23.1 mm, each within 0.02",
-    expected="0.2 and 0.6",
+    "Fig 12",
+    "μ' fluctuates from about 0.2 to 0.6 along the beam",
+    "0.2 and 0.6",
     remark="assumes the shape of a single mode, as the paper does; on the top rung `consistent` "
     "misses both ends and fails",
 )
 def _fig12_range(law: str) -> Finding:
+    """Lowest and highest μ' beyond 23.1 mm, each within 0.02."""
     curve, top = (operating(local_curve(law, Scene(), rung)) for rung in ("mode", TOP_RUNG))
     found = from_02_to_06(float(curve.min()), float(curve.max()))
     extremes = {"lowest_on_top_rung": top.min(), "highest_on_top_rung": top.max()}
     return replace(found, computed={**found.computed, **extremes})
 
 
-@CLAIMS.add(
-    place="Fig 12",
-    claim="the range 0.2 to 0.6 follows from Eqs 12 to 14",
-    check="μ' at the a/u of Eqs 13 and 14, each within 0.02",
-    expected="0.2 and 0.6",
-)
+@CLAIMS.add("Fig 12", "the range 0.2 to 0.6 follows from Eqs 12 to 14", "0.2 and 0.6")
 def _fig12_range_repaired(law: str) -> Finding:
+    """μ' at the a/u of Eqs 13 and 14, each within 0.02."""
     """Check the range with Eq 15's λ but without its breakpoints."""
     # Eq 13; Eq 14 is 1 less this.
     largest = WAVELENGTH_M / (4 * CONTACT_M)
@@ -367,13 +339,9 @@ def _fig12_range_repaired(law: str) -> Finding:
     )
 
 
-@CLAIMS.add(
-    place="Fig 12",
-    claim="μ' is centred at 0.4",
-    check="middle between lowest and highest μ' beyond 23.1 mm, within 0.02",
-    expected="0.4",
-)
+@CLAIMS.add("Fig 12", "μ' is centred at 0.4", "0.4")
 def _fig12_centre(law: str) -> Finding:
+    """Middle between lowest and highest μ' beyond 23.1 mm, within 0.02."""
     middle = centre(operating(local_curve(law, Scene())))
     return finding(abs(middle - MU) < 0.02, centre=middle)
 
@@ -394,53 +362,49 @@ def _with_sheets_at_each_peak(law: str) -> dict[str, FloatArray]:
 
 
 @CLAIMS.add(
-    place="Fig 12",
-    claim="there are four troughs left of the piezoelectric sheet",
-    check="minima of μ' at x below 81 mm",
-    expected="4",
+    "Fig 12",
+    "there are four troughs left of the piezoelectric sheet",
+    "4",
     remark="the sheets are assumed at the fifth peak (86 mm), as the paper gives no place; at any "
     "other peak fewer troughs lie left of them and the claim fails",
 )
 def _fig12_four_troughs(law: str) -> Finding:
+    """Minima of μ' at x below 81 mm."""
     found = _left_troughs(law)
     return finding(found.size == 4, troughs_m=found, **_with_sheets_at_each_peak(law))
 
 
 @CLAIMS.add(
-    place="Fig 12, Section 6",
-    claim="the first three troughs lie at 13.7, 27.5 and 42.2 mm",
-    check="the first three minima of μ', each within 1 mm",
-    expected="0.0137, 0.0275, 0.0422 m",
+    "Fig 12, Section 6",
+    "the first three troughs lie at 13.7, 27.5 and 42.2 mm",
+    "0.0137, 0.0275, 0.0422 m",
     remark="the third place printed is within 1 mm of the second trough",
 )
 def _fig12_troughs(law: str) -> Finding:
+    """The first three minima of μ', each within 1 mm."""
     # A law with fewer troughs is judged on those that it has.
     found = _left_troughs(law)[:3]
     off = np.abs(found - _TROUGHS_M[: found.size])
     return finding(off < 1e-3 if off.size else False, troughs_m=found, paper_m=_TROUGHS_M)
 
 
-@CLAIMS.add(
-    place="Fig 12",
-    claim="troughs repeat with the period of Eq 15",
-    check="gaps between the printed troughs against λ/2, within 1 mm",
-    expected="0.0174 m",
-)
+@CLAIMS.add("Fig 12", "troughs repeat with the period of Eq 15", "0.0174 m")
 def _fig12_trough_gaps() -> Finding:
+    """Gaps between the printed troughs against λ/2, within 1 mm."""
     gaps = np.diff(_TROUGHS_M)
     close = np.abs(gaps - WAVELENGTH_M / 2) < 1e-3
     return finding(close, gaps_m=gaps, half_wavelength_m=WAVELENGTH_M / 2)
 
 
 @CLAIMS.add(
-    place="Fig 12",
-    claim="the fourth trough is so near the sheet that a finger can hardly move there",
-    check="the last trough left of the sheet is less than a contact length from it",
-    expected="below 10 mm",
+    "Fig 12",
+    "the fourth trough is so near the sheet that a finger can hardly move there",
+    "below 10 mm",
     remark="the sheets are assumed at the fifth peak (86 mm); the claim fails if they begin 10 mm "
     "or more beyond the trough, right of 86 mm",
 )
 def _fig12_fourth_trough(law: str) -> Finding:
+    """The last trough left of the sheet is less than a contact length from it."""
     found = _left_troughs(law)
     # NaN compares as false: without any trough the claim fails.
     gap = PATCH_START_M - found[-1] if found.size else math.nan
@@ -453,35 +417,27 @@ def _curves(law: str) -> list[FloatArray]:
 
 
 @CLAIMS.add(
-    place="Section 4.2, Fig 14a",
-    claim="the variation of μ' along the beam grows with voltage",
-    check="swing of μ' beyond 23.1 mm at 50, 100 and 200 V, each step above 5%",
-    expected="growing",
+    "Section 4.2, Fig 14a", "the variation of μ' along the beam grows with voltage", "growing"
 )
 def _swing_grows_with_voltage(law: str) -> Finding:
+    """Swing of μ' beyond 23.1 mm at 50, 100 and 200 V, each step above 5%."""
     values = [swing(curve) for curve in _curves(law)]
     grows = all(b > 1.05 * a for a, b in pairwise(values))
     return finding(grows, swing_at_50_100_200_v=values)
 
 
-@CLAIMS.add(
-    place="Section 4.2, Fig 14a",
-    claim="μ' stays centred at 0.4 at every voltage",
-    check="centre of μ' beyond 23.1 mm at 50, 100 and 200 V, each within 0.02",
-    expected="0.4",
-)
+@CLAIMS.add("Section 4.2, Fig 14a", "μ' stays centred at 0.4 at every voltage", "0.4")
 def _centre_stays(law: str) -> Finding:
+    """Centre of μ' beyond 23.1 mm at 50, 100 and 200 V, each within 0.02."""
     values = [centre(curve) for curve in _curves(law)]
     return finding((abs(value - MU) < 0.02 for value in values), centre_at_50_100_200_v=values)
 
 
 @CLAIMS.add(
-    place="Section 4.2, Fig 14b",
-    claim="the variation of μ' grows slightly as the frequency falls",
-    check="swing of μ' falling to the resonance from 1.02, and below it to 0.98",
-    expected="growing",
+    "Section 4.2, Fig 14b", "the variation of μ' grows slightly as the frequency falls", "growing"
 )
 def _swing_grows_as_frequency_falls(law: str) -> Finding:
+    """Swing of μ' falling to the resonance from 1.02, and below it to 0.98."""
     # Falling across the resonance is two claims, because motion grows on one side and fades on the
     # other.
     steps = {"above": (1.02, 1.01, 1.0), "below": (1.0, 0.99, 0.98)}
@@ -495,13 +451,13 @@ def _swing_grows_as_frequency_falls(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 4.2, Fig 14b",
-    claim="peaks and troughs become fewer as the frequency falls",
-    check="troughs of μ' at the resonances of modes 6, 5 and 4, with exact mode shapes",
-    expected="fewer",
+    "Section 4.2, Fig 14b",
+    "peaks and troughs become fewer as the frequency falls",
+    "fewer",
     remark="200 V are assumed, as lower modes move less; at 100 V the counts are the same",
 )
 def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
+    """Troughs of μ' at the resonances of modes 6, 5 and 4, with exact mode shapes."""
     # Eq 15 is for mode 6 alone.
     choice = LawChoice(name=law, ratio="mode")
     counts = {}
@@ -513,12 +469,10 @@ def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2, Section 5.2",
-    claim="smooth and rough places swap when the finger turns round",
-    check="correlation of μ' rightward and leftward beyond 23.1 mm below -0.5",
-    expected="opposite",
+    "Section 2, Section 5.2", "smooth and rough places swap when the finger turns round", "opposite"
 )
 def _direction_swaps(law: str) -> Finding:
+    """Correlation of μ' rightward and leftward beyond 23.1 mm below -0.5."""
     right = local_curve(law, local_scene())
     left = local_curve(law, replace(local_scene(), direction="left"))
     correlation = float(np.corrcoef(operating(right), operating(left))[0, 1])
@@ -540,25 +494,25 @@ def _over(law: str, scenes: list[Scene]) -> float:
 
 
 @CLAIMS.add(
-    place="Abstract, Section 6",
-    claim="under local coverage place and voltage matter most, pressure little",
-    check="range of μ' over places, 0-200 V and 10-30 N: place and voltage each beat the load",
-    expected="place and voltage",
+    "Abstract, Section 6",
+    "under local coverage place and voltage matter most, pressure little",
+    "place and voltage",
 )
 def _place_and_voltage_lead(law: str) -> Finding:
+    """Range of μ' over places, 0-200 V and 10-30 N: place and voltage each beat the load."""
     effects = _local_effects(law)
     beaten = (effects[name] > effects["load"] for name in ("place", "voltage"))
     return finding(beaten, **effects)
 
 
 @CLAIMS.add(
-    place="Abstract, Section 5.2",
-    claim="the touch pressure changes μ' only a little",
-    check="range of μ' over 10-30 N below a tenth of that over places",
-    expected="weak",
+    "Abstract, Section 5.2",
+    "the touch pressure changes μ' only a little",
+    "weak",
     remark="20 N on each body is the paper's; from 0.5 N of a finger to 0.75 N it holds as well",
 )
 def _pressure_weak(law: str) -> Finding:
+    """Range of μ' over 10-30 N below a tenth of that over places."""
     effects = _local_effects(law)
     # A finger that presses "slightly" more (Section 5.2), by the half that the study's condition
     # has.

@@ -55,58 +55,42 @@ def _bracket(a: float, b: float, f: float, f_p: float) -> float:
     return 1.5 - a / (a + b) + f_p / ((a + b) * f)
 
 
-@CLAIMS.add(
-    place="Eq 3",
-    claim="with η = ½ the first line of Eq 3 equals the second",
-    check="both lines for three sets of a, b, f, f_p",
-    expected="equal",
-)
+@CLAIMS.add("Eq 3", "with η = ½ the first line of Eq 3 equals the second", "equal")
 def _eq3_second_line() -> Finding:
+    """Both lines for three sets of a, b, f, f_p."""
     gap = max(_gaps(lambda a, b, f, f_p: f * a + f * b + 0.5 * (f * b - f * a) + f_p))
     return finding(gap < _EXACT, largest_relative_gap=gap)
 
 
 @CLAIMS.add(
-    place="Eq 4",
-    claim="the friction force is μ(3/2 - a/u + f_p/(uf))F with F of Eq 2",
-    check="Eq 4 with F = (a+b)f + f_p against Eq 3 for three sets of a, b, f, f_p",
-    expected="equal",
+    "Eq 4",
+    "the friction force is μ(3/2 - a/u + f_p/(uf))F with F of Eq 2",
+    "equal",
     remark="they are equal with the static load uf in place of F",
 )
 def _eq4_static_load() -> Finding:
+    """Eq 4 with F = (a+b)f + f_p against Eq 3 for three sets of a, b, f, f_p."""
     gaps = _gaps(lambda a, b, f, f_p: _bracket(a, b, f, f_p) * ((a + b) * f + f_p))
     return finding(max(gaps) < _EXACT, relative_gap_with_eq2_load=gaps)
 
 
-@CLAIMS.add(
-    place="Eq 5",
-    claim="μ' = μ(3/2 - a/u + f_p/(uf))",
-    check="Eq 5 times the static load uf against Eq 3",
-    expected="equal",
-)
+@CLAIMS.add("Eq 5", "μ' = μ(3/2 - a/u + f_p/(uf))", "equal")
 def _eq5_coefficient() -> Finding:
+    """Eq 5 times the static load uf against Eq 3."""
     gaps = _gaps(lambda a, b, f, f_p: _bracket(a, b, f, f_p) * (a + b) * f)
     return finding(max(gaps) < _EXACT, relative_gap_with_uf=gaps)
 
 
-@CLAIMS.add(
-    place="Eq 7",
-    claim="with χ = a/b, a/u is χ/(χ+1)",
-    check="a/u of 20 bodies against χ/(χ+1) for χ = 0 to 19",
-    expected="equal",
-)
+@CLAIMS.add("Eq 7", "with χ = a/b, a/u is χ/(χ+1)", "equal")
 def _eq7_from_eq5() -> Finding:
+    """a/u of 20 bodies against χ/(χ+1) for χ = 0 to 19."""
     gaps = [abs((chi / (chi + 1)) - (20 * chi / (chi + 1)) / 20) for chi in range(20)]
     return finding(max(gaps) < _EXACT, largest_gap=max(gaps))
 
 
-@CLAIMS.add(
-    place="Eq 6",
-    claim="a/b is a natural number",
-    check="for which a of 0 to 19 out of 20 bodies a/b is a natural number (0 included)",
-    expected="every a that Fig 8 draws",
-)
+@CLAIMS.add("Eq 6", "a/b is a natural number", "every a that Fig 8 draws")
 def _eq6_natural_chi() -> Finding:
+    """For which a of 0 to 19 out of 20 bodies a/b is a natural number (0 included)."""
     natural = [a for a in range(20) if a % (20 - a) == 0]
     return finding((a in natural for a in range(20)), a_with_natural_a_over_b=natural, of=20)
 
@@ -134,14 +118,14 @@ def _inertial_loads() -> dict[str, float]:
 
 
 @CLAIMS.add(
-    place="Eqs 8 and 9",
-    claim="dense bodies turn Eq 8's sum over bodies into Eq 9's integral over the beam",
-    check="f_p of Eq 8 (sum, or average, over 20 bodies) against Eq 9, within 10%",
-    expected="equal",
+    "Eqs 8 and 9",
+    "dense bodies turn Eq 8's sum over bodies into Eq 9's integral over the beam",
+    "equal",
     remark="Eq 9 read literally is a force times a length; the bodies are assumed in the "
     "middles of their spacings; the verdict is the same with them at the ends",
 )
 def _eq9_from_eq8() -> Finding:
+    """f_p of Eq 8 (sum, or average, over 20 bodies) against Eq 9, within 10%."""
     loads = _inertial_loads()
     readings = loads["eq8_sum_n"], loads["eq8_average_n"]
     equal = any(abs(loads["eq9_n_m"] / load_n - 1) < 0.1 for load_n in readings)
@@ -157,14 +141,14 @@ def _rectified_s(limit_s: float, period_s: float) -> float:
 
 
 @CLAIMS.add(
-    place="Eq 11",
-    claim="Eq 9 gives the local inertial load with the inner integral from 0 to L/2",
-    check="the inner integral to L/2, in seconds, against that to Eq 9's T/2, within 1%",
-    expected="equal",
+    "Eq 11",
+    "Eq 9 gives the local inertial load with the inner integral from 0 to L/2",
+    "equal",
     remark="L/2 is a length and the limit a time; if it is a misprint of T/2, which Eq 12 has, "
     "the claim holds",
 )
 def _eq11_inner_limit() -> Finding:
+    """The inner integral to L/2, in seconds, against that to Eq 9's T/2, within 1%."""
     period_s = 1 / natural_frequency_hz(BEAM, 6)
     limits_s = {"l_half": BEAM.length_m / 2, "t_half": period_s / 2}
     integrals_s = {name: _rectified_s(limit_s, period_s) for name, limit_s in limits_s.items()}
@@ -173,14 +157,14 @@ def _eq11_inner_limit() -> Finding:
 
 
 @CLAIMS.add(
-    place="Eq 12",
-    claim="the local inertial load f_p over the load uf is the inertial term under one finger",
-    check="f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1%",
-    expected="equal",
+    "Eq 12",
+    "the local inertial load f_p over the load uf is the inertial term under one finger",
+    "equal",
     remark="f_p counts the bodies under the finger, uf all bodies of the beam; with the load on "
     "the covered ones the term is L/l_s times as large",
 )
 def _eq12_local_load() -> Finding:
+    """f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1%."""
     terms = _state(Scene(), PLACES_M[FingerContact().contact_m <= PLACES_M]).terms
     shares = terms.printed_inertial_ratio / terms.inertial_ratio
     largest = {
@@ -202,13 +186,13 @@ def _etas(law: str) -> dict[str, float]:
 
 
 @CLAIMS.add(
-    place="Section 3.1, after Eq 3",
-    claim="the effect coefficient of the anisotropic vibration is ½",
-    check="η at 50, 100 and 200 V at resonance, each within 0.01 of ½",
-    expected="½ at any drive",
+    "Section 3.1, after Eq 3",
+    "the effect coefficient of the anisotropic vibration is ½",
+    "½ at any drive",
     remark="the repaired laws assume ½ at 100 V, where their η is set, and depend on the drive",
 )
 def _eta_half(law: str) -> Finding:
+    """η at 50, 100 and 200 V at resonance, each within 0.01 of ½."""
     return near(0.5, 0.01, **_etas(law))
 
 
@@ -226,14 +210,14 @@ def _mu_at(law: str, *, same_direction: float, speed: FloatArray, inertia: float
 
 
 @CLAIMS.add(
-    place="Section 3.1, before Eq 8",
-    claim="the effect coefficient of the inertial pressure is that of the vibration, η_p = η = ½",
-    check="η_p, from the growth of μ'/μ with the inertial load, against η at 50, 100 and 200 V",
-    expected="equal, within 0.01",
+    "Section 3.1, before Eq 8",
+    "the effect coefficient of the inertial pressure is that of the vibration, η_p = η = ½",
+    "equal, within 0.01",
     remark="η_p is the share of a period in which a body presses, whatever the drive; the repaired "
     "laws assume η = ½ at 100 V alone",
 )
 def _inertia_half(law: str) -> Finding:
+    """η_p, from the growth of μ'/μ with the inertial load, against η at 50, 100 and 200 V."""
     # Small enough for a slope, large enough for the digits of a float.
     small, speed = 1e-6, np.array(1.0)
     loaded, free = (
@@ -245,39 +229,33 @@ def _inertia_half(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 3.1, after Eq 3",
-    claim="μ is the friction coefficient of the beam without vibration",
-    check="μ' at 0 V along the beam equals μ to 1e-9",
-    expected="0.4",
+    "Section 3.1, after Eq 3", "μ is the friction coefficient of the beam without vibration", "0.4"
 )
 def _no_signal_no_change(law: str) -> Finding:
+    """μ' at 0 V along the beam equals μ to 1e-9."""
     curve = local_curve(law, local_scene(voltage_v=0.0))
     worst = float(np.abs(curve - MU).max())
     return finding(worst < _EXACT, largest_distance_from_mu=worst)
 
 
 @CLAIMS.add(
-    place="Eq 5",
-    claim="μ' is a friction coefficient",
-    check="the lowest μ' with all bodies helping, no inertia, at 0 to 100 times the drive",
-    expected="at least 0",
+    "Eq 5",
+    "μ' is a friction coefficient",
+    "at least 0",
     remark="assumes a/u within 0 to 1; Eq 15's leaves it for a contact below 8.7 mm, and the "
     "printed μ' is then below 0 at some places",
 )
 def _friction_stays_positive(law: str) -> Finding:
+    """The lowest μ' with all bodies helping, no inertia, at 0 to 100 times the drive."""
     # Far beyond any drive, because a law may fail where no rig has been.
     speeds = np.array([0.0, 1.0, 10.0, 100.0])
     lowest = float(np.min(_mu_at(law, same_direction=1.0, speed=speeds, inertia=0.0)))
     return finding(lowest >= 0, lowest=lowest)
 
 
-@CLAIMS.add(
-    place="Eq 12",
-    claim="f_p/(uf) falls as the load f grows, and μ' with it",
-    check="mean μ' along the beam at 2, 10 and 20 N per body",
-    expected="falling",
-)
+@CLAIMS.add("Eq 12", "f_p/(uf) falls as the load f grows, and μ' with it", "falling")
 def _load_lowers_local_mu(law: str) -> Finding:
+    """Mean μ' along the beam at 2, 10 and 20 N per body."""
     means = {
         f"{load}_n": local_curve(law, Scene(touch=FingerContact(body_load_n=load))).mean()
         for load in (2, 10, 20)
@@ -306,13 +284,13 @@ def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
 
 
 @CLAIMS.add(
-    place="Eq 15, Fig 10",
-    claim="the wavelength at the operating mode is 0.0348 m",
-    check="the wavelength of mode 6 or of a travelling wave near 24.2 kHz, within 0.5%",
-    expected="0.0348 m",
+    "Eq 15, Fig 10",
+    "the wavelength at the operating mode is 0.0348 m",
+    "0.0348 m",
     remark="the printed λ enters Eq 15 only through 0.87 and 0.0174",
 )
 def _lambda() -> Finding:
+    """The wavelength of mode 6 or of a travelling wave near 24.2 kHz, within 0.5%."""
     found = {
         "mode_6_m": _mode_wavelength_m(),
         "euler_at_24221_hz_m": _wavelength_at(24221.0, shear=False),
@@ -324,13 +302,13 @@ def _lambda() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 3.2, positions I and II",
-    claim="up to x = 0.0131 m all bodies under the finger move left",
-    check="3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm",
-    expected="0.0131 m",
+    "Section 3.2, positions I and II",
+    "up to x = 0.0131 m all bodies under the finger move left",
+    "0.0131 m",
     remark="holds for the printed λ; mode 6 itself is 0.12 mm off",
 )
 def _first_rise() -> Finding:
+    """3λ/8 of the printed λ, and mode 6's first antinode, each within 0.1 mm."""
     return near(
         _II,
         1e-4,
@@ -344,13 +322,9 @@ def _mode_ratio(places_m: FloatArray) -> FloatArray:
     return mode_window(6, BEAM.length_m, places_m, np.minimum(places_m, CONTACT_M)).right
 
 
-@CLAIMS.add(
-    place="Eq 15, first piece",
-    claim="a/u is 0 on [0, 0.0131)",
-    check="largest a/u there by Eq 15 and for mode 6",
-    expected="0",
-)
+@CLAIMS.add("Eq 15, first piece", "a/u is 0 on [0, 0.0131)", "0")
 def _zero_before_first_rise() -> Finding:
+    """Largest a/u there by Eq 15 and for mode 6."""
     places_m = np.linspace(0, 0.0130, 50)
     found = {
         "eq15_most": float(same_direction_ratio(places_m, CONTACT_M).max()),
@@ -370,13 +344,13 @@ _BY_LAMBDA = {
 
 
 @CLAIMS.add(
-    place="Eq 13",
-    claim="the largest part moving with the finger is λ/(4 l_s)",
-    check="λ/(4 l_s) for mode 6 against the exact part before 30 mm and beyond, within 1%; 0.87",
-    expected="0.87",
+    "Eq 13",
+    "the largest part moving with the finger is λ/(4 l_s)",
+    "0.87",
     remark="holds beyond the first segment with mode 6's own λ; with the printed λ it fails",
 )
 def _eq13_maximum() -> Finding:
+    """λ/(4 l_s) for mode 6 against the exact part before 30 mm and beyond, within 1%; 0.87."""
     ratio = _mode_ratio(_PERIODIC_M)
     first = ratio[_PERIODIC_M < 0.03].max()
     exact = {"first_segment": first, "from_30_to_81_mm": ratio[_INNER].max()}
@@ -386,13 +360,13 @@ def _eq13_maximum() -> Finding:
 
 
 @CLAIMS.add(
-    place="Eq 14",
-    claim="the smallest part in periodic motion is 1 - λ/(4 l_s)",
-    check="1 - λ/(4 l_s) for mode 6 against the exact part from 30 to 81 mm, within 0.01; 0.13",
-    expected="0.13",
+    "Eq 14",
+    "the smallest part in periodic motion is 1 - λ/(4 l_s)",
+    "0.13",
     remark="holds with mode 6's own λ; with the printed λ it fails",
 )
 def _eq14_minimum() -> Finding:
+    """1 - λ/(4 l_s) for mode 6 against the exact part from 30 to 81 mm, within 0.01; 0.13."""
     exact = float(_mode_ratio(_PERIODIC_M)[_INNER].min())
     found = {name: 1 - largest for name, largest in _BY_LAMBDA.items()}
     close = {name: abs(ratio - exact) < 0.01 for name, ratio in found.items()}
@@ -400,13 +374,9 @@ def _eq14_minimum() -> Finding:
     return finding(formula, value, **found, exact_for_mode_6=exact)
 
 
-@CLAIMS.add(
-    place="Eq 15",
-    claim="a/u rises and falls steadily as the finger moves",
-    check="jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001",
-    expected="no jump",
-)
+@CLAIMS.add("Eq 15", "a/u rises and falls steadily as the finger moves", "no jump")
 def _eq15_continuous() -> Finding:
+    """Jumps of Eq 15 at its six breakpoints for γ = 0, each below 0.001."""
     # A jump is what remains between places a nanometre to either side.
     step = 1e-9 * np.array([[-1], [1]])
     before, after = same_direction_ratio(np.array(_POSITIONS_M) + step, CONTACT_M)
@@ -415,25 +385,23 @@ def _eq15_continuous() -> Finding:
 
 
 @CLAIMS.add(
-    place="Eq 15",
-    claim="the pieces repeat with λ/2",
-    check="the span of one γ's pieces against λ/2, within 0.1 mm",
-    expected="0.0174 m",
+    "Eq 15",
+    "the pieces repeat with λ/2",
+    "0.0174 m",
     remark="pieces that span more than the period overlap",
 )
 def _eq15_period() -> Finding:
+    """The span of one γ's pieces against λ/2, within 0.1 mm."""
     span = _VII - _III
     half_wave = WAVELENGTH_M / 2
     return finding(abs(span - half_wave) < 1e-4, span_of_pieces_m=span, half_wavelength_m=half_wave)
 
 
 @CLAIMS.add(
-    place="Eq 15",
-    claim="the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m",
-    check="ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm",
-    expected="the four printed places",
+    "Eq 15", "the stages end at 0.0231, 0.0318, 0.0331 and 0.0418 m", "the four printed places"
 )
 def _eq15_breakpoints() -> Finding:
+    """Ramps and plateaus of a 10 mm window over zones of λ/4, each end within 0.15 mm."""
     # The pieces should be ramps of λ/4 and plateaus of l_s - λ/4.
     quarter, plateau = WAVELENGTH_M / 4, CONTACT_M - WAVELENGTH_M / 4
     right = {
@@ -448,12 +416,12 @@ def _eq15_breakpoints() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 3.2, stages 4 and 6",
-    claim="the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
-    check="the text against Eq 15's pieces for γ = 0, within 0.1 mm",
-    expected="the same places",
+    "Section 3.2, stages 4 and 6",
+    "the fall begins at 0.0131 + λ/2, the rise at 0.0331 + λ/2",
+    "the same places",
 )
 def _eq15_stages_in_words() -> Finding:
+    """The text against Eq 15's pieces for γ = 0, within 0.1 mm."""
     fall, rise = _II + WAVELENGTH_M / 2, _VI + WAVELENGTH_M / 2
     return finding(
         [abs(fall - _IV) < 1e-4, abs(rise - _VI) < 1e-4],
@@ -464,13 +432,9 @@ def _eq15_stages_in_words() -> Finding:
     )
 
 
-@CLAIMS.add(
-    place="Eq 15",
-    claim="γ = 0 to 5 covers x up to 0.1 m",
-    check="Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m",
-    expected="all covered, all used",
-)
+@CLAIMS.add("Eq 15", "γ = 0 to 5 covers x up to 0.1 m", "all covered, all used")
 def _eq15_gamma() -> Finding:
+    """Eq 15 gives a value everywhere up to 0.1 m; every γ begins before 0.1 m."""
     last_start = _III + WAVELENGTH_M / 2 * np.arange(6)
     used = {"gamma_that_begin_within_0.1_m": (last_start <= 0.1).sum(), "gamma_named": 6}
     covered = np.isfinite(same_direction_ratio(_FINE_M, CONTACT_M)).all()
@@ -478,14 +442,14 @@ def _eq15_gamma() -> Finding:
 
 
 @CLAIMS.add(
-    place="Fig 11",
-    claim="a/u alternates in [0, 0.87]",
-    check="lowest and highest a/u with the lower and with the higher γ where pieces overlap",
-    expected="0 and 0.87",
+    "Fig 11",
+    "a/u alternates in [0, 0.87]",
+    "0 and 0.87",
     remark="the paper does not say which γ applies where pieces overlap: holds with the higher, "
     "fails with the lower, which Fig 12's range needs",
 )
 def _fig11_range() -> Finding:
+    """Lowest and highest a/u with the lower and with the higher γ where pieces overlap."""
     ranges = {
         f"range_{overlap}": (ratio.min(), ratio.max())
         for overlap in get_args(Overlap)
@@ -496,12 +460,12 @@ def _fig11_range() -> Finding:
 
 
 @CLAIMS.add(
-    place="Fig 11",
-    claim="a/u keeps its highest or lowest value for a short distance only",
-    check="Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half",
-    expected="1.3 mm against 8.7 mm",
+    "Fig 11",
+    "a/u keeps its highest or lowest value for a short distance only",
+    "1.3 mm against 8.7 mm",
 )
 def _fig11_plateaus() -> Finding:
+    """Eq 15's plateau is shorter than its ramp; for mode 6 a/u is level on less than half."""
     plateau, ramp = _IV - _III, _V - _IV
     ratio = _mode_ratio(_FINE_M)
     level = float(np.mean(np.abs(np.diff(ratio)) < 1e-9))

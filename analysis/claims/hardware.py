@@ -27,14 +27,14 @@ CLAIMS = Claims()
 
 
 @CLAIMS.add(
-    place="Section 2, Table 3",
-    claim="24,221 Hz is near the beam's natural frequency",
-    check="within the half-power bandwidth of the nearest resonance of four beam models",
-    expected="within 0.5%",
+    "Section 2, Table 3",
+    "24,221 Hz is near the beam's natural frequency",
+    "within 0.5%",
     remark="a damping ratio of 0.005 is assumed, as the paper gives none: holds for the bare Euler "
     "beam; with 0.012 or more also for the Euler beam with sheets, with shear not below 0.12",
 )
 def _drive_near_natural_frequency() -> Finding:
+    """Within the half-power bandwidth of the nearest resonance of four beam models."""
     nearest_hz = {}
     for rung in _RUNGS:
         # The operating mode is 6; a rung's own order of resonances may put another one nearest.
@@ -58,12 +58,12 @@ def _patch_at(centre_m: float) -> Beam:
 
 
 @CLAIMS.add(
-    place="Section 2, Table 3",
-    claim="24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
-    check="mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz",
-    expected="24,221 Hz",
+    "Section 2, Table 3",
+    "24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
+    "24,221 Hz",
 )
 def _drive_from_patch_position() -> Finding:
+    """Mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz."""
     # Sheets of 10 mm must lie on the beam with all of their length.
     places = [float(place) for place in ZONES.antinodes_m if 5e-3 <= place <= 95e-3]
     found = {
@@ -76,14 +76,14 @@ def _drive_from_patch_position() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2, Fig 3",
-    claim="the sheets are bonded at a peak of the mode shape",
-    check="where near the fifth peak they drive the mode most; their own place is not decidable",
-    expected="the peak",
+    "Section 2, Fig 3",
+    "the sheets are bonded at a peak of the mode shape",
+    "the peak",
     remark="the paper gives no place of the sheets in numbers, and this beam assumes the fifth "
     "peak; a claim on where they drive most would hold to within 1 mm",
 )
 def _patch_on_peak() -> Finding:
+    """Where near the fifth peak they drive the mode most; their own place is not decidable."""
     peak = float(ZONES.antinodes_m[-1])
     places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
     forces = np.array([abs(modal_force_n_per_v(_patch_at(float(p)), 6)) for p in places])
@@ -93,13 +93,13 @@ def _patch_on_peak() -> Finding:
 
 
 @CLAIMS.add(
-    place="Table 3",
-    claim="a ciliary body has a mass of 0.01 kg",
-    check="the mass of 20 bodies is below that of the beam that carries them",
-    expected="a part of the beam's mass",
+    "Table 3",
+    "a ciliary body has a mass of 0.01 kg",
+    "a part of the beam's mass",
     remark="read as 0.01 kg per metre of beam, as the repaired laws do, the claim holds",
 )
 def _body_mass() -> Finding:
+    """The mass of 20 bodies is below that of the beam that carries them."""
     bodies_kg, beam_kg = 20 * 0.01, BEAM.mass_kg
     return finding(
         bodies_kg < beam_kg,
@@ -111,14 +111,14 @@ def _body_mass() -> Finding:
 
 
 @CLAIMS.add(
-    place="Table 3",
-    claim="the skin presses each of 20 bodies with 20 N",
-    check="the cantilever's deflection stays below 1 mm, its stress below 350 MPa",
-    expected="a load that the beam withstands",
+    "Table 3",
+    "the skin presses each of 20 bodies with 20 N",
+    "a load that the beam withstands",
     remark="f is the load on each body (Section 3.1); read as that of the whole finger, as "
     "'2, 10, and 20 N finger pressures' in Section 4.1, the claim holds",
 )
 def _body_load() -> Finding:
+    """The cantilever's deflection stays below 1 mm, its stress below 350 MPa."""
     # Twenty bodies with the load that Table 3 gives for each.
     deflection_m, stress_pa = _bent_by(20 * 20.0)
     whole = dict(zip(("tip_deflection_m", "stress_at_clamp_pa"), _bent_by(20.0), strict=True))
@@ -146,13 +146,13 @@ _BRASS = {"young_gpa": (97.0, 120.0), "density_kg_m3": (8400.0, 8750.0)}
 
 
 @CLAIMS.add(
-    place="Section 3.1, before Table 1",
-    claim="μ = 0.4 is the friction of skin on the beam, which is of copper",
-    check="Table 1's modulus and density lie in copper's ranges; in brass's, for comparison",
-    expected="110 to 130 GPa, 8,900 to 8,960 kg/m³",
+    "Section 3.1, before Table 1",
+    "μ = 0.4 is the friction of skin on the beam, which is of copper",
+    "110 to 130 GPa, 8,900 to 8,960 kg/m³",
     remark="0.4 itself is not testable: the paper has no measurement of skin on the resting beam",
 )
 def _mu_of_copper() -> Finding:
+    """Table 1's modulus and density lie in copper's ranges; in brass's, for comparison."""
     table1 = {
         "young_gpa": BEAM.youngs_modulus_pa / 1e9,
         "density_kg_m3": BEAM.density_kg_m3,
@@ -165,23 +165,19 @@ def _mu_of_copper() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2, before Fig 5",
-    claim="20 bodies on the beam are dense enough to count as continuous",
-    check="their spacing is below a tenth of a zone of mode 6",
-    expected="much smaller than a zone",
+    "Section 2, before Fig 5",
+    "20 bodies on the beam are dense enough to count as continuous",
+    "much smaller than a zone",
 )
 def _bodies_dense() -> Finding:
+    """Their spacing is below a tenth of a zone of mode 6."""
     spacing_m, zone_m = BEAM.length_m / 20, float(np.diff(ZONES.edges_m).mean())
     return finding(spacing_m < 0.1 * zone_m, spacing_m=spacing_m, zone_m=zone_m)
 
 
-@CLAIMS.add(
-    place="Section 2",
-    claim="a single finger covers less than half a wavelength",
-    check="10 mm against mode 6's half wave",
-    expected="less",
-)
+@CLAIMS.add("Section 2", "a single finger covers less than half a wavelength", "less")
 def _single_finger_is_local() -> Finding:
+    """10 mm against mode 6's half wave."""
     # A zone is a quarter of a wave; near the ends of the beam zones differ.
     half_wave_m = 2 * float(np.diff(ZONES.edges_m)[2:-2].mean())
     return finding(half_wave_m > 0.01, contact_m=0.01, half_wave_m=half_wave_m)
@@ -191,13 +187,13 @@ SLIDING_CLAIMS = Claims()
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 5.1",
-    claim="the sliding experiment's 23,200 Hz drives the operating mode",
-    check="within the half-power bandwidth of mode 6 on every rung",
-    expected="near resonance",
+    "Section 5.1",
+    "the sliding experiment's 23,200 Hz drives the operating mode",
+    "near resonance",
     remark="a damping ratio of 0.005 is assumed; it holds on the nearest rungs from 0.038",
 )
 def _sliding_drive_near_resonance() -> Finding:
+    """Within the half-power bandwidth of mode 6 on every rung."""
     # It stands for a family of rungs and is none itself.
     rungs = [name for name in RUNG_NAMES if name != "modes:N"]
     resonances = {name: rung_resonance_hz(name, BEAM, 6) for name in rungs}
@@ -205,41 +201,41 @@ def _sliding_drive_near_resonance() -> Finding:
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 5.1, Fig 16",
-    claim="experiment (23,200 Hz) and theory (24,221 Hz) are at the same operating point",
-    check="their difference against the half-power bandwidth 2ζ",
-    expected="closer than the bandwidth",
+    "Section 5.1, Fig 16",
+    "experiment (23,200 Hz) and theory (24,221 Hz) are at the same operating point",
+    "closer than the bandwidth",
     remark="a damping ratio of 0.005 is assumed; the claim holds from 0.022",
 )
 def _sliding_same_drive() -> Finding:
+    """Their difference against the half-power bandwidth 2ζ."""
     apart = abs(23200.0 / 24221.0 - 1)
     bandwidth = 2 * BEAM.damping_ratio
     return finding(apart < bandwidth, apart=apart, half_power_bandwidth=bandwidth)
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 5.1, Table 3",
-    claim="the 0.56 N block is the load of the theory",
-    check="0.56 N against 20 bodies of 20 N, within a factor of two",
-    expected="comparable",
+    "Section 5.1, Table 3",
+    "the 0.56 N block is the load of the theory",
+    "comparable",
     remark="fails as well with 20 N read as the load of the whole finger",
 )
 def _sliding_same_load() -> Finding:
+    """0.56 N against 20 bodies of 20 N, within a factor of two."""
     return finding(
         abs(0.56 / 400.0 - 1) < 0.5, block_n=0.56, load_in_theory_n=400.0, ratio_to_20_n=0.56 / 20
     )
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 5.1, Fig 16",
-    claim="the measured friction varies as the theory predicts",
-    check="swing of μ' along the path at 23,200 Hz and 0.56 N; fails below half of Fig 12's",
-    expected="very close",
+    "Section 5.1, Fig 16",
+    "the measured friction varies as the theory predicts",
+    "very close",
     remark="the measured values are not published, so the check is only whether theory predicts "
     "a variation to match; a damping ratio of 0.005 is assumed: with 0.03 it does, and the claim "
     "is not testable under any law",
 )
 def _sliding_matches_theory(law: str) -> Finding:
+    """Swing of μ' along the path at 23,200 Hz and 0.56 N; fails below half of Fig 12's."""
     # If theory hardly varies at the experiment's drive and load, no varying curve can match it;
     # otherwise only the measured curve could decide.
     own, paper = _sliding_swings(law, BEAM)
@@ -266,13 +262,13 @@ def _slid(paper: Scene) -> Scene:
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 5.1, Fig 16",
-    claim="the first trough is slightly off, the second and third very close, both peaks more off",
-    check="theory at 23,200 Hz and 0.56 N has three troughs left of the sheets, and peaks between",
-    expected="smaller errors at the second and third trough than at the peaks",
+    "Section 5.1, Fig 16",
+    "the first trough is slightly off, the second and third very close, both peaks more off",
+    "smaller errors at the second and third trough than at the peaks",
     remark="not testable where theory has them: the measured curve is a figure without values",
 )
 def _sliding_errors_at_peaks(law: str) -> Finding:
+    """Theory at 23,200 Hz and 0.56 N has three troughs left of the sheets, and peaks between."""
     curve = local_curve(law, _slid(Scene()))
     troughs, peaks = (trough_places_m(sign * curve) for sign in (1, -1))
     left = troughs[troughs < PATCH_START_M]
@@ -283,14 +279,14 @@ def _sliding_errors_at_peaks(law: str) -> Finding:
 
 
 @SLIDING_CLAIMS.add(
-    place="Section 2",
-    claim="bodies push a slowly moving finger along",
-    check="the bodies' tip speed against the finger's",
-    expected="bodies faster",
+    "Section 2",
+    "bodies push a slowly moving finger along",
+    "bodies faster",
     remark="the finger's speed of 40 mm/s is assumed, as the paper gives none, and so is the "
     "bodies' height of 1 mm; the claim fails for a finger faster than 56 mm/s",
 )
 def _bodies_outrun_the_finger() -> Finding:
+    """The bodies' tip speed against the finger's."""
     tip_m_s = rung_field("mode", BEAM, Drive()).tip_speed_m_s(3.5e-3)
     finger_m_s = FingerContact().sliding_speed_m_s
     return finding(tip_m_s > finger_m_s, tip_speed_m_s=tip_m_s, finger_m_s=finger_m_s)

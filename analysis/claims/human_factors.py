@@ -134,11 +134,11 @@ def _sensitivity_model(contrasts: FloatArray) -> OrdinalSensitivity:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="people differ in the sensitivity of their skin receptors",
+    "Section 5.2, after Table 4",
+    "people differ in the sensitivity of their skin receptors",
+    "a difference",
     check="gains of subjects (score per contrast): true if the 95% interval of their SD excludes "
     "0, false if it excludes all above a quarter of the mean gain",
-    expected="a difference",
     remark="Table 4 can tell that people differ in the level of their scores, which may be their "
     "use of the scale; with one score per person and condition it cannot tell whether gains differ "
     "or are alike, nor one person's gain from the others'",
@@ -173,12 +173,12 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="the third subject scores lowest: 4 for pressure, 7 or 8 elsewhere",
-    check="the row of subject 3",
-    expected="lowest mean; 4; 7 or 8",
+    "Section 5.2, after Table 4",
+    "the third subject scores lowest: 4 for pressure, 7 or 8 elsewhere",
+    "lowest mean; 4; 7 or 8",
 )
 def _table4_third_subject() -> Finding:
+    """The row of subject 3."""
     third = SCORES[2]
     elsewhere = np.isin(third[:4], (7, 8)).all()
     lowest = PUBLISHED.subject_means.argmin() == 2
@@ -194,14 +194,14 @@ def prediction_interval(others: FloatArray) -> Interval:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="elsewhere the third subject's 7 or 8 points are about the scores given by others",
-    check="each of the four scores lies in the 95% prediction interval of the other eight",
-    expected="within",
+    "Section 5.2, after Table 4",
+    "elsewhere the third subject's 7 or 8 points are about the scores given by others",
+    "within",
     remark="the four scores are 0.5 to 1.9 below the others' means; 'about' is taken to be within "
     "the scatter between people",
 )
 def _third_subject_like_others() -> Finding:
+    """Each of the four scores lies in the 95% prediction interval of the other eight."""
     others = np.delete(SCORES, 2, axis=0)
     intervals = {
         name: prediction_interval(others[:, place])
@@ -227,11 +227,11 @@ REFERENCE_SCENE = Scene(touch=FingerContact(finger_load_n=0.5))
 
 
 @CLAIMS.add(
-    place="Section 5.2",
-    claim="all nine felt the beam become smoother when the signal came on",
+    "Section 5.2",
+    "all nine felt the beam become smoother when the signal came on",
+    "smoother",
     check="μ' with the signal on is below μ at the smooth place, and along the path: on average, "
     "and nowhere above μ",
-    expected="smoother",
     remark="the paper does not say where they touched: at the smooth place alone every law "
     "predicts smoother, along the path only `coulomb` does, at any load; a finger of 0.5 N is "
     "assumed",
@@ -266,11 +266,11 @@ def _others(name: str) -> list[str]:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="changing the voltage has the best effect, as μ' is most sensitive to it",
+    "Section 5.2, after Table 4",
+    "changing the voltage has the best effect, as μ' is most sensitive to it",
+    "voltage first",
     check="people score voltage above each other condition (p < .05 after Holm's correction), and "
     "its contrast is the law's largest",
-    expected="voltage first",
     remark=f"voltage has the highest mean score, but only pressure is reliably below; {_ASSUMED}",
 )
 def _voltage_best(law: str) -> Finding:
@@ -286,11 +286,11 @@ def _voltage_best(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="changing the pressure has the weakest effect, as it hardly changes μ'",
+    "Section 5.2, after Table 4",
+    "changing the pressure has the weakest effect, as it hardly changes μ'",
+    "pressure last",
     check="people score pressure below each other condition (p < .05 after Holm's correction), and "
     "its contrast alone is the law's smallest",
-    expected="pressure last",
     remark=f"pressure has the lowest mean score, but only voltage is reliably above; {_ASSUMED}",
 )
 def _pressure_weakest(law: str) -> Finding:
@@ -309,11 +309,11 @@ def _pressure_weakest(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2",
-    claim="the model explains how strongly the conditions were felt",
+    "Section 5.2",
+    "the model explains how strongly the conditions were felt",
+    "the same order",
     check="the law's contrasts order those pairs of conditions as people did that people tell "
     "apart (p < .05 after Holm's correction)",
-    expected="the same order",
     remark="five means: of all 120 orders only the two perfect ones have p < .05, two-sided; a "
     "rank correlation of 0.9 has p = .083 and is no evidence either way; only one pair of ten "
     "decides",
@@ -340,11 +340,11 @@ def _ranking_follows_model(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Abstract, Section 6",
-    claim="voltage and ciliary structure regulate the touch most",
+    "Abstract, Section 6",
+    "voltage and ciliary structure regulate the touch most",
+    "voltage and structure",
     check="people score both above each other condition (p < .05 after Holm's correction), and the "
     "law's two largest contrasts are theirs",
-    expected="voltage and structure",
     remark=f"both have the highest mean scores, but only voltage is reliably above one of the "
     f"others, pressure; {_ASSUMED}",
 )
@@ -361,14 +361,14 @@ def _structure_and_voltage_lead(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 6",
-    claim="all answers of the human factor experiment agreed with the expectations",
-    check="every subject has a score in every condition; the law expects all five changes as well",
-    expected="45 of 45",
+    "Section 6",
+    "all answers of the human factor experiment agreed with the expectations",
+    "45 of 45",
     remark="an answer was scored only if it agreed, and there were no catch trials, so that "
     "agreement with the experimenter and with the beam cannot be told apart",
 )
 def _all_as_expected(law: str) -> Finding:
+    """Every subject has a score in every condition; the law expects all five changes as well."""
     contrasts = _contrasts(law)
     people, answers = interval_of_all(len(SCORES)), interval_of_all(SCORES.size)
     return human_finding(
@@ -399,14 +399,14 @@ def _contrast_is_positive(condition: str, law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, step on structure",
-    claim="the denser the bodies the stronger the change (none, 1.5 mm, 1 mm)",
-    check="contrast from no bodies to bodies is positive; 1.5 to 1 mm is not decidable",
-    expected="stronger with density",
+    "Section 5.2, step on structure",
+    "the denser the bodies the stronger the change (none, 1.5 mm, 1 mm)",
+    "stronger with density",
     remark="no law has a density term, so none predicts a change from 1.5 to 1 mm; bodies of 1 mm "
     "are assumed",
 )
 def _density_strengthens(law: str) -> Finding:
+    """Contrast from no bodies to bodies is positive; 1.5 to 1 mm is not decidable."""
     contrast = _contrasts(law)["structure"]
     return _step(
         "structure", contrast > 1e-6, None, none_to_bodies=contrast, **{"1.5_to_1_mm": None}
@@ -414,34 +414,32 @@ def _density_strengthens(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, step on frequency",
-    claim="the change is felt more as the drive nears resonance",
-    check="growth of the modulation depth along the path from 0.98 to 1 times the resonance",
-    expected="positive",
+    "Section 5.2, step on frequency",
+    "the change is felt more as the drive nears resonance",
+    "positive",
 )
 def _approach_strengthens(law: str) -> Finding:
+    """Growth of the modulation depth along the path from 0.98 to 1 times the resonance."""
     return _contrast_is_positive("frequency", law)
 
 
 @CLAIMS.add(
-    place="Section 5.2, step on voltage",
-    claim="at a smooth place it gets smoother from 0 to 200 V",
-    check="ln(μ' at 0 V / μ' at 200 V) at the smooth place",
-    expected="positive",
+    "Section 5.2, step on voltage", "at a smooth place it gets smoother from 0 to 200 V", "positive"
 )
 def _voltage_strengthens(law: str) -> Finding:
+    """ln(μ' at 0 V / μ' at 200 V) at the smooth place."""
     return _contrast_is_positive("voltage", law)
 
 
 @CLAIMS.add(
-    place="Section 6",
-    claim="the larger the amplitude the more obvious the change",
-    check="μ' at the smooth place at 0, 50, 100, 200 V: steps above 0.01, all downward",
-    expected="each step felt",
+    "Section 6",
+    "the larger the amplitude the more obvious the change",
+    "each step felt",
     remark="a step of 0.01 is assumed to be felt, under a finger of 0.5 N; with the shape of a "
     "single mode the first step of `consistent` is upward, and the claim is partly true",
 )
 def _voltage_felt_at_every_step(law: str) -> Finding:
+    """μ' at the smooth place at 0, 50, 100, 200 V: steps above 0.01, all downward."""
     voltages = (0.0, 50.0, 100.0, 200.0)
     scenes = [replace(REFERENCE_SCENE, drive=Drive(voltage_v=v)) for v in voltages]
     values = [mu(law, scene, TOP_RUNG) for scene in scenes]
@@ -456,10 +454,10 @@ def _voltage_felt_at_every_step(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, step on pressure",
-    claim="at a smooth place it gets smoother as the finger presses harder",
-    check="ln(μ' before / after) at 1.5 times the finger's load",
-    expected="positive",
+    "Section 5.2, step on pressure",
+    "at a smooth place it gets smoother as the finger presses harder",
+    "positive",
 )
 def _pressure_smoother(law: str) -> Finding:
+    """ln(μ' before / after) at 1.5 times the finger's load."""
     return _contrast_is_positive("pressure", law)

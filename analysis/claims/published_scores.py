@@ -173,12 +173,12 @@ def _as_printed(values: Iterable[float], printed: list[float], digits: int) -> B
 
 
 @CLAIMS.add(
-    place="Table 4",
-    claim="the conditions' averages are 8.44, 8.89, 9.67, 8.33, 6.22, of all 8.31",
-    check="recomputed from the scores, to two decimals",
-    expected="8.44, 8.89, 9.67, 8.33, 6.22; 8.31",
+    "Table 4",
+    "the conditions' averages are 8.44, 8.89, 9.67, 8.33, 6.22, of all 8.31",
+    "8.44, 8.89, 9.67, 8.33, 6.22; 8.31",
 )
 def _table4_averages() -> Finding:
+    """Recomputed from the scores, to two decimals."""
     columns, grand = [*PUBLISHED.means.values()], SCORES.mean()
     return human_finding(
         _GRAND,
@@ -191,12 +191,12 @@ def _table4_averages() -> Finding:
 
 
 @CLAIMS.add(
-    place="Table 4",
-    claim="the comprehensive scores are 8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6",
-    check="row means of the scores, to one decimal",
-    expected="the printed column",
+    "Table 4",
+    "the comprehensive scores are 8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6",
+    "the printed column",
 )
 def _table4_comprehensive() -> Finding:
+    """Row means of the scores, to one decimal."""
     printed = [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
     # In a complete table all subjects have intervals of the same width.
     half = np.ptp(PUBLISHED.effects.subject_intervals["1"]) / 2
@@ -208,34 +208,22 @@ def _table4_comprehensive() -> Finding:
     )
 
 
-@CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="the lowest average score is 7.2",
-    check="the smallest row mean",
-    expected="7.2",
-)
+@CLAIMS.add("Section 5.2, after Table 4", "the lowest average score is 7.2", "7.2")
 def _table4_lowest() -> Finding:
+    """The smallest row mean."""
     # Half of the last digit that is printed.
     return about_subjects([_LOWEST_ROW], abs(_LOWEST - 7.2) < 0.05, lowest=_LOWEST)
 
 
-@CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="the highest average score is 9.6",
-    check="the largest row mean",
-    expected="9.6",
-)
+@CLAIMS.add("Section 5.2, after Table 4", "the highest average score is 9.6", "9.6")
 def _table4_highest() -> Finding:
+    """The largest row mean."""
     return about_subjects([_HIGHEST_ROW], abs(_HIGHEST - 9.6) < 0.05, highest=_HIGHEST)
 
 
-@CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="comprehensive scores range from 7 to 10",
-    check="smallest and largest row mean",
-    expected="7 and 10",
-)
+@CLAIMS.add("Section 5.2, after Table 4", "comprehensive scores range from 7 to 10", "7 and 10")
 def _table4_range() -> Finding:
+    """Smallest and largest row mean."""
     return about_subjects(
         [_LOWEST_ROW, _HIGHEST_ROW],
         [abs(_LOWEST - 7) < 0.05, abs(_HIGHEST - 10) < 0.05],
@@ -245,14 +233,14 @@ def _table4_range() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 5.2, after Table 4",
-    claim="the device performs well and its effect is notable: the scores average 8.31",
-    check="the score of a condition without any change, with which to compare the others",
-    expected="8.31 is well above it",
+    "Section 5.2, after Table 4",
+    "the device performs well and its effect is notable: the scores average 8.31",
+    "8.31 is well above it",
     remark="not testable: the paper has neither a control condition nor catch trials, so that 8.31 "
     "may be what people score whatever they feel",
 )
 def _device_performs_well() -> Finding:
+    """The score of a condition without any change, with which to compare the others."""
     controls = [
         name
         for name in PUBLISHED.means

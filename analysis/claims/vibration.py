@@ -26,12 +26,12 @@ CLAIMS = Claims()
 
 
 @CLAIMS.add(
-    place="Section 2, Eq 1",
-    claim="bodies right of a vibration peak are thrown right, those left of it left",
-    check="mode 6: |φ| falls just right of every inner peak and grows just left of it",
-    expected="all five peaks",
+    "Section 2, Eq 1",
+    "bodies right of a vibration peak are thrown right, those left of it left",
+    "all five peaks",
 )
 def _eq1_right_of_peak() -> Finding:
+    """Mode 6: |φ| falls just right of every inner peak and grows just left of it."""
     antinodes = ZONES.antinodes_m / BEAM.length_m
     step = 1e-3
     # Squared, so that peaks and troughs of the shape count alike.
@@ -42,13 +42,13 @@ def _eq1_right_of_peak() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2, Fig 5",
-    claim="the direction of vibration changes at the peak or trough of a wave",
-    check="mode 6: every inner peak is a zone edge, and every zone edge is a peak",
-    expected="edges and peaks coincide",
+    "Section 2, Fig 5",
+    "the direction of vibration changes at the peak or trough of a wave",
+    "edges and peaks coincide",
     remark="φφ' changes sign at nodes as well: half of the edges are not at peaks",
 )
 def _direction_changes_at_peaks() -> Finding:
+    """Mode 6: every inner peak is a zone edge, and every zone edge is a peak."""
     # The beam's ends are edges without a change of direction.
     inner = ZONES.edges_m[1:-1]
     antinodes = set(ZONES.antinodes_m.tolist())
@@ -58,13 +58,13 @@ def _direction_changes_at_peaks() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2",
-    claim="moving right, a peak's right side is smoother than its left; moving left, rougher",
-    check="mean over the peaks of μ' right minus left of the peak under a 2 mm contact",
-    expected="negative moving right, positive moving left",
+    "Section 2",
+    "moving right, a peak's right side is smoother than its left; moving left, rougher",
+    "negative moving right, positive moving left",
     remark="a contact of 2 mm is assumed, which lies on one side of a peak",
 )
 def _right_of_peak_smoother(law: str) -> Finding:
+    """Mean over the peaks of μ' right minus left of the peak under a 2 mm contact."""
     rightward = Scene(touch=FingerContact(contact_m=2e-3))
     # The last one lies under the sheets, where nobody touches.
     peaks = ZONES.antinodes_m[:-1]
@@ -80,23 +80,23 @@ def _right_of_peak_smoother(law: str) -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2, Fig 4",
-    claim="bodies that move with the skin lower the friction, bodies against it raise it",
-    check="full coverage: μ' with a/u = 1 below μ, with a/u = 0 above μ",
-    expected="below 0.4 and above 0.4",
+    "Section 2, Fig 4",
+    "bodies that move with the skin lower the friction, bodies against it raise it",
+    "below 0.4 and above 0.4",
 )
 def _helping_lowers_opposing_raises(law: str) -> Finding:
+    """Full coverage: μ' with a/u = 1 below μ, with a/u = 0 above μ."""
     helped, opposed = (full_coverage(law, same_direction=a) for a in (20.0, 0.0))
     return finding([helped < MU, opposed > MU], all_helping=helped, all_opposing=opposed)
 
 
 @CLAIMS.add(
-    place="Section 2",
-    claim="acceleration grows towards the natural frequency and falls away from it",
-    check="ω²|q| of mode 6 at 0.90 to 1.10 of its natural frequency rises, then falls",
-    expected="one maximum, at the natural frequency",
+    "Section 2",
+    "acceleration grows towards the natural frequency and falls away from it",
+    "one maximum, at the natural frequency",
 )
 def _acceleration_near_resonance() -> Finding:
+    """ω²|q| of mode 6 at 0.90 to 1.10 of its natural frequency rises, then falls."""
     natural_hz = natural_frequency_hz(BEAM, 6)
     frequencies = natural_hz * np.array([0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1])
     displacement = modal_displacement_m(BEAM, 6, 100.0, frequencies)
@@ -121,14 +121,14 @@ def _zones_of_modes() -> dict[int, int]:
 
 
 @CLAIMS.add(
-    place="Section 2",
-    claim="a change of the frequency changes the vibration mode",
-    check="top rung: the number of zones 2% off the resonance, and at the adjacent resonances",
-    expected="another number",
+    "Section 2",
+    "a change of the frequency changes the vibration mode",
+    "another number",
     remark="2% is the study's own change of frequency; up to 10% off, the mode is the same and "
     "its zones only shift",
 )
 def _frequency_changes_mode() -> Finding:
+    """Top rung: the number of zones 2% off the resonance, and at the adjacent resonances."""
     resonance_hz = rung_resonance_hz(TOP_RUNG, BEAM, 6)
     ratios = (0.9, 0.98, 1.0, 1.02, 1.1)
     edges_m = {
@@ -147,24 +147,20 @@ def _frequency_changes_mode() -> Finding:
 
 
 @CLAIMS.add(
-    place="Section 2",
-    claim="near the next natural frequency the distribution of directions is different",
-    check="top rung: the number of zones at the resonances of modes 5, 6 and 7",
-    expected="three different numbers",
+    "Section 2",
+    "near the next natural frequency the distribution of directions is different",
+    "three different numbers",
 )
 def _next_mode_other_distribution() -> Finding:
+    """Top rung: the number of zones at the resonances of modes 5, 6 and 7."""
     counts = _zones_of_modes()
     different = len(set(counts.values())) == 3
     return finding(different, **{f"zones_of_mode_{mode}": n for mode, n in counts.items()})
 
 
-@CLAIMS.add(
-    place="Section 2, Fig 5",
-    claim="friction varies periodically as the finger travels",
-    check="at least three troughs along the beam, with gaps equal to within 5%",
-    expected="equal gaps",
-)
+@CLAIMS.add("Section 2, Fig 5", "friction varies periodically as the finger travels", "equal gaps")
 def _periodic_variation(law: str) -> Finding:
+    """At least three troughs along the beam, with gaps equal to within 5%."""
     troughs = trough_places_m(local_curve(law, local_scene()))
     gaps = np.diff(troughs)
     spread = float(gaps.std() / gaps.mean()) if gaps.size > 1 else math.nan

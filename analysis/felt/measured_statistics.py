@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
+from analysis.friction import recorded
 from analysis.friction.measured_contrast import (
     Compared,
     MeasuredContrast,
@@ -17,16 +18,6 @@ from analysis.friction.measured_contrast import (
     borrowed_contrasts,
     measured_contrast,
     rest_of,
-)
-from analysis.friction.recorded import (
-    FRICTION,
-    PREDICTORS,
-    Jitter,
-    TouchForces,
-    TouchMeasures,
-    jitter_of,
-    touch_measures,
-    zero_drift_n_per_s,
 )
 from analysis.kept import Kept
 from analysis.loading.sessions import Sessions, is_scored
@@ -47,15 +38,15 @@ from protocol.study.touch import Touch
 
 NOT_RECORDED = "it was not recorded"
 
-Forces = Mapping[int, TouchForces | NotEstimable]
+Forces = Mapping[int, recorded.TouchForces | NotEstimable]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SessionFriction:
     """The recorded touches of a session, its jitter and its resting friction."""
 
-    touches: Mapping[int, TouchForces]
-    jitter: Jitter | NotEstimable
+    touches: Mapping[int, recorded.TouchForces]
+    jitter: recorded.Jitter | NotEstimable
     rest: Rest | NotEstimable
 
 
@@ -90,21 +81,21 @@ def session_friction(
     """
     session_of = trials["session_id"]
     planned, attempts = touches["planned"], touches["attempt_id"]
-    by_session: dict[int, dict[int, TouchForces]] = {}
+    by_session: dict[int, dict[int, recorded.TouchForces]] = {}
     for touch, found in forces.items():
-        if isinstance(found, TouchForces):
+        if isinstance(found, recorded.TouchForces):
             by_session.setdefault(int(session_of[attempts[touch]]), {})[touch] = found
     for session, own in by_session.items():
-        drift = zero_drift_n_per_s(list(own.values()))
+        drift = recorded.zero_drift_n_per_s(list(own.values()))
         by_session[session] = {touch: found.with_drift(drift) for touch, found in own.items()}
 
-    def held(own: Mapping[int, TouchForces]) -> Iterator[TouchForces]:
+    def held(own: Mapping[int, recorded.TouchForces]) -> Iterator[recorded.TouchForces]:
         return (found for touch, found in own.items() if _is_held(planned[touch]))
 
-    everyone = jitter_of(found for own in by_session.values() for found in held(own))
+    everyone = recorded.jitter_of(found for own in by_session.values() for found in held(own))
     known = {}
     for session, own in by_session.items():
-        jitter = jitter_of(held(own))
+        jitter = recorded.jitter_of(held(own))
         jitter = everyone if isinstance(jitter, NotEstimable) else jitter
         unforced = [found for touch, found in own.items() if planned[touch].peak_voltage_v == 0]
         rest = jitter if isinstance(jitter, NotEstimable) else rest_of(unforced, jitter)
@@ -140,15 +131,17 @@ def with_measures(study: Study, found: Sessions) -> Sessions:
     return replace(found, touches=touches, attempts=attempts)
 
 
-_MEASURES = [entry.name for entry in fields(TouchMeasures)]
+_MEASURES = [entry.name for entry in fields(recorded.TouchMeasures)]
 
 
-def measures_of_touches(sessions: Mapping[int, SessionFriction]) -> dict[int, TouchMeasures]:
+def measures_of_touches(
+    sessions: Mapping[int, SessionFriction],
+) -> dict[int, recorded.TouchMeasures]:
     """Return the measures of all recorded touches whose jitter is known, by touch."""
     return {
-        touch: touch_measures(found, session.jitter)
+        touch: recorded.touch_measures(found, session.jitter)
         for session in sessions.values()
-        if isinstance(session.jitter, Jitter)
+        if isinstance(session.jitter, recorded.Jitter)
         for touch, found in session.touches.items()
     }
 
@@ -192,7 +185,7 @@ def measured_trials(
         error=error,
         best=best,
         best_error=best_error,
-        predictors=dict(zip(PREDICTORS, columns[2:], strict=True)),
+        predictors=dict(zip(recorded.PREDICTORS, columns[2:], strict=True)),
         why=tuple(each.reason if isinstance(each, NotEstimable) else None for each in found),
     )
 
@@ -200,7 +193,7 @@ def measured_trials(
 def _numbers(found: MeasuredContrast | NotEstimable) -> list[float]:
     """Return contrast, error and predictors, or as many missing numbers."""
     if isinstance(found, NotEstimable):
-        return [np.nan] * (2 + len(PREDICTORS))
+        return [np.nan] * (2 + len(recorded.PREDICTORS))
     return [found.value, found.error, *found.predictors.values()]
 
 
@@ -244,7 +237,7 @@ def predictor_scores(
     All are of single trials: a contrast that borrows from other trials would have less noise.
     """
     contrasts = TrialContrasts(
-        by_law={**measured.predictors, LAW: measured.predictors[FRICTION]},
+        by_law={**measured.predictors, LAW: measured.predictors[recorded.FRICTION]},
         measured=measured.known,
     )
     scored = scored_trials(data, contrasts)

@@ -11,21 +11,13 @@ import numpy as np
 from analysis.report.drawing import Panel, Series
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
+from device.friction import rungs
 from device.friction.coefficient import friction_coefficient
-from device.friction.rungs import (
-    MODAL_RUNGS,
-    SEGMENTED_RUNGS,
-    TOP_RUNG,
-    forget_set_ups,
-    reference_tip_speed_m_s,
-    rung_field,
-    rung_resonance_hz,
-)
 from device.friction.scenes import Scene
 
 POSITIONS = 1000
 MODES_SHOWN = "modes:12"
-RUNGS = (*MODAL_RUNGS, MODES_SHOWN, *SEGMENTED_RUNGS)
+RUNGS = (*rungs.MODAL_RUNGS, MODES_SHOWN, *rungs.SEGMENTED_RUNGS)
 _ROUNDS = 15
 
 
@@ -66,8 +58,8 @@ def _round(scene: Scene, places_m: FloatArray) -> dict[str, tuple[float, float]]
     times = {}
     for rung in RUNGS:
         # A set-up that is remembered would be measured as free of cost.
-        forget_set_ups()
-        setup_us = _time_us(partial(rung_field, rung, beam, drive))
+        rungs.forget_set_ups()
+        setup_us = _time_us(partial(rungs.rung_field, rung, beam, drive))
         places = partial(friction_coefficient, scene, rung=rung, x_m=places_m)
         times[rung] = setup_us, _time_us(places)
     return times
@@ -92,7 +84,7 @@ def _row(
         us_per_1000_range=(min(places), max(places)),
         max_error=float(np.abs(error).max()),
         rms_error=float(np.sqrt(np.mean(error**2))),
-        resonance_hz=rung_resonance_hz(rung, beam, drive.mode),
+        resonance_hz=rungs.rung_resonance_hz(rung, beam, drive.mode),
     )
 
 
@@ -105,8 +97,8 @@ def measured_ladder() -> tuple[LadderRow, ...]:
     scene, places_m = Scene(), np.linspace(0.0, Beam().length_m, POSITIONS)
     # The reference speeds are cached, so that no rung's set-up includes computing them.
     for rung in RUNGS:
-        reference_tip_speed_m_s(rung)
-    top = friction_coefficient(scene, rung=TOP_RUNG, x_m=places_m)
+        rungs.reference_tip_speed_m_s(rung)
+    top = friction_coefficient(scene, rung=rungs.TOP_RUNG, x_m=places_m)
     _round(scene, places_m)  # loads and caches what is not a set-up
     rounds = [_round(scene, places_m) for _ in range(_ROUNDS)]
     return tuple(_row(rung, scene, places_m, top, rounds) for rung in RUNGS)

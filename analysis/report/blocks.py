@@ -10,17 +10,8 @@ import numpy as np
 
 from analysis.estimates import NotEstimable
 from analysis.kept import Kept
+from analysis.report import wording
 from analysis.report.drawing import Draw, Drawing, Words, kept_drawing
-from analysis.report.wording import (
-    MISSING,
-    interval,
-    needed_rank,
-    number,
-    p_of_fit,
-    p_value,
-    prediction_error,
-    ranking,
-)
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
 
@@ -54,12 +45,12 @@ def p_cell(p: float | NotEstimable | None) -> Cell:
     """Return a p-value as journals print it, with all its digits as a tooltip."""
     # Journals round p; whoever wants to compute with it needs all digits.
     known = isinstance(p, float)
-    return Cell(text=p_value(p), why=f"p = {p:.6g}" if known else "", missing=not known)
+    return Cell(text=wording.p_value(p), why=f"p = {p:.6g}" if known else "", missing=not known)
 
 
 def text(value: object) -> str:
     """Return what a column of texts shows of a value."""
-    return MISSING if value is None or isinstance(value, NotEstimable) else str(value)
+    return wording.MISSING if value is None or isinstance(value, NotEstimable) else str(value)
 
 
 def at(record: Any, path: str) -> Any:
@@ -101,7 +92,9 @@ class Column:
             if self.absent is None:
                 raise
             return self.absent
-        return number(value, self.shown) if isinstance(self.shown, int) else self.shown(value)
+        return (
+            wording.number(value, self.shown) if isinstance(self.shown, int) else self.shown(value)
+        )
 
 
 def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
@@ -113,7 +106,7 @@ def estimate(
     name: str, of: str, digits: int = 2, absent: str | None = None
 ) -> tuple[Column, Column]:
     """Return the columns of an estimate and of its interval, which its record has beside it."""
-    ends = partial(interval, digits=digits)
+    ends = partial(wording.interval, digits=digits)
     return (
         Column(name, of, digits, absent=absent),
         Column("95%", f"{of}_interval", ends, absent=absent),
@@ -139,12 +132,12 @@ def law_columns(name: str, without: str) -> list[Column]:
     return [
         Column(name, "law"),
         Column("Spearman", "order.spearman", 2),
-        Column("p", "order.p", p_value),
-        Column("smallest for p < .05", "order", needed_rank),
-        Column("order, strongest first", "order", ranking, kind="ranking"),
-        Column("prediction error", "likelihood.prediction_error", prediction_error),
+        Column("p", "order.p", wording.p_value),
+        Column("smallest for p < .05", "order", wording.needed_rank),
+        Column("order, strongest first", "order", wording.ranking, kind="ranking"),
+        Column("prediction error", "likelihood.prediction_error", wording.prediction_error),
         Column(without, "likelihood.prediction_error.without", 2),
-        Column("p of the fit", "likelihood", p_of_fit),
+        Column("p of the fit", "likelihood", wording.p_of_fit),
     ]
 
 

@@ -9,17 +9,7 @@ from importlib.resources import files
 from types import MappingProxyType
 
 from analysis.loading.study_data import changed_journal
-from analysis.report.blocks import (
-    Block,
-    Cell,
-    ColumnKind,
-    Definitions,
-    Figure,
-    Row,
-    Section,
-    Table,
-    TableGroup,
-)
+from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
     differences,
@@ -74,11 +64,13 @@ _TERMS = {
 }
 
 
-def glossary(_: Findings) -> Section:
+def glossary(_: Findings) -> blocks.Section:
     """Return the terms in alphabetical order."""
     entries = {name: text.replace("{laws}", ", ".join(LAWS)) for name, text in _TERMS.items()}
     in_order = sorted(entries.items(), key=lambda entry: entry[0].casefold())
-    return Section(name="glossary", title="Glossary", blocks=[Definitions(entries=dict(in_order))])
+    return blocks.Section(
+        name="glossary", title="Glossary", blocks=[blocks.Definitions(entries=dict(in_order))]
+    )
 
 
 # What stands above the results: title, authors, and the facts that a reader asks for first.
@@ -133,7 +125,7 @@ def _sessions(found: Findings) -> str:
     return f"{when}{kind}".strip()
 
 
-SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
+SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
     {
         "table4": scores.section,
         "methods": methods.section,
@@ -157,7 +149,7 @@ SECTIONS: Mapping[str, Callable[[Findings], Section]] = MappingProxyType(
 )
 """The sections of the page by name, in the order in which an author needs them."""
 
-FRONTS: Mapping[str, Callable[[Findings], Sequence[Block]]] = MappingProxyType(
+FRONTS: Mapping[str, Callable[[Findings], Sequence[blocks.Block]]] = MappingProxyType(
     {
         "table4": scores.front,
         "tests": differences.front,
@@ -180,7 +172,9 @@ def require_sections(names: Iterable[str]) -> None:
 
 
 def page_html(
-    found: Findings, sections: Sequence[Section], folded: Sequence[Section] | None = None
+    found: Findings,
+    sections: Sequence[blocks.Section],
+    folded: Sequence[blocks.Section] | None = None,
 ) -> str:
     """Return the page, with every text escaped.
 
@@ -197,9 +191,9 @@ def page_html(
 def rendered(
     head: Masthead,
     notices: Sequence[tuple[str, str]],
-    sections: Sequence[Section],
+    sections: Sequence[blocks.Section],
     results: Sequence[tuple[str, str]] = (),
-    front: Sequence[Block] = (),
+    front: Sequence[blocks.Block] = (),
 ) -> str:
     """Return a page with notices, pairs of heading and text, at its top.
 
@@ -214,7 +208,7 @@ def rendered(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_printable
     )
     # The table of a figure in front stands in its section.
-    shown: list[Block] = [block for block in front if not isinstance(block, Figure)]
+    shown: list[blocks.Block] = [block for block in front if not isinstance(block, blocks.Figure)]
     shown += [block for each in sections for block in each.blocks if _is_folded(block)]
     # A section that is left out takes its tables along, and links to them would lead nowhere.
     ids = {name for block in shown for name in _ids(block) if name}
@@ -225,20 +219,20 @@ def rendered(
     )
 
 
-def _ids(block: Block) -> Iterator[str]:
+def _ids(block: blocks.Block) -> Iterator[str]:
     """Yield the names that links to parts of `block` use."""
     match block:
-        case Table():
-            cells = (cell for row in block.rows for cell in row if isinstance(cell, Cell))
+        case blocks.Table():
+            cells = (cell for row in block.rows for cell in row if isinstance(cell, blocks.Cell))
             yield from (block.name, *(cell.anchor for cell in cells))
-        case TableGroup():
+        case blocks.TableGroup():
             for table in block.tables:
                 yield from _ids(table)
-        case Figure(table=Table() as table):
+        case blocks.Figure(table=blocks.Table() as table):
             yield from _ids(table)
 
 
-def _plain_cells(table: Table, row: Row) -> str | None:
+def _plain_cells(table: blocks.Table, row: blocks.Row) -> str | None:
     """Return the markup of a row's cells after the first one, None if some are more than texts.
 
     A large study has half a million of them, and the template's macros take much longer.
@@ -251,18 +245,18 @@ def _plain_cells(table: Table, row: Row) -> str | None:
 
 
 @lru_cache(maxsize=10_000)
-def _plain_cell(kind: ColumnKind, text: str) -> str:
+def _plain_cell(kind: blocks.ColumnKind, text: str) -> str:
     aligned = "" if kind == "number" else f' class="{kind}"'
     return f"<td{aligned}>{escape(printable(text), quote=False)}</td>"
 
 
-def _is_front(block: Block) -> bool:
+def _is_front(block: blocks.Block) -> bool:
     return getattr(block, "front", False)
 
 
-def _is_folded(block: Block) -> bool:
+def _is_folded(block: blocks.Block) -> bool:
     """Return whether a section shows something of `block`: of a front figure, its table."""
-    if isinstance(block, Figure):
+    if isinstance(block, blocks.Figure):
         return bool(block.draw or block.instead)
     return bool(block) and not _is_front(block)
 

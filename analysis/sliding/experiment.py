@@ -10,20 +10,9 @@ import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.report.drawing import Panel
+from analysis.sliding import rig_model
 from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_panels, mismatches
 from analysis.sliding.fit import Estimate, RigFit, fitted_rig
-from analysis.sliding.rig_model import (
-    BIN_M,
-    HALF_THICKNESS_M,
-    Course,
-    Curve,
-    Group,
-    Pass,
-    RigProperties,
-    course,
-    grouped,
-    mean_curve,
-)
 from device.friction.scenes import Structure
 from protocol.errors import BadInput
 from protocol.journal.events import (
@@ -87,22 +76,24 @@ class SlidingFindings:
 
     session: str
     data_sha256: str
-    courses: tuple[Course, ...]
-    nominal: RigProperties
+    courses: tuple[rig_model.Course, ...]
+    nominal: rig_model.RigProperties
     fit: RigFit
 
     @cached_property
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[rig_model.Group]:
         """Repeated passes together."""
-        return grouped(self.courses)
+        return rig_model.grouped(self.courses)
 
     @cached_property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[rig_model.Curve, ...]:
         """Mean friction by place under each setting."""
         means = {id(one): mean for one, mean in zip(self.courses, self.fit.means, strict=True)}
         noise = self.fit.noise
         return tuple(
-            mean_curve(group, [np.diag(noise.covariance(one, means[id(one)])) for one in group[1]])
+            rig_model.mean_curve(
+                group, [np.diag(noise.covariance(one, means[id(one)])) for one in group[1]]
+            )
             for group in self.groups
         )
 
@@ -184,8 +175,8 @@ class SlidingFindings:
 
 
 def _speed_ratio(body_height_m: float) -> float:
-    nominal_m = HALF_THICKNESS_M + Structure().body_height_m
-    return nominal_m / (HALF_THICKNESS_M + body_height_m)
+    nominal_m = rig_model.HALF_THICKNESS_M + Structure().body_height_m
+    return nominal_m / (rig_model.HALF_THICKNESS_M + body_height_m)
 
 
 def _extreme_row(one: Extreme) -> list[str]:
@@ -197,7 +188,7 @@ def _extreme_row(one: Extreme) -> list[str]:
     return [*row, f"{1e3 * one.place_m:.2f}", f"{low} to {high}", f"{1e3 * one.expected_m:.2f}"]
 
 
-def data_digest(passes: Sequence[Pass]) -> str:
+def data_digest(passes: Sequence[rig_model.Pass]) -> str:
     """Return the SHA-256 of passes: their settings and every sample."""
     digest = sha256()
     for one in passes:
@@ -209,18 +200,18 @@ def data_digest(passes: Sequence[Pass]) -> str:
 
 
 def sliding_findings(
-    passes: Sequence[Pass], resonance_hz: float, session: str
+    passes: Sequence[rig_model.Pass], resonance_hz: float, session: str
 ) -> SlidingFindings | NotEstimable:
     """Return the findings of passes on a rig whose resonance was measured.
 
     Without a pass with the output off, friction at rest is fitted from driven passes alone.
     """
-    courses = tuple(course(one) for one in passes)
+    courses = tuple(rig_model.course(one) for one in passes)
     if not any(one.setting.voltage_v > 0 for one in courses):
         return NotEstimable("no pass was driven")
     at_rest = [one for one in courses if one.setting.voltage_v == 0] or courses
     mu = float(np.mean([one.mu.mean() for one in at_rest]))
-    nominal = RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
+    nominal = rig_model.RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
     return SlidingFindings(
         session=session,
         data_sha256=data_digest(passes),
@@ -233,7 +224,7 @@ def sliding_findings(
 # The passes of a sliding experiment as the journal has them, less what the analysis leaves out.
 
 Zero = tuple[float, float]
-_LEAST_M = 6 * BIN_M
+_LEAST_M = 6 * rig_model.BIN_M
 _SMOOTH_S = 0.05
 
 
@@ -243,7 +234,7 @@ class PlannedPass:
 
     index: int
     drive: str
-    made: Pass
+    made: rig_model.Pass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -295,7 +286,7 @@ def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
         made = _pass(attempt, slide, str(planned[attempt.index].touches[0]["direction"]), zero)
         if why := excluded.get(attempt.index, made if isinstance(made, str) else None):
             left_out.append((attempt.index, why))
-        elif isinstance(made, Pass):
+        elif isinstance(made, rig_model.Pass):
             drive = str(planned[attempt.index].condition)
             found.append(PlannedPass(index=attempt.index, drive=drive, made=made))
     resonances = [record for record in records if isinstance(record, ResonanceMeasured)]
@@ -336,7 +327,7 @@ def _attempts(records: Sequence[object]) -> Iterator[tuple[_Attempt, Zero]]:
                 yield attempt, zero
 
 
-def _pass(attempt: _Attempt, slide: Slide, direction: str, zero: Zero) -> Pass | str:
+def _pass(attempt: _Attempt, slide: Slide, direction: str, zero: Zero) -> rig_model.Pass | str:
     """Return the pass while the mark moved and the block was on the beam, or why there is none."""
     recorded, commanded = attempt.recorded, attempt.commanded
     if recorded is None or commanded is None:
@@ -358,7 +349,7 @@ def _pass(attempt: _Attempt, slide: Slide, direction: str, zero: Zero) -> Pass |
     if (np.maximum.accumulate(way_m) - way_m).max() > _LEAST_M:
         return "the block went back"
     chosen = np.flatnonzero(chosen)[_moving(way_m)]
-    return Pass(
+    return rig_model.Pass(
         voltage_v=commanded.voltage_v,
         frequency_hz=commanded.frequency_hz,
         direction="left" if direction == "left" else "right",
@@ -383,6 +374,6 @@ def _moving(way_m: FloatArray) -> slice:
 
     A block at rest has another friction, and hundreds of samples at one place.
     """
-    begun = np.flatnonzero(way_m < way_m.min() + BIN_M)[-1]
-    over = np.flatnonzero(way_m > way_m.max() - BIN_M)[0]
+    begun = np.flatnonzero(way_m < way_m.min() + rig_model.BIN_M)[-1]
+    over = np.flatnonzero(way_m > way_m.max() - rig_model.BIN_M)[0]
     return slice(int(begun), int(over))

@@ -14,20 +14,8 @@ from scipy.optimize import least_squares
 from scipy.stats import f as f_distribution
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sliding.rig_model import (
-    PROPERTIES,
-    Course,
-    Noise,
-    Places,
-    RigProperties,
-    coordinates,
-    fitted_noise,
-    friction_along,
-    property_at,
-    rig_at,
-    slopes,
-    whitened,
-)
+from analysis.sliding import rig_model
+from analysis.sliding.rig_model import slopes
 
 LIMITS: Mapping[str, float] = {
     "friction_coefficient": 0.1,
@@ -77,9 +65,9 @@ class RigFit:
         points: bins fitted.
     """
 
-    rig: RigProperties
+    rig: rig_model.RigProperties
     estimates: Mapping[str, Estimate | NotEstimable]
-    noise: Noise
+    noise: rig_model.Noise
     means: tuple[FloatArray, ...]
     deviance: float
     points: int
@@ -90,7 +78,7 @@ class RigFit:
         return tuple(name for name, found in self.estimates.items() if isinstance(found, Estimate))
 
 
-def fitted_rig(courses: Sequence[Course], nominal: RigProperties) -> RigFit:
+def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProperties) -> RigFit:
     """Return the rig that fits the passes best.
 
     Args:
@@ -98,17 +86,23 @@ def fitted_rig(courses: Sequence[Course], nominal: RigProperties) -> RigFit:
         nominal: where the search begins; its resonance is the measured one.
     """
     problem = _Problem(courses=tuple(courses), nominal=nominal)
-    found, given_up = coordinates(nominal), dict[str, NotEstimable]()
-    fit = _Fit(problem=problem, noise=Noise(), means=problem.seen, found=found, free=PROPERTIES)
+    found, given_up = rig_model.coordinates(nominal), dict[str, NotEstimable]()
+    fit = _Fit(
+        problem=problem,
+        noise=rig_model.Noise(),
+        means=problem.seen,
+        found=found,
+        free=rig_model.PROPERTIES,
+    )
     for _ in range(_NOISES):
         fit = fit.kept(given_up).best()
         means = problem.split(fit.friction(fit.found))
-        fit = replace(fit, noise=fitted_noise(problem.courses, means), means=means)
+        fit = replace(fit, noise=rig_model.fitted_noise(problem.courses, means), means=means)
     # Once more, so that the patches' slope is that at the best place.
     fit = fit.kept(given_up).best().best()
     return RigFit(
-        rig=rig_at(fit.found),
-        estimates={name: given_up.get(name) or fit.estimate(name) for name in PROPERTIES},
+        rig=rig_model.rig_at(fit.found),
+        estimates={name: given_up.get(name) or fit.estimate(name) for name in rig_model.PROPERTIES},
         noise=fit.noise,
         means=problem.split(fit.friction(fit.found)),
         deviance=fit.least,
@@ -118,13 +112,13 @@ def fitted_rig(courses: Sequence[Course], nominal: RigProperties) -> RigFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Problem:
-    courses: tuple[Course, ...]
-    nominal: RigProperties
+    courses: tuple[rig_model.Course, ...]
+    nominal: rig_model.RigProperties
 
     @cached_property
-    def places(self) -> Places:
+    def places(self) -> rig_model.Places:
         settings, x_m = zip(*((one.setting, one.x_m) for one in self.courses), strict=True)
-        return Places.along(settings, x_m, [one.spread_m for one in self.courses])
+        return rig_model.Places.along(settings, x_m, [one.spread_m for one in self.courses])
 
     @property
     def seen(self) -> tuple[FloatArray, ...]:
@@ -141,7 +135,7 @@ class _Problem:
         return min((abs(one.frequency_hz / own_hz - 1) for one in driven), default=np.inf)
 
 
-_PATCH = PROPERTIES.index("patch_centre_m")
+_PATCH = rig_model.PROPERTIES.index("patch_centre_m")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,14 +153,14 @@ class _Fit:
     """
 
     problem: _Problem
-    noise: Noise
+    noise: rig_model.Noise
     means: tuple[FloatArray, ...]
     found: FloatArray
     free: tuple[str, ...]
 
     @cached_property
     def which(self) -> list[int]:
-        return [PROPERTIES.index(name) for name in self.free]
+        return [rig_model.PROPERTIES.index(name) for name in self.free]
 
     @cached_property
     def factors(self) -> tuple[FloatArray, ...]:
@@ -176,7 +170,7 @@ class _Fit:
     def white(self, values: FloatArray) -> FloatArray:
         """Return values in units in which their noise is independent."""
         parts = zip(self.factors, self.problem.split(values), strict=True)
-        return np.concatenate([whitened(factor, part) for factor, part in parts])
+        return np.concatenate([rig_model.whitened(factor, part) for factor, part in parts])
 
     @cached_property
     def seen(self) -> FloatArray:
@@ -190,7 +184,7 @@ class _Fit:
         """Return friction at some coordinates."""
         here = at.copy()
         here[_PATCH] = self.found[_PATCH]
-        friction = friction_along(self.problem.places, [rig_at(here)])[0]
+        friction = rig_model.friction_along(self.problem.places, [rig_model.rig_at(here)])[0]
         step = at[_PATCH] - here[_PATCH]
         return np.asarray(friction + step * self.patch_slope if step else friction)
 
@@ -215,7 +209,7 @@ class _Fit:
 
     def best(self) -> "_Fit":
         """Return the fit at the least-squares coordinates."""
-        middle = coordinates(self.problem.nominal)[self.which]
+        middle = rig_model.coordinates(self.problem.nominal)[self.which]
         reach = np.array([_REACH[name] for name in self.free])
 
         def residual(part: FloatArray) -> FloatArray:
@@ -239,7 +233,7 @@ class _Fit:
     def kept(self, given_up: dict[str, NotEstimable]) -> "_Fit":
         """Return the fit of what the passes determine; put the other reasons into `given_up`."""
         fit, slope = self, self.slopes(self.found)
-        nominal = coordinates(self.problem.nominal)
+        nominal = rig_model.coordinates(self.problem.nominal)
         while fit.free:
             # (7), mathematics/sliding
             size = np.linalg.norm(slope, axis=0)
@@ -253,7 +247,7 @@ class _Fit:
             name = fit.free[worst]
             given_up[name] = fit.reason(name, float(error[worst]), inverse)
             found = fit.found.copy()
-            found[PROPERTIES.index(name)] = nominal[PROPERTIES.index(name)]
+            found[rig_model.PROPERTIES.index(name)] = nominal[rig_model.PROPERTIES.index(name)]
             free = tuple(each for each in fit.free if each != name)
             fit, slope = replace(fit, found=found, free=free), np.delete(slope, worst, axis=1)
         return fit
@@ -297,17 +291,17 @@ class _Fit:
 
     def estimate(self, name: str) -> Estimate:
         """Return a property with its profile interval: the others are at their best throughout."""
-        place, number = self.free.index(name), PROPERTIES.index(name)
+        place, number = self.free.index(name), rig_model.PROPERTIES.index(name)
         middle = float(self.found[number])
         width = float(np.sqrt(self.rise * self.covariance[place, place]))
         ends = [middle + self._end(name, sign * width) for sign in (-1, 1)]
-        low, high = (property_at(name, end) for end in ends)
-        return Estimate(value=property_at(name, middle), interval=(low, high))
+        low, high = (rig_model.property_at(name, end) for end in ends)
+        return Estimate(value=rig_model.property_at(name, middle), interval=(low, high))
 
     def _end(self, name: str, width: float) -> float:
         """Return how far from the best the deviance has risen, about `width`, within the search."""
-        number, target = PROPERTIES.index(name), float(np.sqrt(self.rise))
-        off = coordinates(self.problem.nominal)[number] - self.found[number]
+        number, target = rig_model.PROPERTIES.index(name), float(np.sqrt(self.rise))
+        off = rig_model.coordinates(self.problem.nominal)[number] - self.found[number]
         most = max(float(off + np.copysign(_REACH[name], width)) / width, 1e-3)
         first = min(1.0, most) * width
         inner, outer = (0.0, 0.0), (first, self._rise(name, first))

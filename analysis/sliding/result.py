@@ -12,13 +12,8 @@ from analysis.estimates import NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.drawing import Drawing, Words, panels_drawing
 from analysis.report.page import Masthead, rendered
+from analysis.sliding import experiment
 from analysis.sliding.comparison import Extreme
-from analysis.sliding.experiment import (
-    ALWAYS_UNKNOWN,
-    DrawnSession,
-    SlidingFindings,
-    sliding_findings,
-)
 from analysis.sliding.fit import Estimate
 from analysis.sliding.rig_model import Curve
 from protocol.errors import BadInput
@@ -34,8 +29,8 @@ _CAPTION = (
 class SlidingResult:
     """A sliding experiment and what was found in it."""
 
-    drawn: DrawnSession
-    found: SlidingFindings
+    drawn: experiment.DrawnSession
+    found: experiment.SlidingFindings
 
     @cached_property
     def curve(self) -> Curve:
@@ -70,7 +65,7 @@ class SlidingResult:
             "peaks": [_place(one) for one in own if one.kind == "peak"],
             "fit": {
                 **{name: _estimate(each) for name, each in found.estimates.items()},
-                **{name: {"reason": why} for name, why in ALWAYS_UNKNOWN.items()},
+                **{name: {"reason": why} for name, why in experiment.ALWAYS_UNKNOWN.items()},
             },
             "models": [
                 {
@@ -166,7 +161,7 @@ class SlidingResult:
         return [["pass", "drive", "frequency, Hz", "mean μ'"], *rows]
 
 
-def sliding_result(drawn: DrawnSession) -> SlidingResult:
+def sliding_result(drawn: experiment.DrawnSession) -> SlidingResult:
     """Return the result of a sliding experiment.
 
     Raises:
@@ -174,7 +169,7 @@ def sliding_result(drawn: DrawnSession) -> SlidingResult:
     """
     made = [each.made for each in drawn.passes]
     try:
-        found = sliding_findings(made, drawn.resonance.frequency_hz, drawn.session)
+        found = experiment.sliding_findings(made, drawn.resonance.frequency_hz, drawn.session)
     except np.linalg.LinAlgError as error:
         raise BadInput(f"{drawn.session}: the passes are too uneven to be fitted") from error
     if isinstance(found, NotEstimable):

@@ -7,18 +7,8 @@ import numpy as np
 
 from analysis.estimates import Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
+from analysis.report import blocks
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
-from analysis.report.blocks import (
-    Block,
-    Cell,
-    Column,
-    Figure,
-    Section,
-    Table,
-    columns,
-    p_cell,
-    spread_columns,
-)
 from analysis.report.figure_data import raincloud, raincloud_figure
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line
@@ -28,10 +18,10 @@ from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 
 
-def section(found: Findings) -> Section:
+def section(found: Findings) -> blocks.Section:
     """Return the tests of the conditions, and the scores that they compare."""
     main = found.table.main
-    return Section(
+    return blocks.Section(
         name="tests",
         title="Do the conditions differ?",
         blocks=[
@@ -48,7 +38,7 @@ def section(found: Findings) -> Section:
     )
 
 
-def front(found: Findings) -> list[Block]:
+def front(found: Findings) -> list[blocks.Block]:
     """Return what of it stands among the results."""
     return [_scores_figure(found)]
 
@@ -69,21 +59,21 @@ def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
     return f"Significant differences after Holm's correction: {', '.join(differ)}."
 
 
-def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
+def _pairwise_table(pairs: Sequence[PairwiseTest]) -> blocks.Table:
     numbers = ("mean difference", "V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
-    return Table(
+    return blocks.Table(
         name="pairwise",
         caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
         "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
         "corrected for the number of pairs that could be tested. In brackets: 95% intervals; a "
         "mean difference has none where all subjects differ by the same.",
-        columns=columns("pair", *numbers, "method"),
+        columns=blocks.columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
     )
 
 
-def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
+def _pair_cells(pair: PairwiseTest) -> list[str | blocks.Cell]:
     test = pair.test
     if not isinstance(test, SignedRank):
         return [*[number(None)] * 7, test.reason]
@@ -94,16 +84,16 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
         str(test.n),
         str(test.n_zero),
         number(test.rank_biserial, 2) + beside(test.rank_biserial_interval),
-        p_cell(test.p),
-        p_cell(pair.p_holm),
+        blocks.p_cell(test.p),
+        blocks.p_cell(pair.p_holm),
         test.method,
     ]
 
 
-def _scores_figure(found: Findings) -> Figure:
+def _scores_figure(found: Findings) -> blocks.Figure:
     data = raincloud(found)
     drawn = of_all(len(data.lines), len(data.table.subjects), "subjects' lines")
-    return Figure(
+    return blocks.Figure(
         name="scores",
         title="Scores by condition",
         caption="Scores by condition. Lines with circles show subjects, clouds the density of "
@@ -116,11 +106,11 @@ def _scores_figure(found: Findings) -> Figure:
     )
 
 
-def _quartile_table(table: ScoreTable) -> Table:
+def _quartile_table(table: ScoreTable) -> blocks.Table:
     by_condition = zip(table.conditions, table.scores.T, strict=True)
-    name, count, *quartiles = spread_columns("condition")
-    mean = Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
-    return Table.over(
+    name, count, *quartiles = blocks.spread_columns("condition")
+    mean = blocks.Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
+    return blocks.Table.over(
         [(name, column[~np.isnan(column)]) for name, column in by_condition],
         [name, count, mean, *quartiles],
         name="quartiles",

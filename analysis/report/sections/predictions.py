@@ -4,17 +4,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from analysis.estimates import NotEstimable, plain
+from analysis.report import figure_data
 from analysis.report.as_json import law_json
 from analysis.report.blocks import Block, Figure, Section, Table, columns, law_columns
-from analysis.report.figure_data import (
-    HEADLINE,
-    SIMPLE,
-    ByLevel,
-    levels,
-    levels_figure,
-    scatter,
-    scatter_figure,
-)
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
@@ -63,14 +55,14 @@ def _signal_line(trials: TrialStatistics) -> str:
 
 
 _LINES = {
-    HEADLINE: "The solid line is the mean rating that M2 expects of the group's average subject, "
-    "without effects of conditions beyond their contrasts. ",
-    SIMPLE: "The dashed line is the group's by M1, the simple comparison. ",
+    figure_data.HEADLINE: "The solid line is the mean rating that M2 expects of the group's "
+    "average subject, without effects of conditions beyond their contrasts. ",
+    figure_data.SIMPLE: "The dashed line is the group's by M1, the simple comparison. ",
 }
 
 
 def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
-    data = scatter(found)
+    data = figure_data.scatter(found)
     if data is None:
         instead = "No rated trial has a prediction, so there is no figure."
         return Figure(name="model", instead=instead, table=table)
@@ -81,7 +73,7 @@ def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
         "Shape and colour mark the condition; equal ratings are offset slightly. "
         f"{''.join(_LINES[model] for model in data.curves)}"
         f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
-        draw=partial(scatter_figure, data),
+        draw=partial(figure_data.scatter_figure, data),
         keep=found.keep,
         table=table,
         front=True,
@@ -89,7 +81,7 @@ def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
 
 
 def _levels_figure(found: Findings) -> Figure:
-    data = levels(found)
+    data = figure_data.levels(found)
     if not data:
         return Figure(name="levels")
     return Figure(
@@ -98,13 +90,13 @@ def _levels_figure(found: Findings) -> Figure:
         caption="Scores against the level of each condition: small points are single scores, "
         "large ones means with standard errors. The line is the mean rating that M2 expects of "
         "the group's average subject at the predicted contrasts.",
-        draw=partial(levels_figure, data, found.scale),
+        draw=partial(figure_data.levels_figure, data, found.scale),
         keep=found.keep,
         table=_levels_table(data),
     )
 
 
-def _levels_table(data: Sequence[ByLevel]) -> Table:
+def _levels_table(data: Sequence[figure_data.ByLevel]) -> Table:
     rows = [
         [own.condition, f"{at:g}", str(count), number(mean, 2), number(error, 2)]
         for own in data

@@ -6,18 +6,8 @@ from typing import Any
 from analysis.estimates import Json, plain
 from analysis.loading.sessions import SCORED_KINDS
 from analysis.loading.study_data import LABELS, marks, unscored, withheld
+from analysis.report import blocks
 from analysis.report.as_json import friedman_json, pair_json
-from analysis.report.blocks import (
-    Block,
-    Cell,
-    Column,
-    Items,
-    Row,
-    Section,
-    Table,
-    TableGroup,
-    columns,
-)
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
@@ -29,10 +19,10 @@ from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
 
 
-def section(found: Findings) -> Section:
+def section(found: Findings) -> blocks.Section:
     """Return the scores, and the means under each reading of missing scores."""
     main = found.table.main.table4
-    return Section(
+    return blocks.Section(
         name="table4",
         title="Other readings of withheld scores",
         blocks=[*front(found), _readings_table(found)],
@@ -47,23 +37,23 @@ def section(found: Findings) -> Section:
     )
 
 
-def front(found: Findings) -> list[Block]:
+def front(found: Findings) -> list[blocks.Block]:
     """Return what of it stands among the results."""
-    notes = Items(name="table4-notes", lines=found.table_notes, front=True)
+    notes = blocks.Items(name="table4-notes", lines=found.table_notes, front=True)
     return [_score_table(found), notes]
 
 
-def own_questions(found: Findings) -> Section:
+def own_questions(found: Findings) -> blocks.Section:
     """Return a table of the answers to each of the study's own questions."""
     asked = answers_by_question(found.study, found.loaded.answers)
-    return Section(
+    return blocks.Section(
         name="questions",
         title="Questions of the study",
         blocks=[
-            Table(
+            blocks.Table(
                 name=f"question-{each.question.name}",
                 caption=_caption(each.question),
-                columns=columns("participant", "session", "about", "answer", kind="text"),
+                columns=blocks.columns("participant", "session", "about", "answer", kind="text"),
                 rows=[list(map(str, said)) for said in each.said],
             )
             if each.said
@@ -74,12 +64,12 @@ def own_questions(found: Findings) -> Section:
     )
 
 
-def _answer_table(asked: Answers) -> Table:
+def _answer_table(asked: Answers) -> blocks.Table:
     """Return counts of each label, or statistics of numbers, by group."""
     question = asked.question
     statistics = ("mean", "sd", "median", "lowest", "highest")
     names = question.values or (statistics if question.is_number else ())
-    rows: list[Row] = []
+    rows: list[blocks.Row] = []
     for group in asked.groups:
         counts = {name: str(count) for name, count in group.counts(question).items()}
         shown = group.numbers() if question.is_number else {}
@@ -87,12 +77,12 @@ def _answer_table(asked: Answers) -> Table:
         told = [str(len(group.given)), str(group.skipped)]
         rows.append([group.name, *told, *(cells.get(name, MISSING) for name in names)])
     titles = ["SD" if name == "sd" else name for name in names]
-    return Table(
+    return blocks.Table(
         name=f"question-{question.name}",
         caption=_caption(question),
         columns=[
-            Column(name="", kind="text"),
-            *columns("answers", "skipped", *titles),
+            blocks.Column(name="", kind="text"),
+            *blocks.columns("answers", "skipped", *titles),
         ],
         rows=rows,
     )
@@ -109,18 +99,18 @@ def _caption(question: StudyQuestion) -> str:
     return f"{question.name}: {text}{scale}{unit}"
 
 
-def _score_table(found: Findings) -> Table:
+def _score_table(found: Findings) -> blocks.Table:
     """Return Table 4; each score links to its trials, each mean to the predictions."""
     table, empty = found.loaded.table, found.loaded.empty
     header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if _is_scored(r)}
 
-    def score(row: int, column: int, text: str) -> Cell:
+    def score(row: int, column: int, text: str) -> blocks.Cell:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
         why = LABELS[empty[row, column]] if (row, column) in empty else ""
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
-        return Cell(
+        return blocks.Cell(
             text=text,
             target=_trials_anchor(row, column) if has_trials else "",
             label=why and f"{why}: its trials",
@@ -129,29 +119,29 @@ def _score_table(found: Findings) -> Table:
             anchor=_cell_anchor(row, column) if has_trials else "",
         )
 
-    lines: list[Row] = [
+    lines: list[blocks.Row] = [
         [subject, *(score(row, place, text) for place, text in enumerate(texts)), _mean(mean)]
         for row, (subject, *texts, mean) in enumerate(rows)
     ]
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
     note = "Notes below distinguish the empty cells. " if empty else ""
-    return Table(
+    return blocks.Table(
         name="table4",
         label="Table 4",
         caption=f"Scores by subject and condition, {found.scale_in_words}. {note}".rstrip(),
-        columns=columns(*header),
+        columns=blocks.columns(*header),
         rows=lines,
         footer=True,
         front=True,
     )
 
 
-def _mean(text: str, target: str = "") -> Cell:
-    return Cell(text=text, target=target, missing=text == MISSING)
+def _mean(text: str, target: str = "") -> blocks.Cell:
+    return blocks.Cell(text=text, target=target, missing=text == MISSING)
 
 
-def _readings_table(found: Findings) -> Table | None:
+def _readings_table(found: Findings) -> blocks.Table | None:
     """Return means and omnibus test by reading of withheld scores, or None without any."""
     readings, table = found.table.readings, found.loaded.table
     # Cells that are empty for another reason are missing in every reading, so that there is nothing
@@ -161,13 +151,16 @@ def _readings_table(found: Findings) -> Table | None:
     least = f"as {found.scale.lowest:g}"
     words = {"missing": "left missing", "zero": least, "lowest": "as the lowest observed score"}
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")
-    return Table(
+    return blocks.Table(
         name="readings",
         caption="Sensitivity of the results to scores withheld because the answer disagreed with "
         "the expectation: condition means and omnibus test with these scores left missing, read "
         f"{least}, or read as the lowest observed score. Blank cells of a published table "
         "count as withheld; cells whose trials were excluded or never reached stay missing.",
-        columns=[*columns("withheld scores", *numbers), Column(name="test", kind="sentence")],
+        columns=[
+            *blocks.columns("withheld scores", *numbers),
+            blocks.Column(name="test", kind="sentence"),
+        ],
         rows=[
             [
                 words[reading.name],
@@ -234,15 +227,15 @@ def _readings_json(readings: tuple[Reading, ...]) -> Json:
 # All analysed trials, with the contrast that each friction law predicts for them.
 
 
-def trials(found: Findings) -> Section:
+def trials(found: Findings) -> blocks.Section:
     """Return a table of all trials per subject."""
-    return Section(
+    return blocks.Section(
         name="trials",
         title="Trials",
         blocks=[
             "All analysed trials, with the contrast that each friction law predicts for them "
             f"(rung {RUNG}).",
-            TableGroup(name="trial-tables", tables=_subject_tables(found)),
+            blocks.TableGroup(name="trial-tables", tables=_subject_tables(found)),
         ],
         data={"trials": found.trial_records},
     )
@@ -261,7 +254,7 @@ def _is_scored(record: Mapping[str, Any]) -> bool:
     return record["kind"] in SCORED_KINDS
 
 
-def _subject_tables(found: Findings) -> list[Table]:
+def _subject_tables(found: Findings) -> list[blocks.Table]:
     """Return each subject's trials in the order of the conditions, with unscored trials last."""
     table = found.loaded.table
     places = {name: place for place, name in enumerate(table.conditions)}
@@ -270,28 +263,28 @@ def _subject_tables(found: Findings) -> list[Table]:
         own[record["subject"]].append(record)
     predicted = (f"predicted, {law}" for law in found.trials.contrasts.by_law)
     header = [
-        *columns("condition", "session", "trial"),
-        Column(name="kind", kind="word"),
-        Column(name="level"),
-        Column(name="answer", kind="word"),
-        *columns("as expected", "score", *predicted, "touch"),
+        *blocks.columns("condition", "session", "trial"),
+        blocks.Column(name="kind", kind="word"),
+        blocks.Column(name="level"),
+        blocks.Column(name="answer", kind="word"),
+        *blocks.columns("as expected", "score", *predicted, "touch"),
     ]
     tables = [(subject, _rows(row, of, places)) for row, (subject, of) in enumerate(own.items())]
     return [
-        Table(name="", caption=f"Trials of {subject}", columns=header, rows=rows)
+        blocks.Table(name="", caption=f"Trials of {subject}", columns=header, rows=rows)
         for subject, rows in tables
     ]
 
 
 def _rows(
     row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
-) -> Sequence[Row]:
+) -> Sequence[blocks.Row]:
     """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
 
     def place(record: Mapping[str, Any]) -> int:
         return places[record["condition"]] if _is_scored(record) else len(places)
 
-    rows: list[Row] = []
+    rows: list[blocks.Row] = []
     # Trials that are not scored have no cell of Table 4 to lead back to.
     anchored = {len(places)}
     # Stable: within a condition trials stay in the order of their answers.
@@ -302,7 +295,7 @@ def _rows(
         anchored.add(column)
         back = _cell_anchor(row, column) if anchor else ""
         label = f"{name}: back to Table 4" if anchor else ""
-        rows.append([Cell(text=name, anchor=anchor, target=back, label=label), *cells])
+        rows.append([blocks.Cell(text=name, anchor=anchor, target=back, label=label), *cells])
     return rows
 
 

@@ -6,29 +6,10 @@ from functools import partial
 from types import SimpleNamespace
 
 from analysis.estimates import Json, NotEstimable, why
+from analysis.report import figure_data, wording
 from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table, estimate
-from analysis.report.figure_data import (
-    HEADLINE,
-    SIMPLE,
-    drawn_subjects,
-    gains,
-    gains_figure,
-    relative_gains_figure,
-)
 from analysis.report.findings import Findings
-from analysis.report.wording import (
-    SIMPLE_ONLY,
-    SKIN,
-    SKIN_IN_SHORT,
-    UNBOUNDED,
-    bounded,
-    chance,
-    group_gain,
-    interval,
-    number,
-    of_all,
-)
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, UNEQUAL, Lines, SubjectLine
@@ -55,7 +36,7 @@ def section(found: Findings) -> Section:
                 for model, fit in (("M2", trials.m2), ("M1", trials.m1))
                 if isinstance(fit, NotEstimable)
             ),
-            SKIN if _fits(trials) else None,
+            wording.SKIN if _fits(trials) else None,
             Items(heading="Limitations of these data.", lines=_limits(found)),
             _relative_figure(trials),
             _gains_figure(trials),
@@ -67,7 +48,7 @@ def section(found: Findings) -> Section:
                 [*_LINE, _OWN_SHARE],
                 name="simple",
                 caption="Simple comparison: bias and gain by M1, with 95% intervals. "
-                f"{SIMPLE_ONLY} {SKIN_IN_SHORT}",
+                f"{wording.SIMPLE_ONLY} {wording.SKIN_IN_SHORT}",
             ),
             None if isinstance(trials.m3, NotEstimable) else _detection_table(trials.m3),
         ],
@@ -84,7 +65,7 @@ def _headline(fit: OrdinalSensitivity | NotEstimable, ranges: Sequence[ContrastR
     """Return the group's gain in a sentence, or an empty text without a fit."""
     if isinstance(fit, NotEstimable) or not fit.lines.group_known:
         return ""
-    return f"{group_gain(fit.lines, 'predicted')}{_known(ranges)}"
+    return f"{wording.group_gain(fit.lines, 'predicted')}{_known(ranges)}"
 
 
 def _known(ranges: Sequence[ContrastRange]) -> str:
@@ -95,9 +76,9 @@ def _known(ranges: Sequence[ContrastRange]) -> str:
         ((*entry.ends, entry.condition) for entry in ranges), key=lambda ends: ends[1] - ends[0]
     )
     return (
-        f" The interval takes the contrasts as known, but that of {name} is {number(low)} to "
-        f"{number(high)} under other assumptions of the friction model (see How certain the "
-        "contrasts are)."
+        f" The interval takes the contrasts as known, but that of {name} is {wording.number(low)} "
+        f"to {wording.number(high)} under other assumptions of the friction model (see How certain "
+        "the contrasts are)."
     )
 
 
@@ -157,7 +138,7 @@ def _too_few_means(count: int) -> str:
 
 
 def _gains_figure(trials: TrialStatistics) -> Figure:
-    models = gains(trials)
+    models = figure_data.gains(trials)
     if not models:
         return Figure(name="sensitivity")
     model, lines = next(iter(models.items()))
@@ -165,25 +146,28 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
         name="sensitivity",
         title="Sensitivity of each subject",
         caption="Sensitivity of each subject with its 95% interval; dashed lines show the group, "
-        f"if there are several subjects. {SKIN_IN_SHORT}"
-        f"{of_all(len(drawn_subjects(lines)), len(lines.subjects), 'subjects')}",
-        draw=partial(gains_figure, models),
+        f"if there are several subjects. {wording.SKIN_IN_SHORT}{_drawn(lines)}",
+        draw=partial(figure_data.gains_figure, models),
         keep=trials.keep,
         table=_gains_table(model, lines),
     )
 
 
+def _drawn(lines: Lines) -> str:
+    return wording.of_all(len(figure_data.drawn_subjects(lines)), len(lines.subjects), "subjects")
+
+
 def _relative_figure(trials: TrialStatistics) -> Figure:
-    model, lines = next(iter(gains(trials).items()), ("", None))
+    model, lines = next(iter(figure_data.gains(trials).items()), ("", None))
     if lines is None or not lines.subjects[0].relative_gain_known:
         return Figure(name="relative-gains")
     return Figure(
         name="relative-gains",
         title="Who is more sensitive than whom",
         caption=f"Relative gain of each subject by {model}, a model of the ratings: the gain less "
-        f"the mean gain of the subjects (dashed), with its 95% interval. {SKIN_IN_SHORT}"
-        f"{of_all(len(drawn_subjects(lines)), len(lines.subjects), 'subjects')}",
-        draw=partial(relative_gains_figure, lines),
+        "the mean gain of the subjects (dashed), with its 95% interval. "
+        f"{wording.SKIN_IN_SHORT}{_drawn(lines)}",
+        draw=partial(figure_data.relative_gains_figure, lines),
         keep=trials.keep,
         front=True,
     )
@@ -208,8 +192,12 @@ def _gains_table(model: str, lines: Lines) -> Table:
         [
             *_LINE,
             *estimate("relative gain", "relative_gain", absent=""),
-            Column("JND", "jnd", lambda jnd: UNBOUNDED if math.isinf(jnd) else number(jnd)),
-            Column("95%", "jnd_interval", partial(interval, digits=3)),
+            Column(
+                "JND",
+                "jnd",
+                lambda jnd: wording.UNBOUNDED if math.isinf(jnd) else wording.number(jnd),
+            ),
+            Column("95%", "jnd_interval", partial(wording.interval, digits=3)),
             _OWN_SHARE,
         ],
         name="gains",
@@ -220,7 +208,7 @@ def _gains_table(model: str, lines: Lines) -> Table:
         "standard deviation of its noise (no threshold of a psychometric function), without an "
         "upper limit where the gain may be 0. Own share: the share of a "
         "subject's departure from the group's gain that comes from the "
-        f"subject's own trials; the rest comes from the group. {SKIN_IN_SHORT}",
+        f"subject's own trials; the rest comes from the group. {wording.SKIN_IN_SHORT}",
     )
 
 
@@ -228,7 +216,7 @@ def _fits(trials: TrialStatistics) -> dict[str, LinearSensitivity | OrdinalSensi
     """Return the fits by model, the headline first."""
     # The second stage of M3 is M2 of the changes that were noticed.
     m3 = trials.m3.ratings if isinstance(trials.m3, TwoStageSensitivity) else trials.m3
-    fits = {HEADLINE: trials.m2, SIMPLE: trials.m1, "M3": m3}
+    fits = {figure_data.HEADLINE: trials.m2, figure_data.SIMPLE: trials.m1, "M3": m3}
     return {name: fit for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
 
 
@@ -251,10 +239,11 @@ def _fits_table(fits: Mapping[str, LinearSensitivity | OrdinalSensitivity]) -> T
         caption="Spread of gains between subjects, in points per unit of contrast: the median, "
         "the 95% interval and the value that it is below with 95% probability, if gains differ. "
         "P(equal): the probability that all gains are equal, .50 before the study; unless it is "
-        f"below {bounded(UNEQUAL, 3)}, the data show no difference, and the interval begins at 0. "
-        f"P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} of the group's "
-        "gain, about as much as differences of skin alone produce. Effective points: how well the "
-        f"fit is integrated, at least {LEAST_EFFECTIVE:.0f}. {SKIN_IN_SHORT}",
+        f"below {wording.bounded(UNEQUAL, 3)}, the data show no difference, and the interval "
+        f"begins at 0. P(small): the probability that the spread is less than {SMALL_SPREAD:.0%} "
+        "of the group's gain, about as much as differences of skin alone produce. Effective "
+        f"points: how well the fit is integrated, at least {LEAST_EFFECTIVE:.0f}. "
+        f"{wording.SKIN_IN_SHORT}",
     )
 
 
@@ -274,7 +263,7 @@ def _detection_table(fit: TwoStageSensitivity) -> Table:
         f"contrast of {fit.reference_contrast:.3f}; the criterion for the expected change, in SDs "
         "of the noise; the false-alarm rate, the probability that a change in either direction is "
         "reported without one; gain in rating points; with 95% intervals. "
-        f"{_scored(fit)} {SKIN_IN_SHORT}",
+        f"{_scored(fit)} {wording.SKIN_IN_SHORT}",
     )
 
 
@@ -283,10 +272,10 @@ def _scored(fit: TwoStageSensitivity) -> str:
     felt = fit.scored == "what was felt"
     return (
         f"Scores are taken to follow {'what was felt' if felt else 'the change itself'} "
-        f"(P {chance(fit.scored_p)}, .50 before the study); if they follow "
+        f"(P {wording.chance(fit.scored_p)}, .50 before the study); if they follow "
         f"{'the change itself' if felt else 'what was felt of the changes that were noticed'}, "
-        f"the group's gain is {number(fit.other_gain, 2)} rather than "
-        f"{number(fit.ratings.lines.gain, 2)}."
+        f"the group's gain is {wording.number(fit.other_gain, 2)} rather than "
+        f"{wording.number(fit.ratings.lines.gain, 2)}."
     )
 
 
@@ -297,12 +286,12 @@ def _sensitivity_json(trials: TrialStatistics) -> Json:
     }
     return {
         "sensitivity_model": "M2",
-        "sensitivity_note": SKIN,
+        "sensitivity_note": wording.SKIN,
         "sensitivity": subjects["M2"],
         **why("sensitivity", trials.m2),
         "sensitivity_simple": {
             "model": "M1",
-            "note": SIMPLE_ONLY,
+            "note": wording.SIMPLE_ONLY,
             "subjects": subjects["M1"],
             **({"reason": trials.m1.reason} if isinstance(trials.m1, NotEstimable) else {}),
         },

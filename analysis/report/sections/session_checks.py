@@ -10,25 +10,9 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.kept import Kept
 from analysis.loading.study_data import StudyData, rules_in_words
+from analysis.report import blocks, figure_data
 from analysis.report.as_json import unknown, with_reasons
-from analysis.report.blocks import (
-    Column,
-    Figure,
-    Items,
-    Section,
-    Table,
-    columns,
-    spread_columns,
-    text,
-)
-from analysis.report.figure_data import (
-    MOST_INTERVALS,
-    MOST_POINTS,
-    course,
-    course_figure,
-    strips_figure,
-    thinned,
-)
+from analysis.report.blocks import columns
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
@@ -37,14 +21,14 @@ from analysis.trials.trial_checks import Discrimination, Drift, FTest
 from analysis.trials.trial_statistics import CatchAnswers
 
 
-def section(found: Findings) -> Section:
+def section(found: Findings) -> blocks.Section:
     """Return the checks of whole sessions."""
     trials = found.trials
-    return Section(
+    return blocks.Section(
         name="checks",
         title="Sessions, touches and reaction times",
         blocks=[
-            Items(
+            blocks.Items(
                 lines=[
                     _f_line("Place in the session", trials.order),
                     _f_line("Carry-over from the scored trial directly before", trials.carry_over),
@@ -96,12 +80,12 @@ def _order_line(order: OrderAsRun | NotEstimable) -> str:
     )
 
 
-def _follower_table(found: Findings) -> Table | None:
+def _follower_table(found: Findings) -> blocks.Table | None:
     order, names = found.trials.as_run, found.study.conditions
     if isinstance(order, NotEstimable):
         return None
     counts = order.carry_over.counts
-    return Table(
+    return blocks.Table(
         name="followers",
         caption="How often each condition (column) was answered directly after another (row), "
         "within a block; catch trials between them are ignored here, while the test of carry-over "
@@ -144,23 +128,23 @@ def _catch_line(answers: Discrimination | NotEstimable) -> str:
     )
 
 
-def _course_figure(found: Findings) -> Figure:
-    data = course(found)
+def _course_figure(found: Findings) -> blocks.Figure:
+    data = figure_data.course(found)
     if data is None:
-        return Figure(name="course")
-    return Figure(
+        return blocks.Figure(name="course")
+    return blocks.Figure(
         name="course",
         title="Scores over the session",
         caption="Mean score with standard error, by the trial's place in the session.",
-        draw=partial(course_figure, data),
+        draw=partial(figure_data.course_figure, data),
         keep=found.keep,
-        table=Table.over(
+        table=blocks.Table.over(
             zip(data.places, data.means, data.errors, data.counts, strict=True),
             [
-                Column("place", itemgetter(0)),
-                Column("mean score", itemgetter(1), 2),
-                Column("standard error", itemgetter(2), 2),
-                Column("scores", itemgetter(3)),
+                blocks.Column("place", itemgetter(0)),
+                blocks.Column("mean score", itemgetter(1), 2),
+                blocks.Column("standard error", itemgetter(2), 2),
+                blocks.Column("scores", itemgetter(3)),
             ],
             name="course",
             caption="Numbers shown in the figure: mean score by place in the session.",
@@ -168,7 +152,7 @@ def _course_figure(found: Findings) -> Figure:
     )
 
 
-def _reaction_times(found: Findings) -> Figure:
+def _reaction_times(found: Findings) -> blocks.Figure:
     trials = found.loaded.scored
     times = trials[["condition", "reaction_time_s"]].dropna()
     return _strips(
@@ -187,7 +171,7 @@ def _reaction_times(found: Findings) -> Figure:
     )
 
 
-def _forces(found: Findings) -> Figure:
+def _forces(found: Findings) -> blocks.Figure:
     """Return the measured force of each touch over the one that was asked for."""
     touches = _felt(found, "force_n")
     made = touches["force_n"] / (found.study.touch.force_n * touches["press"])
@@ -205,7 +189,7 @@ def _forces(found: Findings) -> Figure:
     )
 
 
-def _places(found: Findings) -> Figure:
+def _places(found: Findings) -> blocks.Figure:
     """Return the measured place of each touch at a place, less the one that was asked for."""
     touches = _felt(found, "place_m")
     apart_m = touches["place_m"] - found.study.touch.smooth_place_m
@@ -232,7 +216,9 @@ def _felt(found: Findings, column: str) -> Any:
 
 def _by_subject(found: Findings, values: Any, touches: Any) -> dict[str, Any]:
     subjects = found.loaded.table.subjects
-    shown = [subjects[place] for place in thinned(len(subjects), MOST_INTERVALS)]
+    shown = [
+        subjects[place] for place in figure_data.thinned(len(subjects), figure_data.MOST_INTERVALS)
+    ]
     return {name: values[touches["participant"] == name] for name in shown}
 
 
@@ -244,30 +230,30 @@ def _strips(
     axes: tuple[str, str],
     keep: Kept,
     **style: Any,
-) -> Figure:
+) -> blocks.Figure:
     """Return the figure of values in groups, with a table; none without values."""
     given = {group: np.asarray(own, np.float64) for group, own in groups.items() if len(own)}
     if not given:
-        return Figure(name=name)
+        return blocks.Figure(name=name)
     axis, across = axes
     # Quartiles in the table are of all values; only points are thinned.
-    most = MOST_POINTS // len(given)
-    drawn = {group: own[thinned(len(own), most)] for group, own in given.items()}
+    most = figure_data.MOST_POINTS // len(given)
+    drawn = {group: own[figure_data.thinned(len(own), most)] for group, own in given.items()}
     medians = [float(np.median(own)) for own in given.values()]
-    draw = partial(strips_figure, drawn, medians, axis=axis, across=across, **style)
+    draw = partial(figure_data.strips_figure, drawn, medians, axis=axis, across=across, **style)
     count, of = (sum(map(len, groups.values())) for groups in (drawn, given))
-    table = Table.over(
+    table = blocks.Table.over(
         given.items(),
-        spread_columns(across),
+        blocks.spread_columns(across),
         name=name,
         caption=f"Numbers shown in the figure: {axis}.",
     )
     caption += of_all(count, of, "points")
-    return Figure(name=name, title=title, caption=caption, draw=draw, keep=keep, table=table)
+    return blocks.Figure(name=name, title=title, caption=caption, draw=draw, keep=keep, table=table)
 
 
-def _catch_table(catch: CatchAnswers) -> Table:
-    return Table(
+def _catch_table(catch: CatchAnswers) -> blocks.Table:
+    return blocks.Table(
         name="catch",
         caption="Trials on which a change in either direction was reported: scored trials (hits) "
         "and catch trials at 0 V (false alarms), with exact 95% intervals; d′ and criterion are "
@@ -295,10 +281,10 @@ def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
 
 # Exclusions with their reasons, interruptions, and operator notes.
 
-_text = partial(Column, kind="text")
+_text = partial(blocks.Column, kind="text")
 
 
-def left_out(found: Findings) -> Section:
+def left_out(found: Findings) -> blocks.Section:
     """Return the exclusions, and the incidents of the sessions."""
     loaded, rules = found.loaded, rules_in_words(found.study.exclusions)
     counts = _counts(loaded)
@@ -306,14 +292,14 @@ def left_out(found: Findings) -> Section:
     if found.published:
         # A published table does not tell, which is not the same as none.
         unfinished = "unknown for a published table"
-    return Section(
+    return blocks.Section(
         name="left-out",
         title="Exclusions and interruptions",
         blocks=[
             f"Prespecified exclusion rules: {'; '.join(rules)}."
             if rules
             else "The study prespecified no exclusion rules.",
-            Items(
+            blocks.Items(
                 lines=[
                     f"rehearsals left out: {counts['rehearsals']}",
                     *(f"{why}: {n}" for why, n in counts.items() if why != "rehearsals"),
@@ -346,12 +332,12 @@ def left_out(found: Findings) -> Section:
 
 
 def _table(
-    entries: Sequence[Any], further: Sequence[Column], place: Any = text, **told: str
-) -> Table | None:
+    entries: Sequence[Any], further: Sequence[blocks.Column], place: Any = blocks.text, **told: str
+) -> blocks.Table | None:
     """Return a table of what happened where, or None if nothing did."""
     where = ("participant", "session", "trial")
     columns = [*(_text(name, name, place) for name in where), *further]
-    return Table.over(entries, columns, **told) if entries else None
+    return blocks.Table.over(entries, columns, **told) if entries else None
 
 
 _MOST_LINES = 12

@@ -1,18 +1,18 @@
 """From the journal's events to the table of scores and the trials behind it."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import chain
-from typing import TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
 from analysis.friction.recorded import TouchForces
-from analysis.loading.records import TEXT, Exclusion, Incident, values
+from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from analysis.loading.study_lock import StudyLock, study_lock
@@ -23,95 +23,124 @@ from protocol.study.rules import Exclusions
 
 # The study's rules on who and what is left out, settled beforehand, applied to all alike.
 
+Judged = Literal["trial", "participant"]
+Numbers = Mapping[str, FloatArray | IntArray]
+"""What rules judge, each an array over the trials or the participants."""
+
+
+class Rule(NamedTuple):
+    """A rule of `Exclusions`: what it judges, what readers are told, and which numbers break it."""
+
+    of: Judged
+    words: str
+    why: str
+    breaks: Callable[[Numbers, float], BoolArray]
+
+
+RULES = {
+    "max_false_alarms": Rule(
+        "participant",
+        "a participant who reported a change on more than {:.0%} of the catch trials is left out",
+        "a change reported on {alarms} of {catches} catch trials, more than {limit:.0%}",
+        lambda n, limit: n["alarms"] / np.maximum(n["catches"], 1) > limit,
+    ),
+    "max_missing_scores": Rule(
+        "participant",
+        "a participant with more than {:.0%} of the scores missing is left out",
+        "{missing} of {scored} scores missing, more than {limit:.0%}",
+        lambda n, limit: n["missing"] / np.maximum(n["scored"], 1) > limit,
+    ),
+    "min_reaction_s": Rule(
+        "trial",
+        "a trial answered sooner than {:g} s is left out",
+        "answered after {reaction_s:g} s, sooner than {limit:g} s",
+        lambda n, limit: n["reaction_s"] < limit,
+    ),
+    "max_reaction_s": Rule(
+        "trial",
+        "a trial answered later than {:g} s is left out",
+        "answered after {reaction_s:g} s, later than {limit:g} s",
+        lambda n, limit: n["reaction_s"] > limit,
+    ),
+    "min_trials": Rule(
+        "participant",
+        "a participant with fewer than {} valid trials is left out",
+        "{scored} valid trials, fewer than {limit}",
+        lambda n, limit: n["scored"] < limit,
+    ),
+}
+
+
+def broken_rules(rules: Exclusions, of: Judged, numbers: Numbers) -> dict[str, BoolArray]:
+    """Return by the name of each rule that the study settled which trials or people break it.
+
+    Trials are judged first, with the time to the first answer as `reaction_s` (NaN breaks no rule);
+    then people, by how many trials are left to them: `scored`, without a score (`missing`),
+    `catches`, and `alarms` among these.
+    """
+    settled = rules.model_dump(exclude_none=True)
+    return {
+        name: rule.breaks(numbers, settled[name])
+        for name, rule in RULES.items()
+        if rule.of == of and name in settled
+    }
+
 
 def excluded_by_rule(
     trials: pd.DataFrame, rules: Exclusions
 ) -> tuple[pd.DataFrame, tuple[Exclusion, ...]]:
-    """Return the answered trials that the rules keep, and what they take out.
-
-    Trials are judged first, by the time to the first answer; then participants, by the trials
-    that are left to them.
-    """
-    timed = zip(trials["trial_kind"], trials["reaction_time_s"], strict=True)
-    late = pd.Series([_reaction_broken(*one, rules) for one in timed], trials.index, TEXT)
-    in_time, too_late = trials[late.isna()], trials[late.notna()]
-    gone = _participants_broken(in_time, rules, trials["participant"].unique().tolist())
+    """Return the answered trials that the rules keep, and what they take out."""
+    timed = trials["reaction_time_s"].where(trials["trial_kind"].isin(["trial", "catch"]))
+    told = _told(rules, "trial", {"reaction_s": timed.to_numpy(np.float64)})
+    late = np.array([bool(why) for why in told], np.bool_)
+    in_time, too_late = trials[~late], trials[late]
     left_out = [
         Exclusion(participant=participant, session=session, trial=index, by="rule", why=why)
-        for participant, session, index, why in zip(
+        for participant, session, index, (why, *_) in zip(
             *(too_late[name] for name in ("participant", "session", "trial_index")),
-            late.dropna(),
+            filter(None, told),
             strict=True,
         )
     ]
-    left_out += [
-        Exclusion(participant=participant, by="rule", why=why)
-        for participant, broken in gone.items()
-        for why in broken
-    ]
-    return in_time[~in_time["participant"].isin(gone.keys())], tuple(left_out)
-
-
-def _reaction_broken(kind: str, reaction_s: float, rules: Exclusions) -> str | None:
-    """Describe the rule that a trial breaks by the time to its first answer."""
-    if kind not in {"trial", "catch"}:
-        return None
-    if rules.min_reaction_s is not None and reaction_s < rules.min_reaction_s:
-        return f"answered after {reaction_s:g} s, sooner than {rules.min_reaction_s:g} s"
-    if rules.max_reaction_s is not None and reaction_s > rules.max_reaction_s:
-        return f"answered after {reaction_s:g} s, later than {rules.max_reaction_s:g} s"
-    return None
-
-
-def _participants_broken(
-    trials: pd.DataFrame, rules: Exclusions, participants: list[str]
-) -> dict[str, list[str]]:
-    """Describe the rules that each participant breaks, even one without any trial left."""
-    scored, catch = is_scored(trials), trials["trial_kind"].eq("catch")
+    scored, catch = is_scored(in_time), in_time["trial_kind"].eq("catch")
     counted = {
         "scored": scored,
-        "missing": scored & trials["score"].isna(),
+        "missing": scored & in_time["score"].isna(),
         "catches": catch,
         # A catch trial without an answer is no false alarm.
-        "alarms": catch & trials["agrees"].eq(False).fillna(False),
+        "alarms": catch & in_time["agrees"].eq(False).fillna(False),
     }
-    counts = pd.DataFrame(counted).groupby(trials["participant"]).sum()
-    found = {
-        who: _broken(rules, *own)
-        for who, *own in counts.reindex(participants, fill_value=0).itertuples(name=None)
-    }
-    return {who: broken for who, broken in found.items() if broken}
+    counts = pd.DataFrame(counted).groupby(in_time["participant"]).sum()
+    # Even a participant without any trial left is judged.
+    counts = counts.reindex(trials["participant"].unique(), fill_value=0)
+    told = _told(rules, "participant", {name: counts[name].to_numpy() for name in counted})
+    gone = [
+        Exclusion(participant=participant, by="rule", why=why)
+        for participant, broken in zip(counts.index, told, strict=True)
+        for why in broken
+    ]
+    kept = in_time[~in_time["participant"].isin([out.participant for out in gone])]
+    return kept, (*left_out, *gone)
 
 
-def _broken(rules: Exclusions, scored: int, missing: int, catches: int, alarms: int) -> list[str]:
-    """Describe the rules that one participant's numbers of trials break."""
-    broken = []
-    limit = rules.max_false_alarms
-    if limit is not None and catches and alarms / catches > limit:
-        broken.append(
-            f"a change reported on {alarms} of {catches} catch trials, more than {limit:.0%}"
-        )
-    limit = rules.max_missing_scores
-    if limit is not None and scored and missing / scored > limit:
-        broken.append(f"{missing} of {scored} scores missing, more than {limit:.0%}")
-    if rules.min_trials is not None and scored < rules.min_trials:
-        broken.append(f"{scored} valid trials, fewer than {rules.min_trials}")
-    return broken
+def _told(rules: Exclusions, of: Judged, numbers: Numbers) -> list[list[str]]:
+    """Describe the rules that each trial or participant breaks."""
+    broken = broken_rules(rules, of, numbers)
+    rows = (dict(zip(numbers, row, strict=True)) for row in zip(*numbers.values(), strict=True))
+    return [
+        [
+            RULES[name].why.format(**row, limit=getattr(rules, name))
+            for name, breaks in broken.items()
+            if breaks[number]
+        ]
+        for number, row in enumerate(rows)
+    ]
 
 
 def rules_in_words(rules: Exclusions) -> list[str]:
     """Return each rule that the study settled, as a reader is told it."""
-    texts = {
-        "max_false_alarms": "a participant who reported a change on more than {:.0%} of the catch "
-        "trials is left out",
-        "max_missing_scores": "a participant with more than {:.0%} of the scores missing is "
-        "left out",
-        "min_reaction_s": "a trial answered sooner than {:g} s is left out",
-        "max_reaction_s": "a trial answered later than {:g} s is left out",
-        "min_trials": "a participant with fewer than {} valid trials is left out",
-    }
     settled = rules.model_dump(exclude_none=True)
-    return [text.format(settled[name]) for name, text in texts.items() if name in settled]
+    return [rule.words.format(settled[name]) for name, rule in RULES.items() if name in settled]
 
 
 # Why a cell of Table 4 has no score: not every such cell may be read as an answer.

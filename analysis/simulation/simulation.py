@@ -10,7 +10,7 @@ from analysis.estimates import BoolArray, FloatArray
 from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
-from analysis.loading.study_data import StudyData, study_data
+from analysis.loading.study_data import StudyData, broken_rules, study_data
 from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort
 from device.people.answering import SAME, answer_of
 from device.people.person import (
@@ -147,37 +147,19 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
     of = planned.kinds
     scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
     catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
-    # A bound that the study does not set is left by no time, and a missing time leaves none.
-    rules = planned.study.exclusions
-    soon = made.reaction_s < (rules.min_reaction_s or 0.0)
-    late = made.reaction_s > (rules.max_reaction_s or np.inf)
-    kept = made.answered & ~((soon | late) & (scored | catch))
-    given = kept & scored & ~np.isnan(made.score)
-    alarms = kept & catch & (made.change != SAME)
-    return kept & scored, _left_out(planned, kept & scored, given, kept & catch, alarms)
-
-
-def _left_out(
-    planned: PlannedTrials,
-    scored: BoolArray,
-    given: BoolArray,
-    catch: BoolArray,
-    alarms: BoolArray,
-) -> BoolArray:
-    """Return whom the rules leave out, shape (people,)."""
-    rules = planned.study.exclusions
-    trials, catches = scored.sum(axis=1), catch.sum(axis=1)
-    out = np.zeros(trials.shape, dtype=np.bool_)
-    if rules.max_false_alarms is not None:
-        out |= (catches > 0) & (
-            alarms.sum(axis=1) / np.maximum(catches, 1) > rules.max_false_alarms
-        )
-    if rules.max_missing_scores is not None:
-        missing = (trials - given.sum(axis=1)) / np.maximum(trials, 1)
-        out |= (trials > 0) & (missing > rules.max_missing_scores)
-    if rules.min_trials is not None:
-        out |= trials < rules.min_trials
-    return out
+    timed = {"reaction_s": np.where(scored | catch, made.reaction_s, np.nan)}
+    late = broken_rules(planned.study.exclusions, "trial", timed)
+    kept = ~np.logical_or.reduce([~made.answered, *late.values()])
+    counted = {
+        "scored": kept & scored,
+        "missing": kept & scored & np.isnan(made.score),
+        "catches": kept & catch,
+        "alarms": kept & catch & (made.change != SAME),
+    }
+    numbers = {name: some.sum(axis=1) for name, some in counted.items()}
+    broken = broken_rules(planned.study.exclusions, "participant", numbers)
+    out = np.zeros(made.people.size, dtype=np.bool_)
+    return kept & scored, np.logical_or.reduce([out, *broken.values()])
 
 
 _AT_ONCE = 2_000

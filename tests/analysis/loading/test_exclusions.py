@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.loading.records import Exclusion
-from analysis.loading.study_data import NothingToReport, StudyData, load_study_data
+from analysis.loading.study_data import RULES, NothingToReport, StudyData, load_study_data
 from protocol.journal.events import Answered, Event
 from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain
@@ -86,3 +86,7 @@ def test_who_has_no_trial_left_is_judged_too() -> None:
 def test_rules_that_leave_nobody_say_so() -> None:
     with pytest.raises(NothingToReport, match="leave nobody: P01 has 5 valid trials, fewer than 6"):
         loaded(paper_session(), rules=Exclusions(min_trials=6))
+
+
+def test_every_rule_of_the_study_file_is_judged() -> None:
+    assert RULES.keys() == Exclusions.model_fields.keys()

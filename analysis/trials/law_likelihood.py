@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 from scipy.special import stdtr, stdtrit
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.linear_model import LineSums, line_posterior, line_sums, without_noise
-from analysis.sensitivity.lines import Ratings, axes_of, covariance_matrices
+from analysis.sensitivity.linear_model import LineSums, line_sums, without_noise
+from analysis.sensitivity.lines import Ratings, axes_of
 from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
 
 # A law over conditions: all assignments of its contrasts, and predictions of a condition.
@@ -276,12 +276,36 @@ def _law_likelihood(
 
 
 def _largest(sums: LineSums) -> float:
-    """Return the largest log-likelihood of partially pooled lines, population line included."""
+    """Return the largest log-likelihood of partially pooled lines, population line included.
+
+    It is the profile of `line_posterior` with its matrices written out, which takes a twentieth of
+    the time: (σ² I + T G)⁻¹ = (σ² I + adj(G) adj(T)) / D, so that every sum over subjects weights
+    what stays the same by 1 / D = 1 / |σ² I + T G|, with G = Z'Z and p = Z'y.
+    """
+    n, x, xx = sums.gram[:, 0, 0], sums.gram[:, 0, 1], sums.gram[:, 1, 1]
+    (y, xy), size = sums.products.T, n * xx - x**2
+    adjusted = xx * y - x * xy, n * xy - x * y  # adj(G) p
+    squares = y * y, 2 * y * xy, xy * xy, y * adjusted[0] + xy * adjusted[1]
+    grams = np.stack([n, x + x, xx, size], axis=1)
+    fixed = np.stack([n, x, xx, size, y, xy, *adjusted, *squares])
+    total, count = sums.squares.sum(), n.sum()
 
     def cost(point: FloatArray) -> float:
-        spread = np.append(np.log(point[1:3]), point[3])
-        known = line_posterior(sums, point[:1], covariance_matrices(spread[None]))
-        return -float(known.profile[0])
+        noise, (level, slope) = point[0] ** 2, point[1:3]
+        both, both_size = (
+            level * slope * np.tanh(point[3]),
+            (level * slope / np.cosh(point[3])) ** 2,
+        )
+        between = np.array([noise * level**2, noise * both, noise * slope**2, both_size])
+        determinant = grams @ between + noise**2
+        weighted = fixed @ (1 / determinant)
+        adjugate = np.array([[slope**2, -both], [-both, level**2]])
+        info = noise * weighted[[0, 1, 1, 2]].reshape(2, 2) + weighted[3] * adjugate
+        score = noise * weighted[4:6] + adjugate @ weighted[6:8]
+        explained = between @ weighted[8:] / noise
+        quadratic = total / noise - explained - score @ np.linalg.solve(info, score)
+        log_det = np.log(determinant).sum() + (count - 2 * len(n)) * np.log(noise)
+        return float(log_det + quadratic + count * np.log(2 * np.pi)) / 2
 
     return -_smallest(cost, [NOISE, SPREAD, SPREAD, CORRELATION], [0.6, 0.5, 0.5, 0.0])
 

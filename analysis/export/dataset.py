@@ -87,8 +87,8 @@ class Dataset:
     `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
     `questions` are the study's own, and those that were asked under an earlier study file.
     `found` is what they were made from, `rig` the study's calibration at present.
-    `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
-    the sessions whose events are not as they were recorded.
+    `source_sha256` is the digest of all the events that they were read from, empty if nobody asked
+    for it, `broken_chains` are the sessions whose events are not as they were recorded.
     """
 
     study: Study
@@ -289,6 +289,7 @@ def dataset(
     rehearsals: bool,
     rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
+    digested: bool = True,
 ) -> Dataset:
     """Return what is to be exported of the sessions in `chains`.
 
@@ -300,13 +301,15 @@ def dataset(
         rehearsals: whether dry runs are wanted too.
         rig: as calibrated at present.
         broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
+        digested: whether the format tells the digest of the events, which takes long.
 
     Raises:
         NothingToExport: there is no trial.
     """
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
-    found = with_measures(study, load_sessions(_recorded(_digested(chains, digest), recorded)))
+    read = _digested(chains, digest) if digested else chains
+    found = with_measures(study, load_sessions(_recorded(read, recorded)))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = asked_questions(study, found.answers)
     trials = trial_table(found, found.sessions[~rehearsal], questions)
@@ -326,7 +329,7 @@ def dataset(
         rehearsals_left_out=int(rehearsal.sum()),
         sessions_withdrawn=found.withdrawn,
         sessions_without_trials=int((~rehearsal & ~begun).sum()),
-        source_sha256=digest.hexdigest(),
+        source_sha256=digest.hexdigest() if digested else "",
         touchbeam=touchbeam,
         found=found,
         rig=rig,

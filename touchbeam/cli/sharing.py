@@ -121,6 +121,7 @@ def export(
             rehearsals=rehearsals,
             rig=fitted_calibration(source.path) if as_format in WITH_CONTRASTS else NOMINAL,
             broken_chains=broken,
+            digested=as_format != "csv",
         )
         texts = EXPORTS[as_format](data)
         if as_format in WITH_SOURCE:

@@ -10,7 +10,9 @@ import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
+from itertools import chain
 from types import NoneType
+from typing import Any
 
 Scalar = str | int | float | bool | None
 
@@ -71,6 +73,9 @@ def _csv_column(column: Sequence[Cell]) -> Sequence[Cell]:
     kinds = set(map(type, column))
     if kinds <= {float, int, NoneType}:
         return column
+    lists: Any = column if kinds == {tuple} else ()
+    if lists and (kinds := set(map(type, chain.from_iterable(lists)))) <= {float, int}:
+        return [BETWEEN_TOUCHES.join(map(repr, cell)) for cell in lists]
     if kinds <= {str, bool, NoneType}:  # few different ones; none of them equals another's type
         known = {cell: _cell_text(cell, csv_cell, missing="") for cell in set(column)}
         return [known[cell] for cell in column]

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -127,10 +128,12 @@ def _answers(
 
 def touch_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Return a row per touch of the exported `trials`; of published scores nothing is known."""
-    touched = trials[trials["touches"].fillna(0).gt(0)].reset_index(drop=True)
-    rows = touched.explode(_PER_TOUCH)
-    numbered = rows.assign(touch=rows.groupby(level=0).cumcount())
-    return numbered[names_of(TOUCH_COLUMNS)].reset_index(drop=True)
+    touched = trials[trials["touches"].fillna(0).gt(0)]
+    rows = touched[names_of(TOUCH_COLUMNS[:4])].reset_index(drop=True)
+    rows = rows.loc[rows.index.repeat(touched["touches"].to_numpy(np.int64))]
+    told = {name: list(chain.from_iterable(touched[name])) for name in _PER_TOUCH}
+    numbered = rows.assign(touch=rows.groupby(level=0).cumcount()).reset_index(drop=True)
+    return numbered.join(pd.DataFrame(told, dtype=object))
 
 
 def participant_table(
@@ -203,15 +206,16 @@ def contrast_table(
     begun = found.trials.loc[trials.index]
     touches = found.touches[found.touches["attempt_id"].isin(begun.index)]
     contrasts = trial_contrasts(study, begun, touches.assign(place_m=found.places_m), rig)
-    laws = [
-        trials.assign(
-            law=law, rung=RUNG, predicted_contrast=predicted, touch_measured=contrasts.measured
-        )
-        for law, predicted in contrasts.by_law.items()
-    ]
+    names = names_of(CONTRAST_COLUMNS)
     # By trial and then by law, so that the laws of a trial stand together.
-    rows = pd.concat(laws).loc[trials.index]
-    return rows[names_of(CONTRAST_COLUMNS)].reset_index(drop=True)
+    rows = trials.filter(names).loc[trials.index.repeat(len(contrasts.by_law))]
+    told = rows.assign(
+        law=[*contrasts.by_law] * len(trials),
+        rung=RUNG,
+        predicted_contrast=np.column_stack([*contrasts.by_law.values()]).ravel(),
+        touch_measured=contrasts.measured.repeat(len(contrasts.by_law)),
+    )
+    return told[names].reset_index(drop=True)
 
 
 # A study's tables for Python: trials, touches, traces, sessions and plans as data frames.

@@ -89,8 +89,8 @@ def trial_contrasts(
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
-    number_of = {each: number for number, each in enumerate(dict.fromkeys(felt))}
-    numbers = [number_of[each] for each in felt]
+    number_of: dict[Felt, int] = {}
+    numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), rung)
     return TrialContrasts(
@@ -190,11 +190,13 @@ def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | No
     `touches` have the columns of touches that the change depends on, as attributes.
     """
     first, last = touches[0], touches[-1]
-    before = _pressed(change.before, first)
-    if len(touches) > 1 or first.planned.programme != "hold":  # else it started at rest
-        before = _driven(before, first.start_voltage_v, first.start_frequency_hz, resonance_hz)
-    after = _pressed(change.after, last)
-    after = _driven(after, last.end_voltage_v, last.end_frequency_hz, resonance_hz)
+    start = first.start_voltage_v, first.start_frequency_hz
+    if len(touches) == 1 and first.planned.programme == "hold":
+        start = math.nan, math.nan  # it started at rest
+    before = _felt(change.before, first.force_n, *start, resonance_hz)
+    after = _felt(
+        change.after, last.force_n, last.end_voltage_v, last.end_frequency_hz, resonance_hz
+    )
     places_m = change.places_m
     if change.effect == "friction" and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
@@ -204,23 +206,22 @@ def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | No
     return replace(change, before=before, after=after, places_m=places_m)
 
 
-def _pressed(moment: Moment, touch: Any) -> Moment:
-    """Return the moment with the measured force, if there is one."""
-    if not isfinite(touch.force_n):
-        return moment
-    step_n = FORCE_STEP * moment.force_n
-    return replace(moment, force_n=stepped(touch.force_n, moment.force_n, step_n))
-
-
-def _driven(
-    moment: Moment, voltage_v: float, frequency_hz: float, resonance_hz: float | None
+def _felt(
+    moment: Moment,
+    force_n: float,
+    voltage_v: float,
+    frequency_hz: float,
+    resonance_hz: float | None,
 ) -> Moment:
-    """Return the moment with the drive that was read back, if there is one."""
-    if not isfinite(voltage_v) or resonance_hz is None:
-        return moment
-    # Rounded, so that trials with the same drive share a prediction.
-    frequency = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
-    return replace(moment, voltage_v=round(voltage_v, 3), frequency=frequency)
+    """Return the moment with the measured force and the drive that was read back, if known."""
+    known: dict[str, Any] = {}
+    if isfinite(force_n):
+        known["force_n"] = stepped(force_n, moment.force_n, FORCE_STEP * moment.force_n)
+    if isfinite(voltage_v) and resonance_hz is not None:
+        # Rounded, so that trials with the same drive share a prediction.
+        known["voltage_v"] = round(voltage_v, 3)
+        known["frequency"] = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
+    return replace(moment, **known) if known else moment
 
 
 def stepped(measured: float, planned: float, step: float) -> float:

@@ -73,7 +73,11 @@ _QUESTIONS = """\
 | `number` | | `minimum`, `maximum`, `decimals`, `unit` |
 | `text` | | `max_length` |
 
-[An example](how-to/question.md) asks two questions.
+[An example](how-to/question.md) asks two questions. With
+`asked_if = { question = "noticed", is = ["yes"] }` one is asked only where a change was noticed,
+with `{ question = "score", at_least = 5 }` after high scores. What could never be asked is refused.
+Lengths count every question. In exported data a question that was not asked has no reaction time;
+one that was skipped has.
 
 A question needs a text in every one of `session.languages`. A resumed session does not repeat
 answered questions `before`, `after` or after a `block`. Answers about a trial are journalled
@@ -84,8 +88,8 @@ trials](data.md#rows-and-columns).
 
 
 _PARTS = {
-    "rating": ("A band, in `bands`", "Band"),
-    "question": ("A label, in `labels`", "Label"),
+    "rating": [("A band, in `bands`", "Band")],
+    "question": [("A label, in `labels`", "Label"), ("When it is asked: `asked_if`", "AskedIf")],
 }
 """The records within a section, each with its heading."""
 _PAGES = """\
@@ -158,8 +162,7 @@ def _sections(schema: _Schema) -> Iterator[str]:
         yield f"## `{_header(name, entry)}`\n\n{description}\n"
         if record:
             yield _keys(record)
-        if name in _PARTS:
-            part, kind = _PARTS[name]
+        for part, kind in _PARTS.get(name, ()):
             yield f"### {part}\n\n{_keys(records[kind])}"
         if name in _REMARKS:
             yield _REMARKS[name]

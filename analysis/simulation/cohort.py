@@ -10,6 +10,7 @@ from analysis.estimates import BoolArray, FloatArray, IntArray
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
 from device.people.answering import (
     QUESTION_NUMBERS,
+    SAME,
     TOUCH_NUMBERS,
     Answering,
     Felt,
@@ -302,7 +303,7 @@ def _answer(
                 u[:, asked],
             )
             asked += 1
-            wanted = (change == expected[:, trial]) | (rating.score_when == "always")
+            wanted = rating.asks_score(agrees=change == expected[:, trial], noticed=change != SAME)
             # Somebody who has left scores nothing more.
             wanted &= scored[:, trial] & ~answering.left
             score, score_reaction_s = answering.score(wanted)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Any
 
 from protocol.errors import WorkFailed
 from protocol.journal import events
@@ -115,7 +116,7 @@ class SessionState:
     """The result of the events so far. Only `take` changes it.
 
     `touch` is the number of the running trial's last touch, None before its first one.
-    `questions` holds name and block of each answer that was given apart from the trials.
+    `questions` holds each answer that was given apart from the trials, by name and block.
     """
 
     name: str = "new"
@@ -128,7 +129,7 @@ class SessionState:
     described: Mapping[str, str] = field(default_factory=dict)
     """What the operator answered before the session, or before it was resumed."""
     answers: dict[int, str] = field(default_factory=dict)
-    questions: set[tuple[str, int | None]] = field(default_factory=set)
+    questions: dict[tuple[str, int | None], Any] = field(default_factory=dict)
     answered_twice: list[int] = field(default_factory=list)
     aborted: list[int] = field(default_factory=list)
     deferred: list[tuple[int, int]] = field(default_factory=list)
@@ -190,7 +191,7 @@ class SessionState:
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
             case events.QuestionAnswered():
-                self.questions.add((event.name, event.block))
+                self.questions[event.name, event.block] = event.answer
             case events.TouchStarted():
                 self.touch = event.touch
                 self.windowless = bool(event.instruction and event.instruction.trace is None)

@@ -143,9 +143,11 @@ def _course(start: str, end: str) -> str:
 
 def _measured(study: Study) -> Iterator[str]:
     rating = study.rating
-    when = (
-        "if the answer agrees with the expectation" if rating.score_when == "agrees" else "always"
-    )
+    when = {
+        "agrees": "if the answer agrees with the expectation",
+        "noticed": "if the answer says that anything changed",
+        "always": "always",
+    }[rating.score_when]
     yield (
         f"The reported change, and the strength of the effect from {rating.minimum} to "
         f"{rating.maximum}, asked {when}."

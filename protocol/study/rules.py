@@ -1,6 +1,6 @@
 """The rules of a study: what a session asks, allows and repeats, and what the report leaves out."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -268,13 +268,19 @@ PAPERS_BANDS = {
 class Rating(Record):
     """When and on which scale the effect is scored, and how the scores are named."""
 
-    score_when: Literal["agrees", "always"] = setting(
-        "agrees", "ask for the score only if the answer agrees with the expectation"
+    score_when: Literal["agrees", "noticed", "always"] = setting(
+        "agrees",
+        "ask for the score only if the answer agrees with the expectation, if it says that "
+        "anything changed, or always",
     )
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
     ticks: Literal["all", "bands", "ends"] = setting("all", "which scores are marked on the scale")
     bands: tuple[Band, ...] = setting((), "names of ranges, which together cover the scale")
+
+    def asks_score(self, *, agrees: Any, noticed: Any) -> Any:
+        """Return whether an answer leads to the score: truth values, or arrays of them."""
+        return {"agrees": agrees, "noticed": noticed, "always": agrees | True}[self.score_when]
 
     @model_validator(mode="after")
     def _ends_are_apart(self) -> Self:

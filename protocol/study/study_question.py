@@ -4,7 +4,7 @@ A built-in question is an instance: what changed is a choice of one label, the s
 """
 
 import re
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -159,6 +159,35 @@ class Label(Record):
         return self.__pydantic_extra__
 
 
+SCORE = "score"
+"""Name of the question how strong the change is."""
+
+
+class AskedIf(Record):
+    """The answer on which a question depends."""
+
+    question: Line = setting(
+        ...,
+        "a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, "
+        "`no`), `agrees` (`yes`, `no`) or `score`",
+    )
+    answers: tuple[Name, ...] = setting((), "answers after which it is asked", alias="is")
+    at_least: Place | None = setting(None, "smallest number after which it is asked")
+    at_most: Place | None = setting(None, "largest number after which it is asked")
+
+    def met_by(self, given: Mapping[str, Answer]) -> bool:
+        """Return whether these answers, by question, ask for it; one that was skipped never does.
+
+        Of several labels that were chosen, one is enough.
+        """
+        answer = given.get(self.question)
+        if isinstance(answer, int | float):
+            low, high = self.at_least, self.at_most
+            return (low is None or answer >= low) and (high is None or answer <= high)
+        chosen = answer if isinstance(answer, tuple | list) else (answer,)
+        return any(each in self.answers for each in chosen)
+
+
 class StudyQuestion(Record):
     """A question of the study's own; its name becomes a column of exported data."""
 
@@ -187,6 +216,9 @@ class StudyQuestion(Record):
     required: bool = setting(
         True, "whether it must be answered; if not, it may be skipped", strict=True
     )
+    asked_if: AskedIf | None = setting(
+        None, "only after this answer: a table, see below; always without it"
+    )
     text: Annotated[
         dict[KnownCode, _Shown], Field(description="the question, by the language's code")
     ] = Field(default_factory=dict)
@@ -214,6 +246,11 @@ class StudyQuestion(Record):
         if self.kind == "analogue":
             return ANALOGUE
         return self.minimum or 0.0, self.maximum or 0.0, self.step or 1.0
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """Smallest and largest number that answers it, None where there is no end."""
+        return self.scale[:2] if self.kind == "analogue" else (self.minimum, self.maximum)
 
     @property
     def places(self) -> int:
@@ -390,10 +427,6 @@ class InstructionPage(Record):
     picture: Filename | None = setting(None, "a PNG or JPEG file in the study's folder")
 
 
-SCORE = "score"
-"""Name of the question how strong the change is."""
-
-
 @cache
 def change_question(question: Question) -> StudyQuestion:
     """Return a built-in question about the change; its texts are those of the language."""
@@ -410,3 +443,29 @@ def score_question(rating: Rating) -> StudyQuestion:
         maximum=rating.maximum,
         ticks="labels" if rating.ticks == "bands" else rating.ticks,
     )
+
+
+_YES_NO = ("no", "yes")
+
+
+def trial_facts(rating: Rating) -> Iterator[StudyQuestion]:
+    """Yield what is known of every answered trial, as questions that others may depend on."""
+    changes = dict.fromkeys(answer for answers in ANSWERS.values() for answer in answers)
+    for name, values in (("change", changes), ("noticed", _YES_NO), ("agrees", _YES_NO)):
+        labels = tuple(Label(value=value) for value in values)
+        yield StudyQuestion(name=name, kind="choice", labels=labels)
+    yield score_question(rating)
+
+
+def facts_of_trial(
+    question: Question | None, change: str | None, expected: str | None, score: int | None
+) -> dict[str, Answer]:
+    """Return what the answer to a trial says, by the names of `trial_facts`."""
+    if question is None or change is None:
+        return {}
+    return {
+        "change": change,
+        "noticed": _YES_NO[change != QUESTIONS[question].same],
+        "agrees": _YES_NO[change == expected],
+        SCORE: score,
+    }

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import combinations
+from math import inf
 from string import Formatter
 from unicodedata import category, normalize
 
@@ -20,7 +21,15 @@ from protocol.study.participant_texts import (
 )
 from protocol.study.rules import Band
 from protocol.study.study import Study
-from protocol.study.study_question import ANSWERS, BETWEEN, KINDS, MOST_LABELS, Label, StudyQuestion
+from protocol.study.study_question import (
+    ANSWERS,
+    BETWEEN,
+    KINDS,
+    MOST_LABELS,
+    Label,
+    StudyQuestion,
+    trial_facts,
+)
 from protocol.study.touch import Touch
 
 
@@ -227,7 +236,8 @@ def question_problems(study: Study) -> Iterator[Problem]:
     yield from _name_problems(study)
     for number, question in enumerate(study.question):
         path: Path = ("question", number)
-        for key, rule, value, hint in (*_key_problems(study, question), *_form(question)):
+        found = (*_key_problems(study, question), *_form(question), *_never_asked(study, question))
+        for key, rule, value, hint in found:
             yield _problem(question, (*path, key), rule, value, hint)
         yield from _texts_problems(study, path, question)
 
@@ -265,7 +275,7 @@ def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: s
 
 
 def _name_problems(study: Study) -> Iterator[Problem]:
-    taken = set(TAKEN)
+    taken = {*TAKEN, *(each.name for each in trial_facts(study.rating))}
     for number, question in enumerate(study.question):
         name = question.name
         # A question fills two columns, and either may be taken.
@@ -293,6 +303,41 @@ def _key_problems(study: Study, question: StudyQuestion) -> _Found:
             yield "conditions", "must be conditions of the study", repr(name), known
     for twice in _repeated(question.conditions):
         yield "conditions", "must differ", repr(twice), "name it once"
+
+
+def _never_asked(study: Study, question: StudyQuestion) -> _Found:
+    """A question that depends on an answer which nobody can have given when it would be asked."""
+    if (rule := question.asked_if) is None:
+        return
+    before = study.question[: study.question.index(question)]
+    known = {each.name: each for each in (*trial_facts(study.rating), *before)}
+    other = known.get(rule.question)
+    if other is None:
+        must, hint = "must name a question before this one", f"known: {', '.join(known)}"
+        yield "asked_if", must, repr(rule.question), hint
+        return
+    # Of many trials or blocks it would not be known which one is meant.
+    if other.when not in {"before", question.when}:
+        yield "when", f"must be {other.when!r} as that of {other.name}", repr(question.when), ""
+    everywhere = study.conditions
+    if {"trial"} == {other.when, question.when} and set(other.conditions or everywhere).isdisjoint(
+        question.conditions or everywhere
+    ):
+        yield "conditions", f"must share one with {other.name}", "none", "else it is never asked"
+    numbers = [end for end in (rule.at_least, rule.at_most) if end is not None]
+    if other.values:
+        wrong = [repr(each) for each in rule.answers if each not in other.values]
+        if wrong or numbers or not rule.answers:
+            must = f"must say `is`, of the answers to {other.name}"
+            hint = f"known: {', '.join(other.values)}"
+            yield "asked_if", must, next(iter(wrong), "something else"), hint
+        return
+    low, high = other.ends
+    low = max((end for end in (low, rule.at_least) if end is not None), default=-inf)
+    high = min((end for end in (high, rule.at_most) if end is not None), default=inf)
+    if rule.answers or not numbers or not other.is_number or low > high:
+        must = f"must say at_least or at_most, within the numbers that answer {other.name}"
+        yield "asked_if", must, ", ".join(f"{end:g}" for end in numbers) or "something else", ""
 
 
 def _form(question: StudyQuestion) -> _Found:

@@ -95,6 +95,19 @@ def slot_for(
     return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
 
 
+def told_before(
+    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str
+) -> dict[str, Any]:
+    """Return the latest answers, by question, of the participant's sessions other than `chain`."""
+    return {
+        name: answer
+        for other, state in sessions.items()
+        if other != chain and state.name not in _GONE and state.opened is not None
+        if (state.opened.participant, state.opened.kind) == (participant, kind)
+        for (name, _), answer in state.questions.items()
+    }
+
+
 def _slot_state(state: SessionState, before: SlotState) -> SlotState:
     """Return the state of a session's slot; a finished session settles it for good."""
     gone = state.name in _GONE

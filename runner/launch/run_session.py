@@ -32,7 +32,7 @@ from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock, SteppedClock, WallClock
-from runner.journal.cohort import slot_for, states
+from runner.journal.cohort import slot_for, states, told_before
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
@@ -248,6 +248,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             consent=options.consent,
             seed=request.seed,
             virtual=_virtual_truth(request, sessions.get(chain)),
+            told=told_before(sessions, options.participant, request.kind, chain),
             registration=digest,
             calibration=RigCalibration(**vars(rig)) if rig.origin else None,
         )

@@ -1,7 +1,7 @@
 """A session's fixed settings, the events that record them, and its running context."""
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from itertools import pairwise
@@ -24,6 +24,7 @@ from protocol.plan.plan import running_order
 from protocol.plan.trials import Plan, Trial, planned_trial
 from protocol.study.rules import TouchRules
 from protocol.study.study import Study
+from protocol.study.study_question import Answer
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.session_log import SessionLog
@@ -49,6 +50,8 @@ class Session:
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
+    told: Mapping[str, Answer] = field(default_factory=dict)
+    """Answers of the participant's earlier sessions, by question."""
     registration: str | None = None
     """Digest of the study's registration, which seeds the plan."""
     calibration: RigCalibration | None = None

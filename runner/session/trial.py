@@ -9,7 +9,7 @@ from protocol.journal.events import Answered, QuestionAnswered, TouchEnded, Touc
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Trial
 from protocol.study.participant_texts import language, page_key
-from protocol.study.study_question import Answer, StudyQuestion, When
+from protocol.study.study_question import QUESTIONS, Answer, StudyQuestion, When, facts_of_trial
 from protocol.study.touch import Touch
 from runner import screens
 from runner.session.session import Session, SessionContext, judged, samples_of
@@ -34,8 +34,10 @@ def asked(context: SessionContext, screen: screens.Ask) -> tuple[Answer, screens
 
 def ask_due(context: SessionContext) -> None:
     """Ask and record what is due between trials and has not been answered yet."""
-    # Each answer is stored by itself, so that a session that is interrupted asks only what is left.
-    for when, block, question in due(context.session, context.log.state):
+    # Each answer is stored by itself, so that a session that is interrupted asks only what is left,
+    # and each may decide on what is asked next.
+    while left := due(context.session, context.log.state):
+        when, block, question = left[0]
         given = _asked(context, question)
         context.log.append(QuestionAnswered(when=when, block=block, **vars(given)))
         context.participant.saved()
@@ -63,12 +65,22 @@ def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None
 
 def due(session: Session, state: SessionState) -> list[Due]:
     """Return the study's own questions that are due in `state`, in the order of asking."""
+    known = known_before(session, state)
     return [
         (when, block, question)
         for when, block in _times(session, state)
         for question in session.study.questions(when, session.number)
         if (question.name, block) not in state.questions
+        and (question.asked_if is None or question.asked_if.met_by(known))
     ]
+
+
+def known_before(session: Session, state: SessionState) -> dict[str, Answer]:
+    """Return the latest answer to each question asked before or between trials, by its name.
+
+    What was asked in the first session alone is known in the later ones.
+    """
+    return {**session.told, **{name: answer for (name, _), answer in state.questions.items()}}
 
 
 def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | None]]:
@@ -261,7 +273,13 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
 def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Compliance]) -> Answered:
     """Ask about `trial`, whose touches are `judged`; return the event with the answers."""
     change, score, given = _answers(context, trial)
-    questions = context.session.study.questions_after(trial.condition)
+    known = {**known_before(context.session, context.log.state)}
+    known |= facts_of_trial(trial.question, change, trial.expected, score)
+    own: list[records.QuestionAnswer] = []
+    for question in context.session.study.questions_after(trial.condition):
+        if question.asked_if is None or question.asked_if.met_by(known):
+            own.append(_asked(context, question))
+            known[question.name] = own[-1].answer
     return Answered(
         index=trial.index,
         kind=trial.kind,
@@ -274,7 +292,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Complian
         reaction_time_s=tuple(entry.reaction_time_s for entry in given),
         traces=tuple(entry.trace for entry in given),
         judged=tuple(judged),
-        questions=tuple(_asked(context, question) for question in questions),
+        questions=tuple(own),
     )
 
 
@@ -283,8 +301,8 @@ def _answers(
 ) -> tuple[str | None, int | None, list[screens.Response]]:
     """Return the reported change, its score, and the responses that gave them.
 
-    The score is None if the answer disagrees with the expectation and the study asks for a score
-    only where it agrees (the paper's rule, section 5.2).
+    The score is None where the answer asks for none, which `rating.score_when` decides (in the
+    paper, section 5.2, an answer that disagrees with the expectation).
     """
     # A block that is drawn along the beam answers nothing.
     if trial.kind == "pass":
@@ -295,8 +313,11 @@ def _answers(
         return None, None, [response(context)]
     rating = context.session.study.rating
     _, change = asked(context, screens.ask_change(trial.question))
-    agrees = change.answer == trial.expected
-    if not trial.scored or not (agrees or rating.score_when == "always"):
+    agrees, noticed = (
+        change.answer == trial.expected,
+        change.answer != QUESTIONS[trial.question].same,
+    )
+    if not (trial.scored and rating.asks_score(agrees=agrees, noticed=noticed)):
         return change.answer, None, [change]
     score, given = asked(context, screens.ask_score(rating))
     assert isinstance(score, int), "scores are whole"

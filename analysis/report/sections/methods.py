@@ -41,11 +41,11 @@ def _data(found: Findings) -> str:
         if found.published
         else "Each condition changed one parameter of the vibrating beam. Participants reported "
         "the change that they felt and, "
-        + (
-            "if their answer agreed with the expectation,"
-            if study.rating.score_when == "agrees"
-            else "whatever their answer,"
-        )
+        + {
+            "agrees": "if their answer agreed with the expectation,",
+            "noticed": "if they had noticed one,",
+            "always": "whatever their answer,",
+        }[study.rating.score_when]
         + f" scored the strength of the effect from {found.scale_in_words}."
     )
     return (

@@ -168,7 +168,10 @@ def test_a_question_is_noted_with_the_block_that_it_followed() -> None:
     told = {"answer": "a", "reaction_time_s": 1.0, "trace": None}
     asked = {"name": "q", "when": "block", **told}
     first, second = (("question-answered", {**asked, "block": block}) for block in (1, None))
-    assert after(("device-armed", ARMED), first, second).questions == {("q", 1), ("q", None)}
+    assert after(("device-armed", ARMED), first, second).questions == {
+        ("q", 1): "a",
+        ("q", None): "a",
+    }
 
 
 def test_an_excluded_trial_keeps_its_reason_until_it_is_included() -> None:

@@ -15,6 +15,7 @@ from runner.journal.store import Journal
 from runner.screens import Ask, Instruction
 from runner.session.loop import run
 from runner.session.session import Session, answer_order
+from runner.session.trial import due
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
@@ -148,3 +149,54 @@ def test_participants_read_once_that_practice_begins(tmp_path: Path) -> None:
         carried_out(journal, participant, text)
     said = [screen for screen in participant.shown if screen == Instruction(text="practice")]
     assert len(said) == 1
+
+
+DEPENDENT = (
+    TEXT.replace('score_when = "agrees"', 'score_when = "noticed"')
+    .replace(
+        'name = "confidence"',
+        'name = "confidence"\nasked_if = { question = "score", at_least = 5 }',
+    )
+    .replace(
+        'name = "remarks"', 'name = "remarks"\nasked_if = { question = "hand", is = ["left"] }'
+    )
+)
+
+
+@pytest.mark.parametrize(("score", "hand"), [("5", "left"), ("4", "right")])
+def test_a_question_that_depends_on_an_answer_is_asked_only_after_it(
+    tmp_path: Path, score: str, hand: str
+) -> None:
+    participant = FakeParticipant(answers={**ANSWERS, "hand": hand, "score": score})
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, participant, DEPENDENT)
+        answered = [e.record for e in journal.events("P01/1") if isinstance(e.record, Answered)]
+        apart = recorded(journal)
+    for event in (each for each in answered if each.condition in {"voltage", "pressure"}):
+        names = [each.name for each in event.questions]
+        assert ("confidence" in names) == (event.score is not None and event.score >= 5)
+    assert any(event.score == int(score) for event in answered)
+    assert (("remarks", None) in apart) == (hand == "left")
+
+
+def test_a_score_is_asked_where_anything_was_noticed(tmp_path: Path) -> None:
+    given = {"roughness": "rougher", "strength": "same", "places": "not swapped"}
+    participant = FakeParticipant(answers={**ANSWERS, **given})
+    with open_journal(tmp_path / "study.db") as journal:
+        carried_out(journal, participant, DEPENDENT)
+        answered = [e.record for e in journal.events("P01/1") if isinstance(e.record, Answered)]
+    scored = {event.change: event.score is not None for event in answered if event.condition}
+    assert scored == {"rougher": True, "same": False, "not swapped": False}
+
+
+def test_an_answer_of_the_first_session_counts_in_the_second(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        session = context(journal, FakeDevice(), person(), DEPENDENT)
+        session.session = replace(session.session, number=2, told={"hand": "left"})
+        assert ("remarks", None) in {
+            (question.name, block)
+            for _, block, question in due(
+                session.session,
+                SessionState(answers=dict.fromkeys(range(99), ""), questions={}),
+            )
+        }

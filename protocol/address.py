@@ -10,7 +10,6 @@ ADDRESS_RULE = (
 _HOST = r"(?:[\w.-]+|\[[\w:.%]+\])"
 _ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCII | re.IGNORECASE)
 
-
 SIMULATED = "sim"
 """The address of a simulated device, which each command starts for itself."""
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
-
 LAST_NOTICES = frozenset({"thanks", "stopped"})
 """Texts that end a session; the window shows them for a while and can then be closed."""
 

@@ -251,7 +251,6 @@ _ROUGH, _FLOOR, _HALVINGS = 3e-8, 1e-11, 26
 _NARROW = 1e-5  # part of the length below which a window is summed on its own
 _MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
 
-
 _POWERS = np.arange(1, _NODES.size + 1)
 _OF_POWERS = _MONOMIALS / _POWERS[:, None]
 _ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])

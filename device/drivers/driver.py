@@ -246,11 +246,7 @@ class Driver(ABC):
             raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
         if self.reading is not None:
             self.reading = replace(
-                self.reading,
-                at_s=self.monotonic(),
-                output=False,
-                amplitude_v=0.0,
-                monitor_v=None,
+                self.reading, at_s=self.monotonic(), output=False, amplitude_v=0.0, monitor_v=None
             )
 
     def _asked_twice_whether_on(self) -> str:

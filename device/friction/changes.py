@@ -160,7 +160,6 @@ CONDITIONS: Mapping[str, Change] = MappingProxyType(
 )
 """The paper's conditions by name (section 5.2); every session opens with `signal`."""
 
-
 # The predicted contrast of a change: how much friction changes, as one number.
 
 LAW, RUNG = "consistent", TOP_RUNG

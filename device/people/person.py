@@ -155,8 +155,7 @@ class Person:
     ] = 1.0
     reaction_shift_s: Annotated[float, _of("shortest reaction time", "s", high=60.0)] = 0.3
     reaction_median_s: Annotated[
-        float,
-        _of("median of what a reaction time has beyond the shortest", "s", high=600.0),
+        float, _of("median of what a reaction time has beyond the shortest", "s", high=600.0)
     ] = 0.8
     reaction_spread: Annotated[float, _of("SD of the logarithm of that", "", high=5.0)] = 0.4
     dropout: Annotated[float, _share("chance of leaving at a question, for good")] = 0.0
@@ -457,9 +456,7 @@ _OF_TOUCHES = (
 )  # fmt: skip
 SENSITIVE = Population(
     typical=replace(
-        DEFAULT.typical,
-        felt_noise=0.015,
-        **{name: getattr(_EXACT, name) for name in _OF_TOUCHES},
+        DEFAULT.typical, felt_noise=0.015, **{name: getattr(_EXACT, name) for name in _OF_TOUCHES}
     ),
     varied=MappingProxyType(
         {name: how for name, how in DEFAULT.varied.items() if name not in _OF_TOUCHES}

@@ -75,11 +75,7 @@ class Control:
     ) -> dict[str, object]:
         """Put the finger down; answers with the friction coefficient that it feels there."""
         self._beam.touch(
-            float(force_n),
-            float(position_m),
-            direction,
-            float(speed_m_s),
-            self._instrument.time_s,
+            float(force_n), float(position_m), direction, float(speed_m_s), self._instrument.time_s
         )
         return {"friction_coefficient": self._beam.friction_coefficient(self._instrument)}
 

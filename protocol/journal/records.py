@@ -221,8 +221,7 @@ class Recording(JsonRecord):
     ]
     clock_offset_s: Annotated[float, Key("the session's clock minus the source's, s")]
     clock_error_s: Annotated[
-        float,
-        Key("largest error of that, by the shortest round trips at beginning and end, s"),
+        float, Key("largest error of that, by the shortest round trips at beginning and end, s")
     ]
     moved_s: Annotated[
         tuple[float, ...],

@@ -7,7 +7,7 @@ device's address and how answers came about in the window stay behind.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import singledispatch
@@ -31,7 +31,7 @@ from protocol.journal.events import (
     event_of,
     terms_in,
 )
-from protocol.journal.records import CHANNELS, PlannedTrial
+from protocol.journal.records import CHANNELS
 from protocol.journal.state import NotAllowed, folded
 from protocol.pseudonyms import pseudonym
 
@@ -49,7 +49,6 @@ _WRONG = (
     *(RecursionError, TypeError, ValueError),
 )
 """What reading a line that was edited or damaged can raise."""
-
 
 _KINDS = ("participant", "rehearsal")
 _SCORED = ("trial", "catch")
@@ -95,7 +94,7 @@ def shared_session(source: str, text: str) -> SharedSession:
     if not known or not 1 <= opened.session <= _MOST_SESSIONS:
         told = f"{opened.kind!r}, {opened.session}"
         raise BadInput(f"{source}: must be a numbered session of a participant, got {told}")
-    for trial in _planned(events):
+    for trial in (trial for terms in terms_in(events) for trial in terms.trials):
         if trial.kind in _SCORED and trial.condition not in opened.conditions:
             told = f"trial {trial.index}, {trial.condition!r}"
             raise BadInput(f"{source}: a trial must be of one of the session's conditions, {told}")
@@ -125,11 +124,6 @@ def _stored(
         monotonic_s=float(monotonic_s),
         payload=payload,
     )
-
-
-def _planned(events: Sequence[StoredEvent]) -> Iterator[PlannedTrial]:
-    for terms in terms_in(events):
-        yield from terms.trials
 
 
 def _out_of_range(event: Event) -> str:

@@ -197,7 +197,10 @@ def _digest(body: str) -> str:
 def _toml(document: Mapping[str, Any], table: str = "") -> str:
     """Return TOML: plain values first, then a table for each mapping."""
     plain = {name: value for name, value in document.items() if not isinstance(value, Mapping)}
-    lines = [f"{_key(name)} = {_value(value)}\n" for name, value in plain.items()]
+    lines = [
+        f"{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else _value(name)} = {_value(value)}\n"
+        for name, value in plain.items()
+    ]
     header = f"\n[{table}]\n" if table else ""
     tables = [
         _toml(value, f"{table}.{name}" if table else name)
@@ -205,10 +208,6 @@ def _toml(document: Mapping[str, Any], table: str = "") -> str:
         if isinstance(value, Mapping)
     ]
     return "".join([header, *lines, *tables])
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
 
 
 def _value(value: Any) -> str:

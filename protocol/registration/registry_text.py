@@ -1,6 +1,6 @@
 """The text of a registration to paste into a registry, under the headings that registries use."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from protocol.registration.registration import Registration, hypotheses
 from protocol.study.rules import Order
@@ -26,18 +26,42 @@ _TIMES: dict[When, str] = {
 
 def registry_text(study: Study, registered: Registration) -> str:
     """Return the text, in plain English."""
+    blind, sessions = study.session.blind_operator, registered.sessions
+    seen = f"The operator sees {'neither condition nor' if blind else 'condition and'}"
     parts = [
         ("Title", [study.publication.title or registered.study]),
         # What the study file does not say is left to its author and never invented.
         ("Authors", [", ".join(study.publication.authors) or "(to be filled in)"]),
         ("Hypotheses", _hypotheses(study, registered)),
         ("Study type", ["Experiment, within participants."]),
-        ("Blinding", [_blinding(study)]),
+        (
+            "Blinding",
+            [
+                "Participants are not told what the device does in a trial or what is expected. "
+                f"{seen} drive during a session."
+            ],
+        ),
         ("Study design", _design(study)),
-        ("Randomization", _randomisation(study, registered)),
+        (
+            "Randomization",
+            [
+                "Orders, levels, catch and practice trials are drawn from random streams that are "
+                "seeded by the digest of this registration. The data therefore prove that the plan "
+                "came first.",
+                f"Seed: the digest {registered.digest}.",
+                f"The seed {study.study.seed} of the study file is not used.",
+            ],
+        ),
         # True by itself: `register` refuses a study that has had a session.
         ("Existing data", ["Registration took place before the first session with a participant."]),
-        ("Sample size and stopping rule", _stopping(registered)),
+        (
+            "Sample size and stopping rule",
+            [
+                f"Data collection ends when {registered.participants} participants have completed "
+                f"{sessions} session{'s' * (sessions != 1)} each. A participant who drops out is "
+                "replaced."
+            ],
+        ),
         ("Sample size rationale", _power(registered)),
         ("Manipulated variables", _conditions(study)),
         ("Measured variables", _measured(study)),
@@ -45,13 +69,17 @@ def registry_text(study: Study, registered: Registration) -> str:
         ("Inference criteria", _inference(registered)),
         ("Data exclusion", registered.exclusions or ["No data are excluded."]),
         ("Missing data", ["A score that is not given is missing, not zero; nobody is dropped."]),
-        ("Digests", _digests(registered)),
+        (
+            "Digests",
+            [
+                f"Registration: {registered.digest}",
+                f"Study file: {registered.study_sha256}",
+                f"Analysis settings: {registered.analysis_sha256}",
+                f"Software: touchbeam {registered.touchbeam}",
+            ],
+        ),
     ]
-    return "\n".join(f"{heading}\n{_indented(lines)}" for heading, lines in parts)
-
-
-def _indented(lines: Iterable[str]) -> str:
-    return "".join(f"  {line}\n" for line in lines)
+    return "\n".join("\n  ".join([heading, *lines]) + "\n" for heading, lines in parts)
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
@@ -59,15 +87,6 @@ def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."
-
-
-def _blinding(study: Study) -> str:
-    hidden = "The operator sees neither" if study.session.blind_operator else "The operator sees"
-    joined = "nor" if study.session.blind_operator else "and"
-    return (
-        "Participants are not told what the device does in a trial or what is expected. "
-        f"{hidden} condition {joined} drive during a session."
-    )
 
 
 def _design(study: Study) -> Iterator[str]:
@@ -82,23 +101,6 @@ def _design(study: Study) -> Iterator[str]:
         yield f"{design.catch_trials} catch trials (0 V) per session."
     if design.opposite_repeats:
         yield f"{design.opposite_repeats} of the repeats run in the opposite order."
-
-
-def _randomisation(study: Study, registered: Registration) -> Sequence[str]:
-    return [
-        "Orders, levels, catch and practice trials are drawn from random streams that are seeded "
-        "by the digest of this registration. The data therefore prove that the plan came first.",
-        f"Seed: the digest {registered.digest}.",
-        f"The seed {study.study.seed} of the study file is not used.",
-    ]
-
-
-def _stopping(registered: Registration) -> Sequence[str]:
-    return [
-        f"Data collection ends when {registered.participants} participants have completed "
-        f"{registered.sessions} session{'s' * (registered.sessions != 1)} each. A participant who "
-        "drops out is replaced."
-    ]
 
 
 def _power(registered: Registration) -> Sequence[str]:
@@ -173,12 +175,3 @@ def _inference(registered: Registration) -> Iterator[str]:
     yield f"The primary hypothesis is '{registered.primary}'."
     if registered.secondary:
         yield "Secondary hypotheses count as supported only if the primary one is."
-
-
-def _digests(registered: Registration) -> Sequence[str]:
-    return [
-        f"Registration: {registered.digest}",
-        f"Study file: {registered.study_sha256}",
-        f"Analysis settings: {registered.analysis_sha256}",
-        f"Software: touchbeam {registered.touchbeam}",
-    ]

@@ -52,7 +52,6 @@ Name = Annotated[
 ]
 Line = Annotated[str, Field(min_length=1, max_length=500)]
 
-
 Names = Callable[[], Iterable[str]]
 """Of what there is, looked up when somebody asks."""
 

@@ -61,9 +61,11 @@ def study_wording(study: Study, code: str) -> Wording:
     for key in finger_texts():
         if key in texts:
             texts[key] = texts[key].format(**fingers)
+    pages = enumerate(study.page)
+    texts |= {page_key(number): page.text[code] for number, page in pages if code in page.text}
     return Wording(
         code=code,
-        texts={**texts, **_page_texts(study, code)},
+        texts=texts,
         bands=read.bands,
         fonts=read.fonts,
         font_package=read.font_package,
@@ -83,11 +85,6 @@ def page_key(number: int) -> str:
 def is_own_page(key: str) -> bool:
     """Return whether a text of this key fills a page of the study's own."""
     return key.startswith("page.")
-
-
-def _page_texts(study: Study, code: str) -> dict[str, str]:
-    pages = enumerate(study.page)
-    return {page_key(number): page.text[code] for number, page in pages if code in page.text}
 
 
 def language(study: Study, code: str) -> languages.Language:

@@ -12,7 +12,6 @@ _Spoken = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 Dialect = Annotated[_Spoken, known_as("dialects")]
 """Each is a driver of that name; what is no board is a generator with an amplifier behind it."""
 
-
 GaugeDialect = Annotated[_Spoken, known_as("gauge dialects")]
 
 
@@ -38,10 +37,7 @@ class Rig(Record):
         "the commands that the device understands: `board`, or those of a "
         "generator: `keysight`, `rigol`, `siglent`",
     )
-    voltages_are: Literal["peak"] = setting(
-        "peak",
-        "every voltage is an amplitude (peak)",
-    )
+    voltages_are: Literal["peak"] = setting("peak", "every voltage is an amplitude (peak)")
     # A beam that sounds below 1 kHz is no ultrasonic device: the number is in kHz.
     nominal_resonance_hz: Positive = setting(
         24_221.0,

@@ -66,10 +66,7 @@ class QuestionType:
 
 QUESTIONS: Mapping[Question, QuestionType] = {
     "roughness": QuestionType(
-        effect="friction",
-        meaning="how did the roughness change",
-        more="smoother",
-        less="rougher",
+        effect="friction", meaning="how did the roughness change", more="smoother", less="rougher"
     ),
     "strength": QuestionType(
         effect="depth", meaning="how did the effect change", more="stronger", less="weaker"
@@ -93,7 +90,6 @@ MEANINGS = {
     "not swapped": "they did not swap",
 }
 """Of all answers, for exported data."""
-
 
 Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
 Form = Literal["labels", "scale", "typed"]

@@ -55,7 +55,6 @@ _SCHEMA = (
         BEGIN SELECT RAISE(ABORT, 'the journal is append-only'); END""",
 )
 
-
 _SCHEMAS = {
     UNSALTED_VERSION: [
         statement.replace("        salt BLOB,\n", "").replace(" OR NEW.salt IS NOT NULL", "")

@@ -1,6 +1,6 @@
 """Verification of a journal: unbroken chains, permitted events, each trial answered once."""
 
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -175,20 +175,17 @@ def _require_readable(session: str, events: list[StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
         raise store.JournalError(f"session {session} has lost payloads; run touchbeam verify")
-    if not (withdrawn or session == STUDY_CHAIN or _has_beginning(events)):
+    begins = any(
+        event.tag == ScoresImported.TAG
+        or (event.tag == SessionOpened.TAG and event.payload.keys() >= SessionOpened.REQUIRED)
+        for event in events[:1]
+    )
+    if not (withdrawn or session == STUDY_CHAIN or begins):
         raise store.JournalError(f"session {session} has no opening event; run touchbeam verify")
     try:
         folded(events)
     except IMPOSSIBLE as error:
         raise store.JournalError(f"session {session} is damaged; run touchbeam verify") from error
-
-
-def _has_beginning(events: Sequence[StoredEvent]) -> bool:
-    return any(
-        event.tag == ScoresImported.TAG
-        or (event.tag == SessionOpened.TAG and event.payload.keys() >= SessionOpened.REQUIRED)
-        for event in events[:1]
-    )
 
 
 def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:

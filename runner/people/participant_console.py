@@ -156,7 +156,9 @@ class ConsoleParticipant(screens.Participant):
         if not isinstance(self._screen, screens.Ask):
             return "ready"
         question = self._screen.question
-        answer = self._values(question, line) if question.values else line
+        words = line.replace(",", " ").split() if question.kind == "several" else [line]
+        values = (self._value(question, word) for word in words)
+        answer = BETWEEN.join(values) if question.values else line
         try:
             value = question.answer(answer)
         except ValueError:
@@ -186,11 +188,6 @@ class ConsoleParticipant(screens.Participant):
                 return [f"  … (1–{question.longest})"]
             case "labels":
                 return self._choices(question)
-
-    def _values(self, question: StudyQuestion, line: str) -> str:
-        """Return the values of the labels that are typed, by number, value or text."""
-        typed = line.replace(",", " ").split() if question.kind == "several" else [line]
-        return BETWEEN.join(self._value(question, word) for word in typed)
 
     def _value(self, question: StudyQuestion, word: str) -> str:
         for number, label in enumerate(question.labels, start=1):

@@ -162,7 +162,11 @@ class VirtualParticipant(screens.Participant):
             score, seconds = self._answering.score()
             lowest, highest, _ = question.scale
             return self._respond(f"{answering.on_scale(score, lowest, highest)[0]:.0f}", seconds[0])
-        return self._respond(self._own(question), self._seconds("own questions"))
+        stream, skips = self._streams["own questions"], not question.required
+        drawn = study_question.KINDS[question.kind].drawn
+        # At random but plausible.
+        own = "" if skips and stream.random() < _SKIPPED else drawn(question, stream)
+        return self._respond(own, self._seconds("own questions"))
 
     def _respond(self, answer: str, seconds: float) -> screens.Response:
         self._screen = None
@@ -199,13 +203,6 @@ class VirtualParticipant(screens.Participant):
         if self._answering.left[0]:
             raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
         return self._respond(answering.answer_of(question, int(answer[0])), seconds[0])
-
-    def _own(self, question: study_question.StudyQuestion) -> str:
-        """Return an answer to a question of the study's own, at random but plausible."""
-        stream = self._streams["own questions"]
-        if not question.required and stream.random() < _SKIPPED:
-            return ""
-        return study_question.KINDS[question.kind].drawn(question, stream)
 
 
 # A real beam that nobody touches, in a dry run: its friction is predicted from what is read back.

@@ -84,7 +84,6 @@ class Picture:
 
 Element = Text | Outline | Dot | Picture
 
-
 Page = tuple[Element, ...]
 """The elements on the screen at one moment, in drawing order."""
 
@@ -143,7 +142,6 @@ class Typed:
 
 
 Input = Pressed | Dragged | Released | Key | Typed
-
 
 # Text layout without a screen, from upper bounds on the size of text.
 #

@@ -322,7 +322,9 @@ class WindowServer:
 
     def _frame(self) -> None:
         first, page_now = not self._standing.frames.shown_s, self._page()
-        if first or page_now != self._drawn or not self._may_keep():
+        # The last frame may stand where a clock paces them and `alive` is not due.
+        ticks, changed = self._share == 1.0, first or page_now != self._drawn
+        if changed or not (ticks and self.now_s() - self._alive_s < ALIVE_EVERY_S):
             self.canvas.draw(page_now)
             flipped_s, self._drawn = self.canvas.flip(), page_now
         else:
@@ -339,10 +341,6 @@ class WindowServer:
             self._alive_s = flipped_s
             # Sent from here: it says that frames are drawn, not only that a process exists.
             self.send({"alive": flipped_s})
-
-    def _may_keep(self) -> bool:
-        """Return whether the last frame may stand: a clock paces them, and `alive` is not due."""
-        return self._share == 1.0 and self.now_s() - self._alive_s < ALIVE_EVERY_S
 
     def _page(self) -> Page:
         return self._standing.page(self.now_s(), self.settings.wording)

@@ -1,6 +1,7 @@
 """A simulated force gauge beside the board, on the same beam and finger; it has its own clock."""
 
 import zlib
+from operator import mul
 
 from device.errors import DeviceError
 from device.force_channel.recording import CHANNELS, FULL_SCALE
@@ -58,14 +59,7 @@ class GaugeModel:
         block = self.sampler.block(first)
         counts = list(block.counts)[: CHANNELS * MOST_SAMPLES]
         rows = zip(*(counts[channel::CHANNELS] for channel in range(CHANNELS)), strict=True)
-        samples = [_sample(row) for row in rows]
+        samples = ["{:.4f},{:.4f},{:.5f}".format(*map(mul, row, SCALE)) for row in rows]
         time_s = number_text(block.first_s + AHEAD_S)
         body = ";".join((str(block.first), time_s, str(len(samples)), *samples))
         return f"{body};{zlib.crc32(body.encode('ascii')):08X}"
-
-
-def _sample(counts: tuple[int, ...]) -> str:
-    tangential_n, normal_n, position_m = (
-        count * size for count, size in zip(counts, SCALE, strict=True)
-    )
-    return f"{tangential_n:.4f},{normal_n:.4f},{position_m:.5f}"

@@ -6,11 +6,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
-from device.people.person import People
+from device.people.person import People, normal_quantile
 from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study_question import ANSWERS, QUESTIONS, Question
 from protocol.study.touch import Mark
@@ -82,7 +81,7 @@ class Answering:
         tired = 1 + who.fatigue * self._asked
         self.left |= u[:, _LEAVES] < who.dropout
         felt = contrast * np.maximum(1 - who.adaptation * np.abs(self._felt), 0.0)
-        felt = felt + who.felt_noise * tired * ndtri(u[:, _FELT])
+        felt = felt + who.felt_noise * tired * normal_quantile(u[:, _FELT])
         less = np.where(two_sided & (felt < -who.criterion_less), LESS, SAME)
         answer = np.where(felt > who.criterion, MORE, less)
         lapses = u[:, _LAPSE] < who.lapse
@@ -91,7 +90,7 @@ class Answering:
         answer = np.where(lapses, 1 - thirds.astype(np.int64), answer)
         # Who did not attend felt no change, whatever the answer was.
         size = np.where(lapses, 0.0, who.gain * np.abs(felt) + beyond)
-        noise = who.rating_noise * tired * ndtri(u[:, _SCORE])
+        noise = who.rating_noise * tired * normal_quantile(u[:, _SCORE])
         self._pending = who.bias + size + who.drift * self._asked + noise
         self._felt = felt
         self._asked += 1
@@ -117,7 +116,9 @@ class Answering:
     def _seconds(self, column: int) -> FloatArray:
         """Return reaction times, shifted log-normal ones, to the millisecond."""
         who = self.people
-        beyond_s = who.reaction_median_s * np.exp(who.reaction_spread * ndtri(self._u[:, column]))
+        beyond_s = who.reaction_median_s * np.exp(
+            who.reaction_spread * normal_quantile(self._u[:, column])
+        )
         return np.asarray(np.round(who.reaction_shift_s + beyond_s, 3))
 
 
@@ -255,8 +256,8 @@ def course(people: People, u: FloatArray, mark: Mark) -> Course:
 
     `u` are their random numbers for it, shape (people, TOUCH_NUMBERS).
     """
-    force = people.force_factor * (1 + people.force_error * ndtri(u[:, 0]))
-    speed = people.speed_factor * (1 + people.speed_error * ndtri(u[:, 1]))
+    force = people.force_factor * (1 + people.force_error * normal_quantile(u[:, 0]))
+    speed = people.speed_factor * (1 + people.speed_error * normal_quantile(u[:, 1]))
     return Course(
         mark=mark,
         force_n=mark.force_n * np.maximum(force, _LEAST),

@@ -9,7 +9,6 @@ from typing import Annotated, Protocol, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
@@ -215,8 +214,15 @@ def uniforms_of(streams: Sequence[str], rows: int, columns: int) -> FloatArray:
     digests = b"".join([shake_128(name.encode()).digest(size) for name in streams])
     # Least byte first on every machine, or the same name would give other numbers on some.
     words = np.frombuffer(digests, dtype="<u8").reshape(len(streams), rows, columns)
-    # 53 bits are what a float holds. The half keeps 0 and 1 out, of which `ndtri` is infinite.
+    # 53 bits are what a float holds. The half keeps 0 and 1 out, whose quantiles are infinite.
     return np.asarray(((words >> 11) + 0.5) * 2.0**-53)
+
+
+def normal_quantile(u: FloatArray) -> FloatArray:
+    """Return the quantiles of the standard normal distribution at `u`."""
+    from scipy.special import ndtri  # a third of the start of a session that has no virtual person
+
+    return np.asarray(ndtri(u))
 
 
 # The world that virtual people touch: a beam's law, rung and hidden properties, and their skin.
@@ -315,9 +321,11 @@ class Normal:
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
         if self.sd == 0:
             return np.full(u.shape, self.mean)
+        from scipy.special import ndtr
+
         # Quantiles of the part within the limits: clipping would heap people at the ends.
         low, high = (ndtr((end - self.mean) / self.sd) for end in (limits.low, limits.high))
-        return np.asarray(self.mean + self.sd * ndtri(low + (high - low) * u))
+        return np.asarray(self.mean + self.sd * normal_quantile(low + (high - low) * u))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -430,7 +430,7 @@ def _normal_scores(
     if skews is None:
         return lambda value: ((value - means) / sds, 1 / sds)
     # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the skewness
-    # k³ + 3k: (16) to (18) of docs/mathematics/marginals.md.
+    # k³ + 3k: (17) to (19) of docs/mathematics/marginals.md.
     skewed = np.where(np.abs(skews) < LEAST_SKEW, LEAST_SKEW, skews)
     k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
     s = np.sign(k) * np.sqrt(np.log1p(k * k))

@@ -11,8 +11,9 @@ STEPS = 200
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
 # keeps them finite if the answers do not overlap.
 WIDE = 10.0
-# Newton's method has found a mode where its next step is expected to raise the log posterior by
-# less. The step before was about the root of it long, in SDs, so that flipping it changes nothing.
+# Newton's method has found a mode where twice the rise of the log posterior that it expects of its
+# next step, (25), is less. The step before was about the root of it long, in SDs, so that flipping
+# it changes nothing.
 RISE = 1e-8
 # A step that does not rise when it is so many times shorter is not the posterior's, but rounding's.
 SHORTEST = 1e-9

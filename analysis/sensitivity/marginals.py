@@ -50,7 +50,7 @@ class Combinations:
     mean: FloatArray
 
     def of(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """Return the combinations of parameters (points, G) and (points, subjects, 2)."""
+        """Return the combinations (2) of parameters (points, G) and (points, subjects, 2)."""
         mean = np.einsum("s,psi->pi", self.mean, own)
         each = (own[:, self.subject] * self.own).sum(axis=2)
         return np.asarray(shared @ self.shared.T + mean @ self.common.T + each)
@@ -136,7 +136,7 @@ def _reach(
 ) -> FloatArray:
     """Return how the combinations depend on the shared parameters, (points, quantities, G).
 
-    The own parameters follow the shared ones, but for departures that are independent of these.
+    By (1) the own parameters follow the shared ones, but for departures that are independent.
     """
     # (3)
     response = curvature.response[points]
@@ -150,7 +150,7 @@ def _reach(
 def skewness(
     trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: Combinations
 ) -> Skewness:
-    """Return shift and skewness of each combination at each point."""
+    """Return shift and skewness of each combination at each point: (5) to (7), summed by trials."""
     slopes = edge_slopes(*trials.bounds(modes.shared, modes.own, residual_sd))
     thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
     sds, reach = (
@@ -164,8 +164,8 @@ def skewness(
     for point, covariance in enumerate(shared):
         by_own = modes.curvature.own_covariance[point, trials.subject]
         response = modes.curvature.response[point, trials.subject]
-        # Covariances of an edge and a combination are the product of `along` and `by_shared`, and
-        # of `departs` and the combination's own part for the subject's own trials.
+        # (11): covariances of an edge and a combination are the product of `along` and `by_shared`,
+        # and of `departs` and the combination's own part for the subject's own trials.
         by_shared = np.hstack([reach[point] @ covariance, combinations.common])
         along, departs, pairs = [], [], []
         for of_shared in trials.loadings:
@@ -253,7 +253,7 @@ def third_derivatives(slopes: EdgeSlopes) -> FloatArray:
 
 
 def _interpolated(points: FloatArray, weights: FloatArray, values: FloatArray) -> FloatArray:
-    """Return at all points the plane through values at the first few, within their range."""
+    """Return at all points the plane (16) through values at the first few, within their range."""
     few = len(values)
     root = np.sqrt(weights[:few, None])
     design = np.column_stack([np.ones(len(points)), points])

@@ -1,4 +1,7 @@
-"""Omnibus tests of equal conditions: Friedman (with Kendall's W) and Skillings-Mack."""
+"""Omnibus tests of equal conditions: Friedman (with Kendall's W) and Skillings-Mack.
+
+Numbers of equations are those of docs/mathematics/ordinal.md.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +30,7 @@ LEAST_SHUFFLES = 500
 class MonteCarlo:
     """A permutation p from random shufflings, with its standard error.
 
-    p = (1 + shufflings at least as extreme) / (1 + shufflings), which is never 0 (Phipson and
+    (19): p = (1 + shufflings as extreme) / (1 + shufflings), which is never 0 (Phipson and
     Smyth, Statistical Applications in Genetics and Molecular Biology 9, 2010).
     """
 
@@ -67,7 +70,7 @@ MOST_CONDITIONS = 7
 
 
 def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
-    """Return the probability, with each row shuffled, of rank sums at least as unequal as these.
+    """Return the probability (16), with each row shuffled, of rank sums as unequal as these.
 
     The rows are added one at a time. The effect of a row does not depend on which condition has
     which sum, so only the sorted sums are kept. Sums of squares are compared as integers;
@@ -95,7 +98,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             sums, chances = _summed(tuple(rows[: count + 1]))
     last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
-    # (18), mathematics/ordinal
+    # (18)
     constant = (sums**2).sum(axis=1)[:, None] + (last[0] ** 2).sum()
     as_unequal = constant + 2 * (sums @ last.T) >= observed
     return float((chances * as_unequal.mean(axis=1)).sum())
@@ -118,7 +121,7 @@ def _summed(rows: tuple[tuple[int, ...], ...]) -> tuple[IntArray, FloatArray]:
 
 
 def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:
-    # (17), mathematics/ordinal
+    # (17)
     reached = np.sort((sums[:, None, :] + row).reshape(-1, row.shape[1]), axis=1)
     base = int(reached.max()) + 1
     # The total is fixed, so all sums but one identify the set.
@@ -158,7 +161,7 @@ class Friedman:
 def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     """Return Friedman's test of the table, or why it is not possible.
 
-    χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
+    (12): χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
     Practical Nonparametric Statistics, 3rd ed., section 5.8). Equal scores share their mean rank.
 
     >>> import numpy as np
@@ -229,7 +232,7 @@ class SkillingsMack:
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     """Return the Skillings-Mack test of the table, or why it is not possible.
 
-    T = A' Σ⁻ A with A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
+    (13): T = A' Σ⁻ A, A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
     subject i (Skillings and Mack, Technometrics 23, 1981, 171-177). Differs from the paper: Σ has
     the variance of each subject's tied ranks instead of that of k_i distinct ones.
     """

@@ -1,4 +1,7 @@
-"""Cumulative mixed model of the scores: condition effects that a ceiling does not bias."""
+"""Cumulative mixed model of the scores: condition effects that a ceiling does not bias.
+
+Numbers of equations are those of docs/mathematics/ordinal.md.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -86,9 +89,9 @@ def unpacked(packed: FloatArray, data: ScoreCounts) -> Parameters:
 def log_likelihood(
     packed: FloatArray, data: ScoreCounts, link: Link, nodes: int
 ) -> tuple[float, FloatArray]:
-    """Return the log-likelihood and its gradient with respect to the packed parameters.
+    """Return the log-likelihood (2) and its gradient with respect to the packed parameters.
 
-    P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s - ω v_sj), u_s and v_sj ~ N(0, 1),
+    (1): P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s - ω v_sj), all u, v ~ N(0, 1),
     F the normal or logistic distribution function, ω = 0 where the parameters have one SD. The
     integrals over v_sj, and over u_s outside them, are computed by the trapezoidal rule on evenly
     spaced points, `nodes` and half as many, which converges exponentially for such integrands; the
@@ -188,7 +191,7 @@ def _log_probabilities(
     bounds = edges - location[:, None, :]
     log_p = log_interval(bounds[:, :-1], bounds[:, 1:], link)
     log_density = log_density_of(bounds, link)
-    # (3), mathematics/ordinal
+    # (3)
     upper = np.exp(np.minimum(log_density[:, 1:] - log_p, -np.log(SMALLEST)))
     lower = -np.exp(np.minimum(log_density[:, :-1] - log_p, -np.log(SMALLEST)))
     return log_p, (upper, lower)
@@ -197,7 +200,7 @@ def _log_probabilities(
 def log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
     """Return log(F(upper) - F(lower)), computed in the tail where F keeps its precision."""
     log_cdf = log_ndtr if link == "probit" else log_expit
-    mirrored = lower > 0  # (4), mathematics/ordinal
+    mirrored = lower > 0  # (4)
     high = log_cdf(np.where(mirrored, -lower, upper))
     low = log_cdf(np.where(mirrored, -upper, lower))
     # Thresholds that meet during a search must give a tiny probability, not NaN.
@@ -338,7 +341,7 @@ def covariance_at(
 def profile_limit(
     best: Maximum, side: float, first: float, data: ScoreCounts, link: Link
 ) -> float | None:
-    """Return the end of the last parameter's 95% interval by the profile likelihood, at least 0.
+    """Return the end of the last parameter's 95% interval by the profile (5), at least 0.
 
     Parameters:
         best: the maximum.

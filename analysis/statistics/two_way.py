@@ -44,8 +44,8 @@ class TwoWay:
     def row_variance(self) -> float:
         """Variance of rows by the method of moments; unbiased, so it may be negative.
 
-        Henderson's method III: E[SS(rows | columns)] = (N - columns) σ_row² + (rows - 1) σ².
-        With no cell missing it is (MS_row - MS_residual) / columns.
+        (7), mathematics/ordinal: E[SS(rows | columns)] = (N - columns) σ_row² + (rows - 1) σ² is
+        Henderson's method III. With no cell missing it is (MS_row - MS_residual) / columns.
         """
         spare = self.row_squares - (len(self.rows) - 1) * self.residual_variance
         return float(spare / (self.table.given.sum() - len(self.columns)))
@@ -190,7 +190,7 @@ def intraclass_correlation(
 ) -> IntraclassCorrelation | NotEstimable:
     """Return ICC(2,1), ICC(3,1) and ICC(3,k) of the target, or why they are not estimable.
 
-    They are ratios of the variances of targets, raters and residuals by the method of moments;
+    (9), mathematics/ordinal: ratios of the variances of targets, raters and residuals by moments;
     with no cell missing these are Shrout and Fleiss' mean squares. A negative value means that
     targets differ less than expected by chance.
     """

@@ -26,7 +26,7 @@ Number = TypeVar("Number", FloatArray, ComplexArray)
 _DRIVES_AT_ONCE = 48
 _NEWTON_STEPS = 9
 _CORNER = 2.5  # |W| below so many chords of a cell is summed along chords
-# The equations are those of docs/mathematics/beam.md; (32) and (33) derive these two factors.
+# The equations are those of docs/mathematics/beam.md; (34) and (35) derive these two factors.
 _BOTH_SIDES_AT_HALF_SLOPE = 4  # errors over the slope: how far an edge may be off
 _SHALLOW = 4  # errors: a dip less deep may have a pair of edges or none
 _MOST_DOUBT = 2  # cells that an edge, or a pair of them, leaves undecided at most
@@ -51,7 +51,7 @@ def _along(ends: tuple[Number, Number, Number, Number], part: FloatArray) -> Num
 
 
 def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return roots of cubics between places of opposite sign, by Newton's method in brackets."""
+    """Return roots of cubics between places of opposite sign by bracketed Newton steps, (33)."""
     c0, c1, c2, c3 = terms
     rising = c0 + low * (c1 + low * (c2 + low * c3)) <= 0
     place = (low + high) / 2
@@ -66,7 +66,7 @@ def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> 
 
 
 def _bottoms(slopes: tuple[FloatArray, ...], sign: FloatArray) -> FloatArray:
-    """Return where cubics of this sign are nearest to 0, from their coefficients c1, c2 and c3.
+    """Return where cubics of this sign are nearest to 0, from c1, c2 and c3: (32).
 
     They fall towards 0 at the beginning of the cell and away from it at its end.
     """
@@ -203,7 +203,7 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     def uncertain(
         cubic: tuple[FloatArray, ...], root: FloatArray, which: tuple[Rows, ...]
     ) -> FloatArray:
-        """Return the length in cells about a root that may have the other direction, by (32)."""
+        """Return the length in cells about a root that may have the other direction, by (34)."""
         slope = np.abs(cubic[1] + root * (2 * cubic[2] + root * 3 * cubic[3]))
         # Both sides are times the slope, so that a slope of 0 cannot overflow.
         reach = np.minimum(_BOTH_SIDES_AT_HALF_SLOPE * limit[which], _MOST_DOUBT * slope)
@@ -220,7 +220,7 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     c0, c1, c2, c3 = terms(dips)
     lowest = _bottoms((c1, c2, c3), sign[dips])
     bottom = sign[dips] * (c0 + lowest * (c1 + lowest * (c2 + lowest * c3)))
-    # (33): a deeper dip keeps half of its slope as far as its edges may be off.
+    # (35): a deeper dip keeps half of its slope as far as its edges may be off.
     doubt[dips] += np.where(np.abs(bottom) < _SHALLOW * limit[dips], _MOST_DOUBT, 0)
     deep = bottom < 0
     twice = (dips[0][deep], dips[1][deep])

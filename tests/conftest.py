@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 
 import atexit
+import gc
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -43,7 +44,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return f"mark.{kind}" not in collection_path.read_text(encoding="utf-8") or None
 
 
+def pytest_collectstart() -> None:
+    gc.disable()  # everything that collecting the tests makes is kept to the end
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    gc.freeze()
+    gc.enable()
     # Whole sessions at a display last longest: no worker is left alone with one at the end.
     seated = {item.path for item in items if _DISPLAYS.intersection(_fixtures(item))}
     items.sort(key=lambda item: item.path not in seated)

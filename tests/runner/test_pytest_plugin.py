@@ -3,7 +3,9 @@
 import re
 import subprocess
 import sys
+from contextlib import chdir, redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,7 @@ from runner.screens import Pacing, ask_change
 from runner.study.calibration import keep_calibration
 from tests.runner.command_line import typed
 
-PYTEST = str(Path(sys.executable).with_name("pytest"))
+OPTIONS = ("-q", "--color=no", "-p", "no:cacheprovider", "-p", "no:benchmark")
 SUMMARY = "short test summary info"  # pytest shortens its lines unless CI is set
 PAPER = template("paper")
 
@@ -37,20 +39,29 @@ def where(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.delenv("BUILD_NUMBER", raising=False)
 
 
-def pytest_run(folder: Path, text: str | bytes) -> subprocess.CompletedProcess[str]:
-    """Run plain pytest in a study's folder, as its author does."""
+def study_in(folder: Path, text: str | bytes) -> None:
     content = text.encode() if isinstance(text, str) else text
     (folder / "study.toml").write_bytes(content)
     (folder / "test_study.py").write_text(template_tests(), encoding="utf-8")
-    command = [PYTEST, "-q", "--color=no", "-p", "no:cacheprovider", "-p", "no:benchmark"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def pytest_run(folder: Path, text: str | bytes) -> subprocess.CompletedProcess[str]:
+    """Run plain pytest in a study's folder within this process, which has all that it imports."""
+    study_in(folder, text)
+    with redirect_stdout(StringIO()) as said, chdir(folder):
+        code = pytest.main([*OPTIONS, "-p", "no:unraisableexception", "-p", "no:faulthandler"])
+    for name in [path.stem for path in folder.glob("test_*.py")]:
+        del sys.modules[name]
+    return subprocess.CompletedProcess(OPTIONS, code, said.getvalue())
 
 
 def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
-    """Also beside a folder with the name of one of touchbeam's packages."""
+    """In a process of their own, beside a folder with the name of one of touchbeam's packages."""
     (tmp_path / "analysis").mkdir()
     (tmp_path / "analysis" / "__init__.py").write_text("raise RuntimeError('shadowed')\n")
-    done = pytest_run(tmp_path, PAPER)
+    study_in(tmp_path, PAPER)
+    command = [str(Path(sys.executable).with_name("pytest")), *OPTIONS]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "5 passed" in done.stdout
 

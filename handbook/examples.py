@@ -18,7 +18,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,8 +57,12 @@ def _normal(text: str) -> str:
     return text
 
 
-def run_page(page: str, folder: Path) -> Iterator[Example]:
+def run_page(
+    page: str, folder: Path, shell: Callable[[str, Path], str] | None = None
+) -> Iterator[Example]:
     """Yield the examples of a page's text as they run in `folder`, an empty one.
+
+    `shell` returns what a command prints in a folder; without it a real one does.
 
     Raises:
         ValueError: a command or a program failed; the message has its output.
@@ -67,7 +71,7 @@ def run_page(page: str, folder: Path) -> Iterator[Example]:
     for block in found:
         language, title, text = block["language"], block["title"], block["text"]
         if language == "console":
-            yield from _commands(text, folder)
+            yield from _commands(text, folder, shell or in_shell)
         elif title and title.startswith("added to "):
             with (folder / title.removeprefix("added to ")).open("a", encoding="utf-8") as file:
                 file.write(f"\n{text}")
@@ -79,12 +83,17 @@ def run_page(page: str, folder: Path) -> Iterator[Example]:
     yield from _programs(page, [block for block in found if block["language"] == "python"], folder)
 
 
-def _commands(block: str, folder: Path) -> Iterator[Example]:
+def _commands(block: str, folder: Path, shell: Callable[[str, Path], str]) -> Iterator[Example]:
     for example in re.split(r"^(?=\$ )", block, flags=re.MULTILINE):
         typed, _, shown = example.partition("\n")
         if typed:
-            printed = _output(["/bin/sh", "-c", typed.removeprefix("$ ")], folder)
+            printed = shell(typed.removeprefix("$ "), folder)
             yield Example(typed=typed, shown=shown, printed=printed)
+
+
+def in_shell(command: str, folder: Path) -> str:
+    """Return what a command prints in `folder`."""
+    return _output(["/bin/sh", "-c", command], folder)
 
 
 def _programs(page: str, blocks: list[re.Match[str]], folder: Path) -> Iterator[Example]:

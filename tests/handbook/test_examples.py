@@ -1,12 +1,16 @@
 """Tutorials, how-to pages and the README: what they let a reader type does what they show."""
 
+import re
 import shutil
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
 
 from handbook.build import ROOT
-from handbook.examples import Example, run_page
+from handbook.examples import Example, in_shell, run_page
+from tests.runner.command_line import typed
 
 PAGES = [
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
@@ -15,9 +19,28 @@ PAGES = [
 ]
 
 
+def here(command: str, folder: Path) -> str:
+    """Run a command of touchbeam in this process, which has what it imports; others in a shell."""
+    if not re.fullmatch(r"touchbeam [^|&;<>$*'\"]*", command):
+        return in_shell(command, folder)
+    printed = TextIOWrapper(BytesIO(), encoding="utf-8", write_through=True)
+    with chdir(folder), redirect_stdout(printed), redirect_stderr(printed):
+        code = typed(*command.split()[1:])
+    said = printed.buffer.getvalue().decode().replace(str(folder), "/home/you")
+    assert code == 0, said
+    return said
+
+
+# The README's are run by a shell, as a reader runs them.
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_the_examples_of_a_page_do_what_it_shows(page: Path, tmp_path: Path) -> None:
-    for example in run_page(page.read_text(encoding="utf-8"), tmp_path):
+def test_the_examples_of_a_page_do_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "COLUMNS"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.stdin", StringIO())
+    shell = in_shell if page.stem == "README" else here
+    for example in run_page(page.read_text(encoding="utf-8"), tmp_path, shell):
         assert example.agrees, f"run: python -m handbook.examples --write {page}\n{example}"
 
 

@@ -16,9 +16,11 @@ demo: $(READY)
 
 # Tests that wait leave the cores to those that compute, and go first where they need one: a session
 # in real time misses answers on a busy core. With two cores, more workers win hardly anything.
-test: check
+# Workers share the compiled tests, also where Python is told to write none.
+test: export PYTHONDONTWRITEBYTECODE =
+test: $(READY)
 	@.ci/system-packages
-	@$(MAKE) --no-print-directory --keep-going --jobs 2 test-computing test-waiting
+	@$(MAKE) --no-print-directory --keep-going --jobs 3 check test-computing test-waiting
 
 # A file's tests share sessions, so they stay on one worker.
 test-waiting: $(READY)
@@ -37,8 +39,8 @@ test-fast: $(READY)
 check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	nice $(BIN)/mypy
+	nice $(BIN)/lint-imports
 
 # The table at its end is also docs/benchmarks.md. Let the machine do nothing else meanwhile.
 bench: $(READY)

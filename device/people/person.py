@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from hashlib import shake_128
 from types import MappingProxyType
-from typing import Annotated, Protocol, get_args, get_type_hints
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,22 +35,28 @@ class Parameter:
 
 
 def _of(
-    meaning: str, unit: str, source: str = ASSUMED, low: float = 0.0, high: float = 1.0
-) -> Parameter:
-    return Parameter(meaning=meaning, unit=unit, source=source, low=low, high=high)
+    default: float,
+    meaning: str,
+    unit: str,
+    source: str = ASSUMED,
+    low: float = 0.0,
+    high: float = 1.0,
+) -> Any:
+    of = Parameter(meaning=meaning, unit=unit, source=source, low=low, high=high)
+    return field(default=default, metadata={"of": of})
 
 
 def _points(
-    meaning: str, source: str = TABLE_4, low: float = -50.0, high: float = 50.0
-) -> Parameter:
-    return _of(meaning, "points", source, low, high)
+    default: float, meaning: str, source: str = TABLE_4, low: float = -50.0, high: float = 50.0
+) -> Any:
+    return _of(default, meaning, "points", source, low, high)
 
 
-def _share(meaning: str, source: str = ASSUMED, low: float = 0.0) -> Parameter:
-    return _of(meaning, "share", source, low)
+def _share(default: float, meaning: str, source: str = ASSUMED, low: float = 0.0) -> Any:
+    return _of(default, meaning, "share", source, low)
 
 
-_OFF_THE_LINE = "Table 4, over a straight line in the contrast"
+_LINE = "Table 4, over a straight line in the contrast"
 _LAPSES = (
     "assumed, as usual for psychometric functions: Wichmann and Hill 2001, doi 10.3758/BF03194544"
 )
@@ -72,98 +78,70 @@ class Person:
     The defaults are a person who errs in nothing but feeling and scoring.
     """
 
-    bias: Annotated[float, _points("score of no change")] = 7.0
-    gain: Annotated[
-        float, _points("score points per unit of felt change", TABLE_4, -200.0, 200.0)
-    ] = 4.0
-    felt_noise: Annotated[
-        float,
-        _of("Weber fraction of friction: SD of a felt change", "log friction", _WEBER, 0.0, 10.0),
-    ] = 0.11
-    criterion: Annotated[
-        float,
-        _of(
-            "a larger felt change is answered as smoother, stronger or swapped",
-            *("log friction", _EXPECTED, -10.0, 10.0),
-        ),
-    ] = 0.08
-    criterion_less: Annotated[
-        float,
-        _of(
-            "a larger felt change the other way is answered as rougher or weaker",
-            *("log friction", ASSUMED, -10.0, 10.0),
-        ),
-    ] = 0.13
-    lapse: Annotated[
-        float,
-        _share("trials answered at random and scored as no change, whatever is felt", _LAPSES),
-    ] = 0.0
-    rating_noise: Annotated[float, _points("SD of the noise of a score", low=0.0)] = 1.0
-    beyond_swing: Annotated[
-        float, _points("added to a stronger or weaker swing along the path", _OFF_THE_LINE)
-    ] = 0.0
-    beyond_strength: Annotated[
-        float, _points("added to a stronger or weaker effect at a place", _OFF_THE_LINE)
-    ] = 0.0
-    beyond_ramp: Annotated[
-        float, _points("added to a change of roughness during a touch", _OFF_THE_LINE)
-    ] = 0.0
-    beyond_swap: Annotated[float, _points("added to places that swap", _OFF_THE_LINE)] = 0.0
-    beyond_press: Annotated[
-        float, _points("added to a change of roughness under a harder press", _OFF_THE_LINE)
-    ] = 0.0
-    ceiling: Annotated[float, _points("the highest score given", ASSUMED, 0.0, 10.0)] = 10.0
-    number_step: Annotated[
-        float,
-        _points("scores are multiples of it: a person who uses few numbers", ASSUMED, 1.0, 10.0),
-    ] = 1.0
-    end_aversion: Annotated[
-        float, _share("scores at an end of the scale that are moved one step inwards")
-    ] = 0.0
-    serial: Annotated[
-        float,
-        _share("weight of the previous score in this one; below 0: contrast", _SERIAL, low=-1.0),
-    ] = 0.0
-    adaptation: Annotated[
-        float, _share("by how much of the previous felt change this one is felt as smaller")
-    ] = 0.0
-    drift: Annotated[float, _points("score points added per trial", ASSUMED)] = 0.0
-    fatigue: Annotated[float, _share("growth of the noise of feeling and scoring per trial")] = 0.0
-    force_factor: Annotated[
-        float, _of("mean force, relative to the instructed one", "ratio", low=0.2, high=5.0)
-    ] = 1.0
-    force_error: Annotated[
-        float, _share("SD of the force from touch to touch, relative to its mean")
-    ] = 0.0
-    speed_factor: Annotated[
-        float, _of("mean speed, relative to the mark's", "ratio", low=0.2, high=5.0)
-    ] = 1.0
-    speed_error: Annotated[
-        float, _share("SD of the speed from touch to touch, relative to its mean")
-    ] = 0.0
-    place_offset_m: Annotated[
-        float, _of("how far right of the mark the finger is", "m", low=-0.02, high=0.02)
-    ] = 0.0
-    tremor: Annotated[float, _share("SD of the force within a touch, relative to its mean")] = 0.0
-    skin: Annotated[
-        float,
-        _of("what the skin multiplies the change of log friction by", "ratio", _SKINS, 0.0, 10.0),
-    ] = 1.0
-    mu0: Annotated[
-        float, _of("what the skin multiplies friction at rest by", "ratio", low=0.01, high=10.0)
-    ] = 1.0
-    reaction_shift_s: Annotated[float, _of("shortest reaction time", "s", high=60.0)] = 0.3
-    reaction_median_s: Annotated[
-        float, _of("median of what a reaction time has beyond the shortest", "s", high=600.0)
-    ] = 0.8
-    reaction_spread: Annotated[float, _of("SD of the logarithm of that", "", high=5.0)] = 0.4
-    dropout: Annotated[float, _share("chance of leaving at a question, for good")] = 0.0
+    bias: float = _points(7.0, "score of no change")
+    gain: float = _points(4.0, "score points per unit of felt change", TABLE_4, -200.0, 200.0)
+    felt_noise: float = _of(
+        0.11, "Weber fraction of friction: SD of a felt change", "log friction", _WEBER, 0.0, 10.0
+    )
+    criterion: float = _of(
+        0.08,
+        "a larger felt change is answered as smoother, stronger or swapped",
+        *("log friction", _EXPECTED, -10.0, 10.0),
+    )
+    criterion_less: float = _of(
+        0.13,
+        "a larger felt change the other way is answered as rougher or weaker",
+        *("log friction", ASSUMED, -10.0, 10.0),
+    )
+    lapse: float = _share(
+        0.0, "trials answered at random and scored as no change, whatever is felt", _LAPSES
+    )
+    rating_noise: float = _points(1.0, "SD of the noise of a score", low=0.0)
+    beyond_swing: float = _points(0.0, "added to a stronger or weaker swing along the path", _LINE)
+    beyond_strength: float = _points(0.0, "added to a stronger or weaker effect at a place", _LINE)
+    beyond_ramp: float = _points(0.0, "added to a change of roughness during a touch", _LINE)
+    beyond_swap: float = _points(0.0, "added to places that swap", _LINE)
+    beyond_press: float = _points(0.0, "added to a change of roughness under a harder press", _LINE)
+    ceiling: float = _points(10.0, "the highest score given", ASSUMED, 0.0, 10.0)
+    number_step: float = _points(
+        1.0, "scores are multiples of it: a person who uses few numbers", ASSUMED, 1.0, 10.0
+    )
+    end_aversion: float = _share(
+        0.0, "scores at an end of the scale that are moved one step inwards"
+    )
+    serial: float = _share(
+        0.0, "weight of the previous score in this one; below 0: contrast", _SERIAL, low=-1.0
+    )
+    adaptation: float = _share(
+        0.0, "by how much of the previous felt change this one is felt as smaller"
+    )
+    drift: float = _points(0.0, "score points added per trial", ASSUMED)
+    fatigue: float = _share(0.0, "growth of the noise of feeling and scoring per trial")
+    force_factor: float = _of(
+        1.0, "mean force, relative to the instructed one", "ratio", low=0.2, high=5.0
+    )
+    force_error: float = _share(0.0, "SD of the force from touch to touch, relative to its mean")
+    speed_factor: float = _of(1.0, "mean speed, relative to the mark's", "ratio", low=0.2, high=5.0)
+    speed_error: float = _share(0.0, "SD of the speed from touch to touch, relative to its mean")
+    place_offset_m: float = _of(
+        0.0, "how far right of the mark the finger is", "m", low=-0.02, high=0.02
+    )
+    tremor: float = _share(0.0, "SD of the force within a touch, relative to its mean")
+    skin: float = _of(
+        1.0, "what the skin multiplies the change of log friction by", "ratio", _SKINS, 0.0, 10.0
+    )
+    mu0: float = _of(
+        1.0, "what the skin multiplies friction at rest by", "ratio", low=0.01, high=10.0
+    )
+    reaction_shift_s: float = _of(0.3, "shortest reaction time", "s", high=60.0)
+    reaction_median_s: float = _of(
+        0.8, "median of what a reaction time has beyond the shortest", "s", high=600.0
+    )
+    reaction_spread: float = _of(0.4, "SD of the logarithm of that", "", high=5.0)
+    dropout: float = _share(0.0, "chance of leaving at a question, for good")
 
 
-_HINTS = get_type_hints(Person, include_extras=True)
-PARAMETERS: dict[str, Parameter] = {
-    entry.name: get_args(_HINTS[entry.name])[1] for entry in fields(Person)
-}
+PARAMETERS: dict[str, Parameter] = {entry.name: entry.metadata["of"] for entry in fields(Person)}
 
 
 class People:
@@ -338,7 +316,7 @@ class LogNormal:
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
         low = np.log(limits.low) if limits.low > 0 else -np.inf
         inner = Normal(mean=float(np.log(self.median)), sd=self.log_sd)
-        return np.exp(inner.values(u, _of("", "", "", low, np.log(limits.high))))
+        return np.exp(inner.values(u, replace(limits, low=low, high=np.log(limits.high))))
 
 
 @dataclass(frozen=True, kw_only=True)

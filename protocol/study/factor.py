@@ -46,10 +46,9 @@ class Factor(Record):
 
     name: Annotated[Name, Field(description="name in tables and reports")]
     varies: Annotated[Varied, Field(description="the key of a touch that it sets")]
-    values: Annotated[
-        tuple[StrictStr | StrictInt | StrictFloat, ...],
-        Field(min_length=2, max_length=MOST_CONDITIONS, description="what the key is set to"),
-    ]
+    values: tuple[StrictStr | StrictInt | StrictFloat, ...] = Field(
+        min_length=2, max_length=MOST_CONDITIONS, description="what the key is set to"
+    )
     touches: Literal["first", "last", "all"] = setting(
         "last", "which touches of a condition it sets"
     )

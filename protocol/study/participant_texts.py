@@ -64,11 +64,7 @@ def study_wording(study: Study, code: str) -> Wording:
     pages = enumerate(study.page)
     texts |= {page_key(number): page.text[code] for number, page in pages if code in page.text}
     return Wording(
-        code=code,
-        texts=texts,
-        bands=read.bands,
-        fonts=read.fonts,
-        font_package=read.font_package,
+        code=code, texts=texts, bands=read.bands, fonts=read.fonts, font_package=read.font_package
     )
 
 

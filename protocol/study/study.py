@@ -29,14 +29,11 @@ class Item(Record):
 
     question: Question | None = setting(None, "what is asked after the last touch")
     expected: str | None = setting(None, "the answer that agrees with the expectation")
-    touches: Annotated[
-        tuple[Touch, ...],
-        Field(
-            min_length=1,
-            max_length=12,
-            description="the touches in their order; a table each, see below",
-        ),
-    ]
+    touches: tuple[Touch, ...] = Field(
+        min_length=1,
+        max_length=12,
+        description="the touches in their order; a table each, see below",
+    )
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
@@ -56,10 +53,9 @@ AnyItem = TypeVar("AnyItem", bound=Item)
 class Opening(Item):
     """A trial that every session begins with; it is not scored."""
 
-    kind: Annotated[
-        Literal["baseline", "signal"],
-        Field(description="without a signal (0 V), or with the first one"),
-    ]
+    kind: Literal["baseline", "signal"] = Field(
+        description="without a signal (0 V), or with the first one"
+    )
 
 
 class Condition(Item):
@@ -110,13 +106,11 @@ class Study(Record):
     touch: TouchDefaults = setting(
         TouchDefaults(), "How the finger touches unless a trial says otherwise."
     )
-    beams: Annotated[
-        dict[Name, Spacing],
-        Field(
-            description="Beams by name, each with the spacing of its ciliary bodies in m, "
-            "at most 0.05; 0 means none."
-        ),
-    ] = Field(default_factory=dict)
+    beams: dict[Name, Spacing] = Field(
+        default_factory=dict,
+        description="Beams by name, each with the spacing of its ciliary bodies in m, "
+        "at most 0.05; 0 means none.",
+    )
     slide: Slide = setting(
         Slide(),
         "The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
@@ -148,36 +142,30 @@ class Study(Record):
     )
     # Any name will do for a key, because a touch may name one as its instruction. What is neither
     # that nor built in is refused by `text_checks`.
-    texts: Annotated[
-        dict[KnownCode, dict[Name, Annotated[str, Field(min_length=1)]]],
-        Field(description="Texts that replace the built-in ones, per language."),
-    ] = Field(default_factory=dict)
-    languages: Annotated[
-        dict[Code, Language],
-        Field(
-            description="Languages of the study's own, before the built-in ones: each a file "
-            "`texts/CODE.toml` beside the study file."
-        ),
-    ] = Field(default_factory=dict)
+    texts: dict[KnownCode, dict[Name, Annotated[str, Field(min_length=1)]]] = Field(
+        default_factory=dict, description="Texts that replace the built-in ones, per language."
+    )
+    languages: dict[Code, Language] = Field(
+        default_factory=dict,
+        description="Languages of the study's own, before the built-in ones: each a file "
+        "`texts/CODE.toml` beside the study file.",
+    )
     question: tuple[StudyQuestion, ...] = setting(
         (), "Questions of the study's own, in the order of asking.", max_length=40
     )
     page: tuple[InstructionPage, ...] = setting((), "Pages to read, in their order.", max_length=40)
-    pictures: Annotated[
-        dict[str, Line],
-        Field(
-            description="Digests of the pictures (SHA-256), by name: `touchbeam` reads the files "
-            "and adds them to the study, so that a changed picture is a changed study."
-        ),
-    ] = Field(default_factory=dict)
+    pictures: dict[str, Line] = Field(
+        default_factory=dict,
+        description="Digests of the pictures (SHA-256), by name: `touchbeam` reads the files "
+        "and adds them to the study, so that a changed picture is a changed study.",
+    )
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
     factor: tuple[Factor, ...] = setting(
         (), "What varies, and is crossed into conditions.", max_length=6
     )
-    condition: Annotated[
-        tuple[Condition, ...],
-        Field(min_length=1, max_length=MOST_CONDITIONS, description="What is changed, and scored."),
-    ]
+    condition: tuple[Condition, ...] = Field(
+        min_length=1, max_length=MOST_CONDITIONS, description="What is changed, and scored."
+    )
 
     @model_validator(mode="after")
     def _worked_out(self) -> Self:

@@ -187,17 +187,12 @@ class AskedIf(Record):
 class StudyQuestion(Record):
     """A question of the study's own; its name becomes a column of exported data."""
 
-    name: Annotated[
-        Identifier, Field(description="name in the data: small letters, digits and `_`")
-    ]
-    kind: Annotated[
-        Kind,
-        Field(
-            description="`choice`: one of the labels; `several`: any number of them; `scale`: "
-            "steps of a scale; `analogue`: a place on a line, 0 to 100 in steps of 0.1; `number`; "
-            "`text`"
-        ),
-    ]
+    name: Identifier = Field(description="name in the data: small letters, digits and `_`")
+    kind: Kind = Field(
+        description="`choice`: one of the labels; `several`: any number of them; `scale`: "
+        "steps of a scale; `analogue`: a place on a line, 0 to 100 in steps of 0.1; `number`; "
+        "`text`"
+    )
     when: When = setting(
         "trial",
         "`trial`: after the trials of conditions, also practice and catch trials; "
@@ -215,9 +210,9 @@ class StudyQuestion(Record):
     asked_if: AskedIf | None = setting(
         None, "only after this answer: a table, see below; always without it"
     )
-    text: Annotated[
-        dict[KnownCode, _Shown], Field(description="the question, by the language's code")
-    ] = Field(default_factory=dict)
+    text: dict[KnownCode, _Shown] = Field(
+        default_factory=dict, description="the question, by the language's code"
+    )
     labels: tuple[Label, ...] = setting((), "answers, or labels of a scale; a table each")
     minimum: Place | None = setting(None, "lowest place on a `scale`, or smallest `number`")
     maximum: Place | None = setting(None, "highest place on a `scale`, or largest `number`")
@@ -416,10 +411,10 @@ class InstructionPage(Record):
 
     before: Literal["session", "practice", "block"] = setting("session", "what the page introduces")
     block: Count | None = setting(None, "number of the block, from 1; none: every block")
-    text: Annotated[
-        dict[KnownCode, LongText],
-        Field(description="the text, by the language's code; a line feed begins a new line"),
-    ] = Field(default_factory=dict)
+    text: dict[KnownCode, LongText] = Field(
+        default_factory=dict,
+        description="the text, by the language's code; a line feed begins a new line",
+    )
     picture: Filename | None = setting(None, "a PNG or JPEG file in the study's folder")
 
 

@@ -72,9 +72,7 @@ class Touch(Record):
     change while the finger is on the beam.
     """
 
-    place: Annotated[
-        Place, Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`")
-    ]
+    place: Place = Field(description="slide along `touch.path_m`, or touch `touch.smooth_place_m`")
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
     ramp_to_v: NotNegative | None = setting(None, "amplitude (peak) at the end of a ramp")
     frequency: Relative = setting(1.0, "frequency of the drive, relative to the measured resonance")

@@ -53,6 +53,9 @@ class SessionOpened(Event):
         None, "the true parameters, if the participant is virtual"
     )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+    override: str | None = absent(
+        None, "why it began before or after it was due, if it did", sparse=True
+    )
     answer_order: str = absent("forward", "of the answers to choose from: `forward` or `reversed`")
     registration: str | None = absent(
         None, "digest of the registration that seeds the plan, if any", sparse=True

@@ -140,6 +140,7 @@ class SessionState:
     """How many touches of each answered trial showed no finger; all where no sensor sees one."""
     practice_rounds: int = 1
     excluded: dict[int, str] = field(default_factory=dict)
+    completed_utc: datetime | None = None
     last_event_utc: datetime | None = None
 
     @property
@@ -174,6 +175,8 @@ class SessionState:
         # First of all, so that a refused event changes nothing.
         self.name = next_state(self.name, tag)
         self.last_event_utc = event.utc
+        if tag == events.SessionCompleted.TAG:
+            self.completed_utc = event.utc
         # After a withdrawal the tags still lead to the state, and there is no payload to look at.
         if tag in _FOLDED and not event.erased:
             self._take_record(event.record)

@@ -187,7 +187,21 @@ class Design(Record):
     break_every_blocks: Whole = setting(0, "number of blocks between two breaks; 0: no break")
     break_s: LongPause = setting(60.0, "shortest duration of a break")
     sessions: Count = setting(1, "number of sessions of each participant", le=50)
+    hours_between: tuple[NotNegative, Positive] | None = setting(
+        None,
+        "least and most hours from the end of a participant's session to the beginning of the "
+        "next; `run --override` lets one begin at another time",
+    )
     participants: Count | None = setting(None, "planned size of the cohort", le=10_000)
+
+    @model_validator(mode="after")
+    def _some_hours_are_left(self) -> Self:
+        least, most = self.hours_between or (0.0, 1.0)
+        if least >= most:
+            raise ValueError(f"hours_between must rise, got {least:g} to {most:g}")
+        if self.hours_between is not None and self.sessions == 1:
+            raise ValueError("sessions must be above 1 where hours_between is given, got 1")
+        return self
 
     @model_validator(mode="after")
     def _some_repeats_are_not_opposite(self) -> Self:

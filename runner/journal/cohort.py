@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from datetime import datetime, timedelta
 from typing import Any
 
 from protocol.errors import BadInput
@@ -9,6 +10,7 @@ from protocol.journal.events import terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState, folded
 from protocol.plan.blocks import SlotState, next_slot
+from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
 from runner.journal.verification import readable_events
@@ -93,6 +95,24 @@ def slot_for(
         taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
     highest = max(taken, default=-1)
     return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
+
+
+Due = tuple[datetime, datetime]
+"""From when until when a session may begin."""
+
+
+def due_between(study: Study, before: SessionState) -> Due | None:
+    """Return when the session after a completed one is due; None at any time."""
+    if study.design.hours_between is None or before.completed_utc is None:
+        return None
+    least, most = (timedelta(hours=hours) for hours in study.design.hours_between)
+    return before.completed_utc + least, before.completed_utc + most
+
+
+def due_in_words(due: Due) -> str:
+    """Return when a session is due, in the computer's time zone."""
+    first, last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due)
+    return f"from {first} to {last}"
 
 
 def told_before(

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from device.resonance import Resonance
@@ -22,7 +24,7 @@ from protocol.study.study import Study
 from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
 from runner.clock import Pace
-from runner.journal.cohort import states
+from runner.journal.cohort import due_between, due_in_words, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
@@ -66,6 +68,7 @@ class SessionOptions:
     screen: int | None = None
     windowed: bool = False
     extra: bool = False
+    override: str | None = None
     new_name: bool = False
     slides: bool = False
     touchbeam: Sequence[str] = field(default_factory=touchbeam_command)
@@ -162,8 +165,8 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     return "participant"
 
 
-def require_meant(request: Request, confirm: Confirm) -> None:
-    """Have the operator confirm what may be a slip; refuse a session that is not planned."""
+def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
+    """Have the operator confirm what may be a slip; refuse a session that is not planned or due."""
     options, planned = request.options, request.study.design.sessions
     if options.slides:  # a name that cannot be mistaken, and as many as anybody wants
         return
@@ -176,6 +179,11 @@ def require_meant(request: Request, confirm: Confirm) -> None:
         confirm(
             f"{request.name}: session {number} of {options.participant} is not completed",
             "finish or exclude it first; if that is meant, add --extra",
+        )
+    if not options.override and (when := recorded(request, partial(_not_due, request, now))):
+        raise BadInput(
+            f"{request.name} {when}; add --override REASON to begin all the same: the journal "
+            "keeps the reason"
         )
     person = options.consent is not None or options.ratings != "virtual"
     if person and request.rehearsal and not options.rehearsal:
@@ -227,6 +235,18 @@ def _not_completed(request: Request) -> int | None:
         return None if request.chain(journal) in known else next(lacking, None)
 
     return recorded(request, first_lacking) if options.folder.journal.exists() else 1
+
+
+def _not_due(request: Request, now: datetime, journal: Journal) -> str | None:
+    """Say when a session is due that would begin too early or too late."""
+    options, chain = request.options, request.chain(journal)
+    known = states(journal)
+    name = chain_name(journal, options.participant, options.number - 1, rehearsal=False)
+    before = known.get(name)
+    due = before and due_between(request.study, before)
+    if request.rehearsal or chain in known or not due or due[0] <= now <= due[1]:
+        return None
+    return f"is due {due_in_words(due)}"
 
 
 def nearly_the_same(journal: Journal, participant: str, *, rehearsal: bool) -> str | None:

@@ -75,7 +75,7 @@ def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -
     Raises `BadInput` if nothing was changed, and `WorkFailed` if the session can be resumed.
     """
     request = requested(options)
-    require_meant(request, confirm)
+    require_meant(request, confirm, WallClock().utc())
     context: SessionContext | None = None
     try:
         with ExitStack() as stack:
@@ -248,6 +248,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             consent=options.consent,
             seed=request.seed,
             virtual=_virtual_truth(request, sessions.get(chain)),
+            override=options.override,
             told=told_before(sessions, options.participant, request.kind, chain),
             registration=digest,
             calibration=RigCalibration(**vars(rig)) if rig.origin else None,

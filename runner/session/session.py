@@ -50,6 +50,8 @@ class Session:
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
+    override: str | None = None
+    """Why it began before or after it was due."""
     told: Mapping[str, Answer] = field(default_factory=dict)
     """Answers of the participant's earlier sessions, by question."""
     registration: str | None = None
@@ -93,6 +95,7 @@ class Session:
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
             answer_order=self.answer_order,
+            override=self.override,
             # Opening and resuming record the same, since all of it may change in between.
             **vars(self.resumption()),
         )

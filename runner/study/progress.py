@@ -10,7 +10,14 @@ from pathlib import Path
 from protocol.journal.events import SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
 from protocol.study.study import Study
-from runner.journal.cohort import SessionSummary, session_summaries, slot_for
+from runner.journal.cohort import (
+    Due,
+    SessionSummary,
+    due_between,
+    due_in_words,
+    session_summaries,
+    slot_for,
+)
 from runner.journal.names import REHEARSAL, parsed_name, session_name
 
 _OVER = ("completed", "excluded", "withdrawn")
@@ -118,6 +125,13 @@ class Progress:
             f"{self._command(*again, *_options(state))}"
         )
 
+    def next_due(self, summary: SessionSummary, state: SessionState) -> Due | None:
+        """Return when the session after this one is due; None at any time, or if none is left."""
+        latest = summary in self._had_by(summary.participant)[-1:]
+        if self.study is None or not latest or self._completed(summary.participant) >= self._each:
+            return None
+        return due_between(self.study, state)
+
     def _following(self, summary: SessionSummary, state: SessionState) -> str:
         """Return after a participant's latest session how to begin the next one, if one lacks."""
         who = summary.participant
@@ -127,7 +141,9 @@ class Progress:
         number = 1 + max(each.session for each in had)
         extra = ["--extra"] if number > self._each else []
         options = ("--participant", who, "--session", str(number), *extra, *_options(state))
-        return f"; {done} of {self._each} sessions, next: {self._command('run', *options)}"
+        due = self.next_due(summary, state)
+        when = f" {due_in_words(due)}" if due else ""
+        return f"; {done} of {self._each} sessions, next{when}: {self._command('run', *options)}"
 
     def _cohort(self) -> str:
         of = "" if self.planned is None else f" of {self.planned}"

@@ -44,11 +44,16 @@ def run_session(
     kind: Any = "participant",
     device: FakeDevice | None = None,
     person: FakeParticipant | None = None,
+    override: str | None = None,
 ) -> None:
     """Run or resume a session as `touchbeam run` does; without `device` and `person` to its end."""
     folder = StudyFolder(path=place)
     options = SessionOptions(
-        folder=folder, participant=participant, number=number, rehearsal=kind == "rehearsal"
+        folder=folder,
+        participant=participant,
+        number=number,
+        rehearsal=kind == "rehearsal",
+        override=override,
     )
     study, clock = folder.study(), FakeClock(LATER_S)
     request = Request(

@@ -58,11 +58,16 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
     print_json(
         {
             "sessions": [
-                {**summary.record(), "resume_before_utc": until and until.isoformat()}
-                for summary, until in zip(
-                    session_summaries(sessions),
-                    map(progress.resume_before, sessions.values()),
-                    strict=True,
+                {
+                    **summary.record(),
+                    "resume_before_utc": until and until.isoformat(),
+                    "next_due_utc": [each.isoformat() for each in due or ()],
+                }
+                for summary, until, due in (
+                    (summary, progress.resume_before(state), progress.next_due(summary, state))
+                    for summary, state in zip(
+                        session_summaries(sessions), sessions.values(), strict=True
+                    )
                 )
             ],
             "next_slot": progress.next_slot,

@@ -163,6 +163,10 @@ def run(
     extra: Annotated[
         bool, typer.Option("--extra", help="Allow a session that is not due.")
     ] = False,
+    override: Annotated[
+        str | None,
+        typer.Option(help="Begin before or after the session is due, for this reason."),
+    ] = None,
     new_name: Annotated[
         bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")
     ] = False,
@@ -186,6 +190,7 @@ def run(
     An interrupted session resumes at the trial in which it stopped. With a simulated device or
     virtual ratings it is a rehearsal, which leaves the participant's name free.
     """
+    from runner.journal.cohort import due_between, due_in_words
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
 
@@ -202,6 +207,7 @@ def run(
         windowed=windowed,
         consent=consent,
         extra=extra,
+        override=override,
         new_name=new_name,
         seed=seed,
         law=law,
@@ -215,9 +221,12 @@ def run(
     # A generator reads back no force, so that each of its touches would count.
     unfelt = sum(state.unfelt.values()) if options.folder.study().rig.dialect == "board" else 0
     fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
+    due = due_between(options.folder.study(), state)
+    following = f"; the next session is due {due_in_words(due)}" if due and not dry_run else ""
     say(
         f"{participant}/{session} is complete: {counted(len(state.answered), 'trial')} answered, "
-        f"device off (read back){fingerless * (unfelt > 0)}{'; this was a rehearsal' * dry_run}."
+        f"device off (read back){fingerless * (unfelt > 0)}"
+        f"{'; this was a rehearsal' * dry_run}{following}."
     )
 
 

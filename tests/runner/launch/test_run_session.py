@@ -2,12 +2,22 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
+from protocol.errors import BadInput
+from protocol.journal.events import SessionOpened
+from runner.journal.cohort import due_in_words, states
 from runner.journal.opening import open_journal
-from runner.launch.request import SessionOptions, nearly_the_same, requested, require_meant
+from runner.launch.request import (
+    SessionOptions,
+    nearly_the_same,
+    refused,
+    requested,
+    require_meant,
+)
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
@@ -26,7 +36,8 @@ def test_a_session_comes_after_the_earlier_ones(
         folder = StudyFolder(path=tmp_path)
         given = SessionOptions(folder=folder, participant="P01", number=number, device=BOARD)
         request = replace(requested(given), kind="participant")
-        require_meant(replace(request, options=replace(given, extra="--extra" in options)), note)
+        request = replace(request, options=replace(given, extra="--extra" in options))
+        require_meant(request, note, datetime.now(UTC))
         return told.pop() if told else ""
 
     told: list[str] = []
@@ -48,6 +59,45 @@ def test_a_session_comes_after_the_earlier_ones(
     exclude = ("exclude", tmp_path, "--participant", "P01", "--session", "2", "--reason", "asleep")
     assert typed(*exclude) == 0
     assert asked(3) == ""
+
+
+def test_a_session_begins_when_it_is_due_or_with_a_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study_in(tmp_path, "paper", ("[design]", "[design]\nsessions = 2\nhours_between = [20, 72]"))
+    run_session(tmp_path, "P01")
+    with open_journal(tmp_path / "study.db") as journal:
+        over = states(journal)["P01/1"].completed_utc
+    assert over is not None
+
+    def begins(hours: float, override: str | None = None, number: int = 2) -> None:
+        given = SessionOptions(
+            folder=StudyFolder(path=tmp_path),
+            participant="P01",
+            number=number,
+            device=BOARD,
+            override=override,
+        )
+        request = replace(requested(given), kind="participant")
+        require_meant(request, refused, over + timedelta(hours=hours))
+
+    for hours in (1, 19.99, 72.01):
+        with pytest.raises(BadInput, match=r"P01/2 is due from .* to .*; add --override REASON"):
+            begins(hours)
+        begins(hours, "the train was late")
+    begins(20)
+    begins(72)
+    begins(1, number=1)
+    assert typed("status", tmp_path) == 0
+    due = due_in_words((over + timedelta(hours=20), over + timedelta(hours=72)))
+    assert f"1 of 2 sessions, next {due}: " in capsys.readouterr().out
+    run_session(tmp_path, "P01", number=2, override="the train was late")
+    with open_journal(tmp_path / "study.db") as journal:
+        opened = states(journal)["P01/2"].opened
+    assert isinstance(opened, SessionOpened)
+    assert opened.override == "the train was late"
+    assert typed("status", tmp_path, "--json") == 0
+    assert '"next_due_utc": []' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

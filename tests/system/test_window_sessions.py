@@ -33,10 +33,10 @@ class Case:
 CASES = [
     Case(control="mouse", language="en", size=(800, 600)),
     Case(control="keyboard", language="zh", size=(800, 600)),
-    Case(control="mouse", language="zh", size=(1920, 1080)),
-    Case(control="keyboard", language="en", size=(1920, 1080)),
+    Case(control="mouse", language="zh", size=(1280, 720)),
+    Case(control="keyboard", language="en", size=(1280, 720)),
     Case(control="mouse", language="en", size=(800, 600), hasty=True),
-    Case(control="keyboard", language="zh", size=(1920, 1080), hasty=True),
+    Case(control="keyboard", language="zh", size=(1280, 720), hasty=True),
 ]
 
 

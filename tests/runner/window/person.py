@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from PIL import Image, ImageGrab
@@ -131,33 +132,29 @@ class Person:
             while self.sight() == before and time.monotonic() < until_s:
                 self.look_later()
             return
-        while not self._is_live() and time.monotonic() < until_s:
+        while not _is_live(image := self.look()) and time.monotonic() < until_s:
             self.look_later()
-        text, answered = self._text(), False
+        text, answered = _text(image), False
         self.click(*BUTTON) if self.control == "mouse" else self.key("Return")
         while time.monotonic() < until_s:
             self.look_later()
-            is_live = self._is_live()
+            is_live = _is_live(image := self.look())
             # Seen twice, because a page that is being drawn differs from itself for a moment.
-            if self._text() != text:
+            if _text(image) != text:
                 self.look_later()
-                if self._text() != text:
+                if _text(self.look()) != text:
                     return
             self.revived += is_live and answered
             answered |= not is_live
 
-    def _is_live(self) -> bool:
-        """Return whether the button works."""
-        return _colour(self.look(), BUTTON) == ACCENT
-
-    def _text(self) -> bytes:
-        """Return the upper half of the page: a different text means a different page."""
-        image = self.look()
-        return image.crop((0, 0, image.width, image.height // 2)).tobytes()
+    @cached_property
+    def size(self) -> tuple[int, int]:
+        """The display's."""
+        return self.look().size
 
     def click(self, x: float, y: float) -> None:
         """Press and release at a point of the canvas."""
-        across, down = _pixel(self.look().size, (x, y))
+        across, down = _pixel(self.size, (x, y))
         self.xdotool("mousemove", str(across), str(down), "click", "1")
 
     def key(self, *names: str) -> None:
@@ -182,6 +179,16 @@ class Person:
 def _pixel(size: tuple[int, int], point: tuple[float, float]) -> tuple[int, int]:
     scale = pixels_per_unit(*size)
     return round(size[0] / 2 + point[0] * scale), round(size[1] / 2 - point[1] * scale)
+
+
+def _is_live(image: Image.Image) -> bool:
+    """Return whether the button works."""
+    return _colour(image, BUTTON) == ACCENT
+
+
+def _text(image: Image.Image) -> bytes:
+    """Return the upper half of the page: a different text means a different page."""
+    return image.crop((0, 0, image.width, image.height // 2)).tobytes()
 
 
 def _colour(image: Image.Image, point: tuple[float, float]) -> str:

@@ -17,7 +17,7 @@ from device.beam.modes import (
     mode_shape,
     mode_slope,
 )
-from device.beam.timoshenko import Waves, sections, system_matrix, waves
+from device.beam.timoshenko import Waves, sections, system_matrix, waves_of
 from device.beam.windows import Pattern, Window, window_width
 
 _ROUNDING = 1e-14
@@ -91,7 +91,7 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
     """
     parts = sections(beam, patched=patched, shear=shear)
     omega = np.array([2 * math.pi * frequency_hz])
-    segment_waves = [waves(part, omega, beam.damping_ratio) for part in parts]
+    segment_waves = waves_of(parts, omega, beam.damping_ratio)
     matrix = system_matrix(parts, segment_waves)[0]
     load = np.zeros(12, dtype=np.complex128)
     jump = beam.patch_moment_n_m_per_v / abs(segment_waves[0].moment[0, 0])

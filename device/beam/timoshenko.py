@@ -108,15 +108,27 @@ def waves(section: Section, omega: FloatArray, damping_ratio: float) -> Waves:
     )
 
 
-def _end_states(wave: Waves, length_m: float) -> tuple[ComplexArray, ComplexArray]:
+def waves_of(
+    parts: Sequence[Section], omega: FloatArray, damping_ratio: float
+) -> tuple[Waves, Waves, Waves]:
+    """Return the waves of the three segments, of which the outer two differ only in length."""
+    host, middle = (waves(part, omega, damping_ratio) for part in parts[:2])
+    return host, middle, host
+
+
+def _end_states(
+    wave: Waves, length_m: float, scale: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
     """Return (W, ψ, M, V) of the four waves at a segment's left and right end, shape (n, 4, 4).
 
-    Each wave has size 1 at the end from which it decays, so nothing overflows.
+    They are relative to `scale`, shape (n, 4, 1). Each wave has size 1 at the end from which it
+    decays, so nothing overflows.
     """
     signs = np.array([1.0, -1.0, 1.0, -1.0])
     growing = np.stack(
         [np.ones_like(wave.exponent), wave.rotation, wave.moment, wave.shear_force], axis=1
     )
+    growing /= scale
     decaying = growing * signs[:, None]
     fade = np.exp(-wave.exponent * length_m)[:, None, :]
     left = np.concatenate([decaying, growing * fade], axis=-1)
@@ -134,7 +146,7 @@ def system_matrix(parts: Sequence[Section], segment_waves: Sequence[Waves]) -> C
         np.stack([np.ones(count), host.rotation[:, 0], host.moment[:, 0], host.shear_force[:, 0]])
     ).T[:, :, None]
     ends = [
-        tuple(state / scale for state in _end_states(wave, part.length_m))
+        _end_states(wave, part.length_m, scale)
         for part, wave in zip(parts, segment_waves, strict=True)
     ]
     matrix = np.zeros((count, 12, 12), dtype=np.complex128)
@@ -157,13 +169,13 @@ def _determinant(parts: Sequence[Section], frequency_hz: FloatArray) -> FloatArr
     phase per pair, which is divided out.
     """
     omega = 2 * math.pi * frequency_hz
-    segment_waves = [waves(part, omega, 0.0) for part in parts]
+    segment_waves = waves_of(parts, omega, 0.0)
     determinant = np.linalg.det(system_matrix(parts, segment_waves))
-    for part, wave in zip(parts, segment_waves, strict=True):
-        wave_number = wave.exponent.imag
-        phase = 1j * np.sign(wave_number) * np.exp(1j * wave_number * part.length_m)
-        determinant *= np.prod(np.where(wave_number != 0, phase, 1.0), axis=-1)
-    return np.asarray(determinant.real)
+    wave_number = np.concatenate([wave.exponent.imag for wave in segment_waves], axis=-1)
+    lengths_m = np.repeat([part.length_m for part in parts], 2)
+    phase = 1j * np.sign(wave_number) * np.exp(1j * wave_number * lengths_m)
+    phases = np.where(wave_number != 0, phase, 1.0).prod(axis=-1)
+    return np.asarray((determinant * phases).real)
 
 
 def _host_frequency_hz(host: Section, wave_number_per_m: FloatArray) -> FloatArray:

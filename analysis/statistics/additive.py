@@ -16,6 +16,7 @@ SHUFFLES = 9_999
 # Large tables get fewer shuffles, at least the least number.
 MOST_CELLS = 3_000_000
 LEAST_SHUFFLES = 999
+_CELLS_AT_A_TIME = 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +227,7 @@ def _shuffled_p(fit: TwoWay, most: int) -> float:
     given = fit.table.given
     shuffles = int(np.clip(MOST_CELLS // given.size, LEAST_SHUFFLES, most))
     rng = np.random.default_rng(SEED)
-    order = np.tile(np.arange(given.shape[1]), (shuffles, len(given), 1))
+    order = np.tile(np.arange(given.shape[1], dtype=np.int16), (shuffles, len(given), 1))
     for row, cells in enumerate(given):
         own = np.flatnonzero(cells)
         order[:, row, own] = rng.permuted(np.tile(own, (shuffles, 1)), axis=1)
@@ -235,14 +236,14 @@ def _shuffled_p(fit: TwoWay, most: int) -> float:
     inverse = inverse @ inverse.T
     scores = residuals + given * fit.columns
     observed = float(_share_of_slopes(scores[None], given, inverse)[0])
-    reached = max(
-        (_share_of_slopes(drawn, given, inverse) >= observed * (1 - 1e-9)).sum()
-        for drawn in (
-            np.take_along_axis(scores[None], order, axis=2),
-            np.take_along_axis(residuals[None], order, axis=2) + given * fit.columns,
-        )
-    )
-    return float((1 + reached) / (1 + shuffles))
+    added, reached = np.stack([np.zeros_like(fit.columns), fit.columns]), np.zeros(2)
+    # Some tables at a time: all of a large study's would take a quarter of a gigabyte.
+    for part in np.array_split(order, 1 + order.size // _CELLS_AT_A_TIME):
+        drawn = (np.take_along_axis(values[None], part, axis=2) for values in (scores, residuals))
+        for number, (values, effects) in enumerate(zip(drawn, added, strict=True)):
+            shares = _share_of_slopes(values + given * effects, given, inverse)
+            reached[number] += (shares >= observed * (1 - 1e-9)).sum()
+    return float((1 + reached.max()) / (1 + shuffles))
 
 
 def _share_of_slopes(scores: FloatArray, given: BoolArray, inverse: FloatArray) -> FloatArray:

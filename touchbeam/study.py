@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.export.trial_table import Frames
+    from analysis.kept import Kept
     from analysis.loading.sessions import Sessions
     from analysis.loading.study_data import StudyData
     from analysis.report.report import Report
     from device.beam.eq15 import Overlap
     from device.friction.scenes import Calibration
+    from protocol.journal.events import StoredEvent
     from protocol.study.study import Study as StudyFile
     from runner.study.folder import StudyFolder
+
+    Chains = Iterable[Sequence[StoredEvent]]
 
 
 def load(folder: "str | os.PathLike[str]", *, rehearsals: bool = False) -> "Study":
@@ -33,22 +37,43 @@ def load(folder: "str | os.PathLike[str]", *, rehearsals: bool = False) -> "Stud
     """
     # Sums by several threads may differ in the last digit; numpy reads this when it is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from analysis.loading.sessions import load_sessions
     from analysis.loading.study_data import changed_journal
-    from runner.journal.opening import read_journal
-    from runner.journal.verification import readable_chains
     from runner.study.folder import StudyFolder
 
-    source = StudyFolder(path=Path(folder))
-    broken: list[str] = []
-    with read_journal(source.existing_journal()) as journal:
-        file = source.study()
-        recorded = load_sessions(readable_chains(journal, broken))
-    if broken:
+    study = read_study(StudyFolder(path=Path(folder)), rehearsals=rehearsals)
+    if study.broken:
         # `stacklevel=2` makes the warning name the caller's line instead of this one.
-        warnings.warn(changed_journal(broken), stacklevel=2)
+        warnings.warn(changed_journal(study.broken), stacklevel=2)
+    return study
+
+
+def read_study(
+    folder: "StudyFolder",
+    *,
+    rehearsals: bool,
+    followed: "Callable[[Chains, int], Chains]" = lambda chains, _: chains,
+) -> "Study":
+    """Return the study as `load` does; `followed` gets the chains and how many there are."""
+    from analysis.loading.sessions import load_sessions
+    from runner.journal.opening import read_journal
+    from runner.journal.verification import readable_chains
+    from runner.study.kept_files import journal_digest
+
+    broken: list[str] = []
+    # While it is open here, it has a log.
+    before = journal_digest(folder.existing_journal())
+    with read_journal(folder.journal) as journal:
+        text, file = folder.text(), folder.study()
+        chains = followed(readable_chains(journal, broken), len(journal.sessions()))
+        recorded = load_sessions(chains)
     return Study(
-        folder=source, file=file, recorded=recorded, rehearsals=rehearsals, broken=tuple(broken)
+        folder=folder,
+        file=file,
+        recorded=recorded,
+        rehearsals=rehearsals,
+        broken=tuple(broken),
+        # What a session added meanwhile is in the tables or not: no digest tells.
+        _read=(before if journal_digest(folder.journal) == before else "", text),
     )
 
 
@@ -67,6 +92,8 @@ class Study:
     recorded: "Sessions"
     rehearsals: bool
     broken: tuple[str, ...]
+    _read: tuple[str, str]
+    """The digest of the journal and the text of the study, as they were loaded."""
 
     def __repr__(self) -> str:
         count = len(self.sessions)
@@ -244,24 +271,23 @@ class Study:
         Raises:
             ValueError: there is no section of that name.
         """
-        from analysis.report.report import FIGURE_FILES, report_files
         from runner.study.files import write_files
 
         # A text is a sequence, too: of its letters.
         named = (sections,) if isinstance(sections, str) else sections
-        made = made_report(
+        asked = asked_report(
             self.folder,
-            self.file,
-            self._counted,
-            self.broken,
             rehearsals=self.rehearsals,
             named=None if named is None else tuple(named),
-            recorded=self.recorded,
+            read=self._read,
+        )
+        made = asked.written(
+            lambda: (self.file, self._counted, self.broken, self.recorded), figures=figures
         )
         folder = self.folder.report if out is None else Path(out)
         # A folder that the user names may be a link; one within the study may come from a stranger.
         own = self.folder.path if out is None else None
-        write_files(report_files(made, figures=figures), folder, replaced=FIGURE_FILES, study=own)
+        write_files(made.files, folder, replaced=made.figure_files, study=own)
         return folder / "report.html"
 
     def predict(
@@ -284,43 +310,154 @@ class Study:
         return predicted_frame(scenes, defaults, {**options, "rig": self._rig})
 
 
-def made_report(
-    folder: "StudyFolder",
-    file: "StudyFile",
-    found: "StudyData",
-    broken: Sequence[str],
-    *,
-    rehearsals: bool,
-    named: tuple[str, ...] | None,
-    recorded: "Sessions | None",
-) -> "Report":
-    """Return the report on `found`, data of the study in `folder`; `recorded` are all sessions.
+Found = tuple["StudyFile", "StudyData", Sequence[str], "Sessions | None"]
+"""A study file, the data that count, the broken chains, and all sessions where they are at hand."""
+
+_MOST_KEPT = 2**25
+"""Bytes of a report that is kept whole; of a larger one the tests, fits and figures are kept."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """The files of a report, by relative path, and what the command says of it.
+
+    `figure_files` are the paths of all figures that a report may have.
+    """
+
+    files: Mapping[str, bytes]
+    figure_files: tuple[str, ...]
+    table4: tuple[tuple[str, ...], ...]
+    lines: tuple[str, ...]
+    broken: tuple[str, ...]
+
+
+class _NotToKeep(Exception):
+    """The journal is another one than was read, or the report is too large to be kept."""
+
+    def __init__(self, made: Written) -> None:
+        super().__init__()
+        self.made = made
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedReport:
+    """What a report depends on besides its data, and what is kept of such reports.
 
     The commands, the crate and Python programs get theirs here. Its page shows the sections
     `named`; without them those of `report.toml`, or all.
+    """
+
+    folder: "StudyFolder"
+    journal: str
+    text: str
+    rehearsals: bool
+    named: tuple[str, ...] | None
+    shown: tuple[str, ...] | None
+    unlocked: str
+    rig: "Calibration"
+    keep: "Kept"
+
+    def made(
+        self,
+        file: "StudyFile",
+        found: "StudyData",
+        broken: Sequence[str],
+        recorded: "Sessions | None",
+    ) -> "Report":
+        """Return the report on `found`, data of the study; `recorded` are all sessions."""
+        from analysis.report.findings import origin_of, title_of
+        from analysis.report.report import report
+
+        origin = origin_of(
+            self.folder.path.resolve().name,
+            self.text,
+            rehearsals=self.rehearsals,
+            broken=broken,
+            rig=self.rig,
+            unlocked=self.unlocked,
+            sections=self.named,
+        )
+        return report(title_of(file), found, file, origin, self.shown, recorded, keep=self.keep)
+
+    def written(self, load: Callable[[], Found], *, figures: bool) -> Written:
+        """Return the files of the report on what `load` returns, which is the data of `journal`.
+
+        Of a journal whose bytes are as they were, it is the report that was made then.
+        """
+        from runner.study.kept_files import journal_digest
+
+        def make() -> Written:
+            made = self._written(load(), figures=figures)
+            too_large = sum(map(len, made.files.values())) > _MOST_KEPT
+            # A session went on meanwhile: the report is of another state of the journal.
+            if too_large or journal_digest(self.folder.journal) != self.journal:
+                raise _NotToKeep(made)
+            return made
+
+        # All that the report depends on besides the data: with anything else it must be made anew.
+        asked = (self.folder.path.resolve().name, self.rehearsals, self.named, self.shown, figures)
+        known = (self.journal, self.text, self.unlocked, self.rig, asked)
+        try:
+            return self.keep.made(make, Written, *known)
+        except _NotToKeep as error:
+            return error.made
+
+    def _written(self, found: Found, *, figures: bool) -> Written:
+        from analysis.loading.study_data import marks
+        from analysis.report.report import FIGURE_FILES, report_files
+        from analysis.report.sections.registration import registered_lines
+        from analysis.report.sections.session_checks import left_out_lines
+        from analysis.report.table4_text import table4_lines
+        from analysis.report.wording import omnibus_line
+
+        result = self.made(*found)
+        table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
+        return Written(
+            files=report_files(result, figures=figures),
+            figure_files=tuple(sorted(FIGURE_FILES)),
+            table4=tuple(map(tuple, table4)),
+            lines=(
+                *result.table_notes,
+                omnibus_line(result.table.main),
+                *registered_lines(result),
+                *left_out_lines(result.loaded),
+            ),
+            broken=tuple(result.origin.broken_chains),
+        )
+
+
+def asked_report(
+    folder: "StudyFolder",
+    *,
+    rehearsals: bool,
+    named: tuple[str, ...] | None,
+    read: tuple[str, str] | None = None,
+) -> AskedReport:
+    """Return what a report on the study depends on now; or, of journal and text, when `read`.
 
     Raises:
-        ValueError: there is no section of that name.
+        BadInput: nothing is recorded yet, or a file of the study cannot be read.
     """
     from analysis.kept import Kept
-    from analysis.report.findings import origin_of, title_of
-    from analysis.report.report import report
     from runner.journal.opening import read_journal
     from runner.study.calibration import fitted_calibration
-    from runner.study.kept_files import code_version, kept_files
+    from runner.study.kept_files import code_version, journal_digest, kept_files
     from runner.study.registered import registration_problem
 
-    with read_journal(folder.existing_journal()) as journal:
+    now = journal_digest(folder.existing_journal())
+    digest, text = read or (now, folder.text())
+    with read_journal(folder.journal) as journal:
+        # What was read before a withdrawal must not come back to where that has deleted it.
+        shelf = kept_files(journal) if digest == now else None
         unlocked = registration_problem(journal, folder.path)
-        keep = Kept(kept_files(journal), code_version())
-    origin = origin_of(
-        folder.path.resolve().name,
-        folder.text(),
+    return AskedReport(
+        folder=folder,
+        journal=digest,
+        text=text,
         rehearsals=rehearsals,
-        broken=broken,
-        rig=fitted_calibration(folder.path),
+        named=named,
+        shown=folder.report_sections() if named is None else named,
         unlocked=unlocked,
-        sections=named,
+        rig=fitted_calibration(folder.path),
+        keep=Kept(shelf, code_version()),
     )
-    shown = folder.report_sections() if named is None else named
-    return report(title_of(file), found, file, origin, shown, recorded, keep=keep)

@@ -1,8 +1,8 @@
 """Commands for results: report, predict, ladder, claims."""
 
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +19,6 @@ from touchbeam.cli.options import (
     StudyArgument,
     named_folder,
     study_folder,
-    study_journal,
 )
 from touchbeam.cli.output import (
     complain,
@@ -31,10 +30,11 @@ from touchbeam.cli.output import (
     print_table,
     say,
 )
-from touchbeam.study import made_report
+from touchbeam.study import asked_report, read_study
 
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
+    from touchbeam.study import Found
 
 app = typer.Typer()
 
@@ -162,28 +162,6 @@ def claims(as_json: JsonOption = False) -> None:
     say(summary_line(results))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Written:
-    """The files of a report, by relative path, and what the command says of it.
-
-    `figure_files` are the paths of all figures that a report may have.
-    """
-
-    files: Mapping[str, bytes]
-    figure_files: tuple[str, ...]
-    table4: tuple[tuple[str, ...], ...]
-    lines: tuple[str, ...]
-    broken: tuple[str, ...]
-
-
-class _NotToKeep(Exception):
-    """The journal grew while it was read, or the report is too large to be kept."""
-
-    def __init__(self, made: Written) -> None:
-        super().__init__()
-        self.made = made
-
-
 def write_report(
     folder: "StudyFolder",
     out: Path | None,
@@ -204,7 +182,9 @@ def write_report(
         from analysis.report.page import require_sections
 
         require_sections(named)
-    made = _kept_report(folder, rehearsals=rehearsals, named=named, figures=figures, alone=as_json)
+    asked = asked_report(folder, rehearsals=rehearsals, named=named)
+    found = partial(_found, folder, asked.shown, rehearsals=rehearsals, alone=as_json)
+    made = asked.written(found, figures=figures)
     warn_of_broken(made.broken, folder.path)
     place = out or folder.report
     if place.exists() and not place.is_dir():
@@ -227,93 +207,20 @@ def write_report(
     say(f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}")
 
 
-def _kept_report(
-    folder: "StudyFolder",
-    *,
-    rehearsals: bool,
-    named: tuple[str, ...] | None,
-    figures: bool,
-    alone: bool,
-) -> Written:
-    """Return the report; of a journal whose bytes are as they were, the one that was made then."""
-    from analysis.kept import Kept
-    from runner.study.calibration import fitted_calibration
-    from runner.study.kept_files import code_version, journal_digest, kept_files
-    from runner.study.registered import registration_problem
-
-    with study_journal(folder) as journal:
-        unlocked = registration_problem(journal, folder.path)
-        keep = Kept(kept_files(journal), code_version())
-    text, shown = folder.text(), folder.report_sections() if named is None else named
-    before = journal_digest(folder.journal)
-
-    def make() -> Written:
-        made = _made(folder, rehearsals=rehearsals, named=named, figures=figures, alone=alone)
-        too_large = sum(map(len, made.files.values())) > _MOST_KEPT
-        # A session went on meanwhile: the report is of another state of the journal.
-        if too_large or journal_digest(folder.journal) != before:
-            raise _NotToKeep(made)
-        return made
-
-    # All that the report depends on besides the data: with anything else it must be made anew.
-    asked = (folder.path.resolve().name, rehearsals, named, shown, figures)
-    rig = fitted_calibration(folder.path)
-    try:
-        return keep.made(make, Written, before, text, unlocked, rig, asked)
-    except _NotToKeep as error:
-        return error.made
-
-
-_MOST_KEPT = 2**25
-"""Bytes of a report that is kept whole; of a larger one the tests, fits and figures are kept."""
-
-
-def _made(
-    folder: "StudyFolder",
-    *,
-    rehearsals: bool,
-    named: tuple[str, ...] | None,
-    figures: bool,
-    alone: bool,
-) -> Written:
-    from analysis.loading.sessions import load_sessions
-    from analysis.loading.study_data import marks, study_data
+def _found(
+    folder: "StudyFolder", shown: Sequence[str] | None, *, rehearsals: bool, alone: bool
+) -> "Found":
+    from analysis.loading.study_data import study_data
     from analysis.report.page import require_sections
-    from analysis.report.report import FIGURE_FILES, asks_for_multiverse, report_files
-    from analysis.report.sections.registration import registered_lines
-    from analysis.report.sections.session_checks import left_out_lines
-    from analysis.report.table4_text import table4_lines
-    from analysis.report.wording import omnibus_line
-    from runner.journal.verification import readable_chains
+    from analysis.report.report import asks_for_multiverse
 
-    shown = folder.report_sections() if named is None else named
     # Before anything is read, which may take long.
     require_sections(shown or ())
-    broken: list[str] = []
-    with study_journal(folder) as journal:
-        study = folder.study()
-        readable, sessions = readable_chains(journal, broken), len(journal.sessions())
-        chains = followed("sessions", readable, sessions, alone=alone)
-        recorded = load_sessions(chains)
-    data = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
-    kept = recorded if asks_for_multiverse(shown) else None
-    del recorded  # it may be large
-    result = made_report(
-        folder, study, data, broken, rehearsals=rehearsals, named=named, recorded=kept
-    )
-    table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
-    return Written(
-        files=report_files(result, figures=figures),
-        figure_files=tuple(sorted(FIGURE_FILES)),
-        table4=tuple(map(tuple, table4)),
-        lines=(
-            *result.table_notes,
-            omnibus_line(result.table.main),
-            *registered_lines(result),
-            *left_out_lines(data),
-        ),
-        broken=tuple(broken),
-    )
+    bar = partial(followed, "sessions", alone=alone)
+    study = read_study(folder, rehearsals=rehearsals, followed=bar)
+    data = study_data(study.recorded, rehearsals=rehearsals, rules=study.file.exclusions)
+    # All sessions may be large, and few reports need them.
+    return study.file, data, study.broken, study.recorded if asks_for_multiverse(shown) else None
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

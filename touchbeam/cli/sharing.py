@@ -20,7 +20,7 @@ from touchbeam.cli.options import (
 )
 from touchbeam.cli.output import complain, counted, followed, say
 from touchbeam.cli.results import warn_of_broken
-from touchbeam.study import made_report
+from touchbeam.study import asked_report
 
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
@@ -162,9 +162,8 @@ def _report_in_crate(
     except NothingToReport as error:
         complain(f"touchbeam: warning: there is no report in it: {error}")
         return {}
-    result = made_report(
-        source, study, data, broken, rehearsals=rehearsals, named=None, recorded=recorded
-    )
+    asked = asked_report(source, rehearsals=rehearsals, named=None)
+    result = asked.made(study, data, broken, recorded)
     return {
         f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()
     }

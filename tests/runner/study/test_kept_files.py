@@ -7,12 +7,14 @@ import sqlite3
 import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.kept import Kept
 from analysis.loading import sessions
+from analysis.report import report as reports
 from analysis.sensitivity.linear_model import linear_sensitivity
 from analysis.sensitivity.lines import Ratings
 from analysis.statistics.additive import additive_effects, gain_heterogeneity
@@ -27,6 +29,7 @@ from runner.study.kept_files import KeptFiles, forget
 from runner.study.kept_files import kept_files as kept_of
 from tests.analysis.reports import study_report
 from tests.runner.command_line import typed
+from touchbeam.study import load
 
 PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
 FELT = tuple((change, NOMINAL) for change in CONDITIONS.values())
@@ -227,3 +230,31 @@ def test_a_journal_as_it_was_is_not_read_again_and_another_is(
         journal.execute("UPDATE event SET utc = replace(utc, '20', '19')")
     journal.close()
     assert typed("report", study, "--out", tmp_path / "b") != 0
+
+
+def test_commands_and_python_make_a_report_once_and_none_comes_back_after_a_withdrawal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache, study = tmp_path / "cache", tmp_path / "study"
+    monkeypatch.setenv(kept_files.VARIABLE, str(cache))
+    assert typed("import", PUBLISHED, study) == 0
+    made: list[object] = []
+    make = reports.report
+
+    def counted(*args: Any, **named: Any) -> reports.Report:
+        made.append(named)
+        return make(*args, **named)
+
+    monkeypatch.setattr(reports, "report", counted)
+    assert typed("report", study, "--out", tmp_path / "a") == 0
+    loaded = load(study)
+    page = loaded.report(tmp_path / "b")
+    assert len(made) == 1
+    assert page.read_bytes() == (tmp_path / "a" / "report.html").read_bytes()
+    loaded.report(tmp_path / "c", sections="sensitivity")
+    assert typed("report", study, "--out", tmp_path / "d", "--sections", "sensitivity") == 0
+    assert len(made) == 2
+    assert typed("withdraw", study, "--participant", "3", "--yes") == 0
+    loaded.report(tmp_path / "e")
+    assert len(made) == 3
+    assert list(cache.rglob("*")) == []

@@ -8,13 +8,7 @@ from statistics import fmean
 
 from device.force_channel.recording import Samples
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    BeamMounted,
-    DeviceArmed,
-    ResonanceMeasured,
-    RigDescribed,
-    TouchRecorded,
-)
+from protocol.journal import events
 from protocol.journal.records import BYTES_PER_COUNT, CHANNELS, LIFTED_N
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
@@ -92,7 +86,9 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
     told = {name: value for name, value in vars(samples).items() if name != "counts"}
     context.log.append(
-        TouchRecorded.packed(samples.counts, touch=touch, moved_s=moved_s, tare_n=tare_n, **told)
+        events.TouchRecorded.packed(
+            samples.counts, touch=touch, moved_s=moved_s, tare_n=tare_n, **told
+        )
     )
     felt = means(samples, moved_s)
     warnings = []
@@ -172,7 +168,7 @@ def prepare(context: SessionContext) -> None:
     # Before anything is asked, because arming turns the output off and refuses a foreign device.
     identity = context.device.arm()
     context.identity = identity.idn
-    context.log.append(DeviceArmed(**vars(identity)))
+    context.log.append(events.DeviceArmed(**vars(identity)))
     update_view(context, warning="; ".join(identity.remarks))
     # Before any drive above 0 V: from here on the watchdog is relied on.
     require_watchdog(context, identity.idn)
@@ -180,7 +176,7 @@ def prepare(context: SessionContext) -> None:
     for asked in study.session.operator_asks:
         answers[asked] = _noted(context, asked)
     if answers:
-        context.log.append(RigDescribed(answers=answers))
+        context.log.append(events.RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
     # Before the resonance is measured, which is that of the mounted beam.
     mount(context, study.touch.beam)
@@ -195,7 +191,7 @@ def prepare(context: SessionContext) -> None:
         study.rig.nominal_resonance_hz, lambda seconds: wait(context, seconds)
     )
     hz = resonance.frequency_hz
-    context.log.append(ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
+    context.log.append(events.ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
     # The study was checked at the nominal resonance. Drives are relative to the measured one, so
     # that limits of frequency, slew rate and current are looked at again.
     if problems := problems_at(study, hz, sliding=context.session.slides):
@@ -231,4 +227,4 @@ def mount(context: SessionContext, beam: str | None) -> None:
     context.participant.show(Notice(text="wait.touch"))
     context.beam_in_doubt, context.zero = False, None  # beams differ in weight
     # Once it is confirmed: the journal holds what was mounted, not what was asked for.
-    context.log.append(BeamMounted(beam=beam))
+    context.log.append(events.BeamMounted(beam=beam))

@@ -313,10 +313,8 @@ def _answers(
         return None, None, [response(context)]
     rating = context.session.study.rating
     _, change = asked(context, screens.ask_change(trial.question))
-    agrees, noticed = (
-        change.answer == trial.expected,
-        change.answer != QUESTIONS[trial.question].same,
-    )
+    agrees = change.answer == trial.expected
+    noticed = change.answer != QUESTIONS[trial.question].same
     if not (trial.scored and rating.asks_score(agrees=agrees, noticed=noticed)):
         return change.answer, None, [change]
     score, given = asked(context, screens.ask_score(rating))

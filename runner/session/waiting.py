@@ -221,21 +221,16 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     wait(context, min(SAVED_S, pause_s))
     context.participant.show(Notice(text="wait.touch"))
     wait(context, max(pause_s - SAVED_S, 0.0))
-    if trial.break_s > 0:
-        _take_break(context, trial.break_s)
+    if trial.break_s > 0:  # it ends when it is over and the participant wants to go on
+        over_s = context.clock.monotonic_s() + trial.break_s
+        context.participant.show(Instruction(text="break", after_s=trial.break_s))
+        answer = None
+        while answer is None or context.clock.monotonic_s() < over_s:
+            # Kept, because a press that comes before the break is over is not asked for again.
+            answer = answer or context.participant.poll()
+            tick(context, TICK_S)
     if context.pause_wanted:
         _pause(context)
-
-
-def _take_break(context: SessionContext, least_s: float) -> None:
-    """Wait until the break is over and the participant wants to go on."""
-    over_s = context.clock.monotonic_s() + least_s
-    context.participant.show(Instruction(text="break", after_s=least_s))
-    answer = None
-    while answer is None or context.clock.monotonic_s() < over_s:
-        # Kept, because a press that comes before the break is over is not asked for again.
-        answer = answer or context.participant.poll()
-        tick(context, TICK_S)
 
 
 def _pause(context: SessionContext) -> None:

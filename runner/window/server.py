@@ -56,16 +56,13 @@ class FrameTimes:
             for end, interval in zip(self.shown_s[1:], intervals, strict=True)
             if interval > LATE * self.interval_s
         ]
-        return {"frames": len(self.shown_s), "dropped": dropped, **_statistics(intervals)}
-
-
-def _statistics(intervals: list[float]) -> dict[str, float]:
-    if not intervals:
-        return {}
-    ordered = sorted(intervals)
-    p99 = ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)]
-    milliseconds = {"median_ms": median(ordered), "p99_ms": p99, "max_ms": ordered[-1]}
-    return {name: round(value * 1000, 2) for name, value in milliseconds.items()}
+        frames = {"frames": len(self.shown_s), "dropped": dropped}
+        if not intervals:
+            return frames
+        ordered = sorted(intervals)
+        p99 = ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)]
+        times = {"median_ms": median(ordered), "p99_ms": p99, "max_ms": ordered[-1]}
+        return {**frames, **{name: round(1000 * time, 2) for name, time in times.items()}}
 
 
 @dataclass

@@ -1,4 +1,4 @@
 """The friction model in batch: predictions for tables of scenes, and the ladder of rungs.
 
-Public face: `predict.predict`, `ladder.measured_ladder`, `figures.model_figures`.
+Public face: `predict.predict`, `ladder.measured_ladder`.
 """

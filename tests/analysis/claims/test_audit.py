@@ -10,10 +10,10 @@ from analysis.claims import human_factors, published_scores
 from analysis.claims.audit import CLAIMS, claims_json, claims_lines, counts, summary_line
 from analysis.claims.claim import Audited, Verdict
 from analysis.model import ladder
-from analysis.model.figures import model_figures
 from analysis.model.ladder import LadderRow, ladder_json, ladder_lines, ladder_panel
 from analysis.report.drawing import panels_figure
 from analysis.trials.law_likelihood import LawOrder, law_order
+from handbook.figures import model_figures
 
 REQUIRED = """
 eq4-static-load eq15-continuous eq15-period fig11-range fig12-range fig12-troughs

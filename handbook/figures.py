@@ -1,6 +1,6 @@
 """The figures of docs/model.md: the paper's figures under each law.
 
-`python -m analysis.model.figures docs/model` redraws them.
+`python -m handbook.figures docs/model` redraws them.
 """
 
 from collections.abc import Callable

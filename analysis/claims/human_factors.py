@@ -106,15 +106,6 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     )
 
 
-def _levels_differ() -> tuple[float, float]:
-    """Return F and p of the differences between the subjects' mean scores."""
-    subjects, conditions = SCORES.shape
-    df = (subjects - 1, (subjects - 1) * (conditions - 1))
-    between = conditions * PUBLISHED.subject_means.var(ddof=1)
-    f = float(between / PUBLISHED.effects.residual_sd**2)
-    return f, float(fdtrc(*df, f))
-
-
 def _sensitivity_model(contrasts: FloatArray) -> OrdinalSensitivity:
     """Return M2, the report's own model of individual sensitivity, of the published scores."""
     # M2 takes a row per score.
@@ -152,7 +143,10 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
         for line in lines.subjects
         if line.relative_gain_interval[0] > 0 or line.relative_gain_interval[1] < 0
     ]
-    levels_f, levels_p = _levels_differ()
+    subjects, conditions = SCORES.shape
+    between = conditions * PUBLISHED.subject_means.var(ddof=1)
+    levels_f = float(between / PUBLISHED.effects.residual_sd**2)
+    levels_p = float(fdtrc(subjects - 1, (subjects - 1) * (conditions - 1), levels_f))
     # On the conditions' own effects the mean gain is 1, whatever the law.
     free = gain_spread(SCORES, SCORES.mean(axis=0))
     low, high = free.sd_interval

@@ -32,7 +32,6 @@ from analysis.trials.trial_checks import FTest, gain_differences
 from analysis.trials.trial_statistics import LawScore, law_scores
 from device.friction.changes import LAW, Change
 from protocol.study.study import Study
-from protocol.study.touch import Touch
 
 # What each trial compared, as it was measured: contrasts with errors, and touches in numbers.
 
@@ -90,7 +89,9 @@ def session_friction(
         by_session[session] = {touch: found.with_drift(drift) for touch, found in own.items()}
 
     def held(own: Mapping[int, recorded.TouchForces]) -> Iterator[recorded.TouchForces]:
-        return (found for touch, found in own.items() if _is_held(planned[touch]))
+        for touch, found in own.items():
+            if planned[touch].place == "smooth" and planned[touch].programme == "hold":
+                yield found
 
     everyone = recorded.jitter_of(found for own in by_session.values() for found in held(own))
     known = {}
@@ -101,10 +102,6 @@ def session_friction(
         rest = jitter if isinstance(jitter, NotEstimable) else rest_of(unforced, jitter)
         known[session] = SessionFriction(touches=own, jitter=jitter, rest=rest)
     return known
-
-
-def _is_held(planned: Touch) -> bool:
-    return planned.place == "smooth" and planned.programme == "hold"
 
 
 def with_measures(study: Study, found: Sessions) -> Sessions:

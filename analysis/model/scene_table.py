@@ -51,30 +51,17 @@ def _between(low: float, high: float) -> Callable[[FloatArray], BoolArray]:
     return lambda values: (values >= low) & (values <= high)
 
 
-def _positive(default: float) -> NumberColumn:
-    return NumberColumn(
-        default,
-        "must be a finite number above 0",
-        lambda values: np.isfinite(values) & (values > 0),
-    )
+def _finite(what: str, keeps: Callable[[FloatArray], BoolArray]) -> Callable[[float], NumberColumn]:
+    """Return the maker of columns of such finite numbers, from their default."""
+    rule = f"must be a {what}"
+    return lambda own: NumberColumn(own, rule, lambda values: np.isfinite(values) & keeps(values))
 
 
-def _not_negative(default: float) -> NumberColumn:
-    return NumberColumn(
-        default,
-        "must be a finite number of at least 0",
-        lambda values: np.isfinite(values) & (values >= 0),
-    )
-
-
-def _count(default: float) -> NumberColumn:
-    return NumberColumn(
-        default,
-        "must be a whole number of at least 1",
-        lambda values: np.isfinite(values) & (values >= 1) & (values == np.floor(values)),
-    )
-
-
+_positive = _finite("finite number above 0", lambda values: values > 0)
+_not_negative = _finite("finite number of at least 0", lambda values: values >= 0)
+_count = _finite(
+    "whole number of at least 1", lambda values: (values >= 1) & (values == np.floor(values))
+)
 _STRUCTURE, _TOUCH = _SCENE.structure, _SCENE.touch
 
 COLUMNS: Mapping[str, NumberColumn | WordColumn] = {

@@ -221,11 +221,11 @@ class Curve:
 
     def by_option(self, choice: Choice) -> dict[str, Tally]:
         """Return how the analyses with each option of a choice judge the claim."""
-        return {option: self._tally(self._with(choice, option)) for option in self.options[choice]}
-
-    def _with(self, choice: Choice, option: str) -> list[Judged]:
-        both = zip(self.chosen, self.judged, strict=True)
-        return [judged for chosen, judged in both if chosen.get(choice) == option]
+        both = list(zip(self.chosen, self.judged, strict=True))
+        return {
+            option: self._tally([it for chosen, it in both if chosen.get(choice) == option])
+            for option in self.options[choice]
+        }
 
     def _tally(self, judged: Sequence[Judged]) -> Tally:
         return Tally(

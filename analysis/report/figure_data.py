@@ -7,25 +7,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.report.drawing import (
-    COLOURS,
-    GREY,
-    HEIGHT_IN,
-    LEGEND_ROW_IN,
-    MARKERS,
-    Axes,
-    Drawing,
-    Words,
-    drawing,
-    grid_drawing,
-    intervals,
-    jitter,
-    labels_of,
-    limits,
-    marked,
-    marker,
-    name_places,
-)
+from analysis.report import drawing as plot
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
@@ -247,73 +229,73 @@ def _shown_people(table: ScoreTable) -> list[int]:
 # Figures of the models: ratings against contrasts, sensitivities, and predictive checks.
 
 
-def scatter_figure(data: Scatter, words: Words) -> Drawing:
+def scatter_figure(data: Scatter, words: plot.Words) -> plot.Drawing:
     """Return ratings against predicted contrasts, with a marker and colour per condition."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         ratings = data.ratings
-        labels = labels_of(ratings.conditions, "condition")
+        labels = plot.labels_of(ratings.conditions, "condition")
         for place in np.unique(ratings.condition):
             own = ratings.condition == place
             axes.plot(
                 ratings.contrast[own],
-                ratings.rating[own] + jitter(int(own.sum()), data.scale),
+                ratings.rating[own] + plot.jitter(int(own.sum()), data.scale),
                 linestyle="none",
-                **marked(int(place)),
+                **plot.marked(int(place)),
                 alpha=0.7,
                 label=labels[place],
             )
         for model, curve in data.curves.items():
             dashes = "-" if model == HEADLINE else "--"
             axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
-        axes.set(ylim=limits(data.scale), ylabel=f"rating, {data.scale}")
+        axes.set(ylim=plot.limits(data.scale), ylabel=f"rating, {data.scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
 
     shown = len(np.unique(data.ratings.condition))
-    return drawing(words, draw, HEIGHT_IN + LEGEND_ROW_IN * (shown + 2) / 2)
+    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (shown + 2) / 2)
 
 
-def gains_figure(models: Mapping[str, Lines], words: Words) -> Drawing:
+def gains_figure(models: Mapping[str, Lines], words: plot.Words) -> plot.Drawing:
     """Return each subject's gain with its 95% interval, with the models side by side."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         for number, (model, lines) in enumerate(models.items()):
             # Side by side, so that the intervals of two models do not cover each other.
             offset = 0.25 * (number - (len(models) - 1) / 2)
             _subject_intervals(axes, lines, "gain", offset, number, f"{model}, 95% interval")
             if lines.group_known:
-                axes.axhline(lines.gain, color=COLOURS[number], linewidth=0.8, linestyle="--")
+                axes.axhline(lines.gain, color=plot.COLOURS[number], linewidth=0.8, linestyle="--")
         axes.set_ylabel("gain, points per unit of contrast")
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)
 
 
-def relative_gains_figure(lines: Lines, words: Words) -> Drawing:
+def relative_gains_figure(lines: Lines, words: plot.Words) -> plot.Drawing:
     """Return each subject's gain less the mean gain, with its 95% interval."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         _subject_intervals(axes, lines, "relative_gain")
-        axes.axhline(0.0, color=GREY, linewidth=0.8, linestyle="--")
+        axes.axhline(0.0, color=plot.GREY, linewidth=0.8, linestyle="--")
         axes.set_ylabel("relative gain, points per unit")
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)
 
 
 def _subject_intervals(
-    axes: Axes, lines: Lines, of: str, offset: float = 0.0, number: int = 0, label: str = ""
+    axes: plot.Axes, lines: Lines, of: str, offset: float = 0.0, number: int = 0, label: str = ""
 ) -> None:
     subjects = drawn_subjects(lines)
     middle = np.array([getattr(line, of) for line in subjects])
     ends = np.array([getattr(line, f"{of}_interval") for line in subjects])
     places = np.arange(len(subjects), dtype=np.float64) + offset
-    intervals(axes, places, middle, ends, number, label)
-    name_places(axes, labels_of(tuple(line.subject for line in subjects), "subject"))
+    plot.intervals(axes, places, middle, ends, number, label)
+    plot.name_places(axes, plot.labels_of(tuple(line.subject for line in subjects), "subject"))
     axes.set_xlabel("subject")
 
 
-def predictive_figure(data: Sequence[PredictiveStatistic], words: Words) -> Drawing:
+def predictive_figure(data: Sequence[PredictiveStatistic], words: plot.Words) -> plot.Drawing:
     """Return each statistic of the study beside the 95% interval of simulated studies.
 
     Each is relative to the median of the simulated ones, so that they share an axis.
@@ -324,16 +306,16 @@ def predictive_figure(data: Sequence[PredictiveStatistic], words: Words) -> Draw
     simulated = np.array([each.predicted for each in data]) / unit
     ends = np.array([each.predicted_interval for each in data]) / unit[:, None]
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         places = np.arange(len(data))
-        intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
-        axes.plot(places, study, "D", color=COLOURS[1], label="this study")
-        name_places(axes, [each.name.replace(" ", "\n") for each in data])
+        plot.intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
+        axes.plot(places, study, "D", color=plot.COLOURS[1], label="this study")
+        plot.name_places(axes, [each.name.replace(" ", "\n") for each in data])
         axes.set_ylim(bottom=0)
         axes.set_ylabel("distance from the model, relative")
         axes.legend(frameon=False)
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)
 
 
 # Figures of scores: by condition, over the session, by level, and by participant.
@@ -346,19 +328,19 @@ _CLOUD_SD = 0.04
 """Standard deviation of the clouds' density kernel, as a share of the scale."""
 
 
-def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
+def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
     """Return score densities by condition, with a line per subject and means as diamonds."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         places = np.arange(len(data.table.conditions))
         for place, column in zip(places, data.table.scores.T, strict=True):
             _cloud(axes, float(place), column[~np.isnan(column)], data.scale)
         axes.plot(
             places,
-            data.lines.T + jitter(len(data.lines), data.scale),
-            color=GREY,
+            data.lines.T + plot.jitter(len(data.lines), data.scale),
+            color=plot.GREY,
             marker="o",
-            markersize=marker(0.6),
+            markersize=plot.marker(0.6),
             linewidth=0.6,
             alpha=0.6,
         )
@@ -366,20 +348,20 @@ def raincloud_figure(data: Raincloud, words: Words) -> Drawing:
             places,
             data.means,
             "D",
-            color=COLOURS[1],
-            markersize=marker(1.7),
+            color=plot.COLOURS[1],
+            markersize=plot.marker(1.7),
             markerfacecolor="none",  # hides no score
             markeredgewidth=1.5,
             label="mean",
         )
-        name_places(axes, labels_of(data.table.conditions, "condition"))
-        axes.set(ylim=limits(data.scale), ylabel=f"score, {data.scale}", xlabel="condition")
+        plot.name_places(axes, plot.labels_of(data.table.conditions, "condition"))
+        axes.set(ylim=plot.limits(data.scale), ylabel=f"score, {data.scale}", xlabel="condition")
         axes.legend(loc="lower left", frameon=False)
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)
 
 
-def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
+def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> None:
     """Draw half a violin (normal kernel) right of `place`, and median and quartiles left of it."""
     if scores.size < FEWEST_FOR_A_CLOUD:
         return
@@ -389,70 +371,78 @@ def _cloud(axes: Axes, place: float, scores: FloatArray, scale: Scale) -> None:
     density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
     width = 0.38 * density / density.max()
     axes.fill_betweenx(
-        grid, place + 0.06, place + 0.06 + width, color=COLOURS[5], alpha=0.5, linewidth=0
+        grid, place + 0.06, place + 0.06 + width, color=plot.COLOURS[5], alpha=0.5, linewidth=0
     )
     low, middle, high = np.quantile(scores, [0.25, 0.5, 0.75])
-    axes.plot([place - 0.06] * 2, [low, high], color=COLOURS[0], linewidth=marker(0.8), alpha=0.8)
-    axes.plot([place - 0.06], [middle], "_", color="black", markersize=marker(1.8))
+    axes.plot(
+        [place - 0.06] * 2,
+        [low, high],
+        color=plot.COLOURS[0],
+        linewidth=plot.marker(0.8),
+        alpha=0.8,
+    )
+    axes.plot([place - 0.06], [middle], "_", color="black", markersize=plot.marker(1.8))
 
 
-def course_figure(data: Course, words: Words) -> Drawing:
+def course_figure(data: Course, words: plot.Words) -> plot.Drawing:
     """Return mean scores by place in the session, with their standard errors."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         errors = np.nan_to_num(data.errors)  # a single score has no bar
-        axes.errorbar(data.places, data.means, yerr=errors, fmt="o-", color=COLOURS[0])
+        axes.errorbar(data.places, data.means, yerr=errors, fmt="o-", color=plot.COLOURS[0])
         axes.set_ylabel(f"mean score ± standard error, {data.scale}")
         axes.locator_params(axis="x", integer=True)
         axes.set_xlabel("place among the session's scored trials")
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)
 
 
-def levels_figure(data: Sequence[ByLevel], scale: Scale, words: Words) -> Drawing:
+def levels_figure(data: Sequence[ByLevel], scale: Scale, words: plot.Words) -> plot.Drawing:
     """Return scores against the level of each condition: all of them, means, and M2's curve."""
 
-    def draw(grid: Sequence[Axes]) -> None:
+    def draw(grid: Sequence[plot.Axes]) -> None:
         for axes, own in zip(grid, data, strict=False):
-            scores = own.score + jitter(len(own.score), scale)
-            axes.plot(own.level, scores, ".", color=GREY, alpha=0.5)
+            scores = own.score + plot.jitter(len(own.score), scale)
+            axes.plot(own.level, scores, ".", color=plot.GREY, alpha=0.5)
             # A level with a single score has no bar.
             errors = np.nan_to_num(own.error)
-            axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=COLOURS[0])
+            axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=plot.COLOURS[0])
             if own.expected is not None:
                 axes.plot(own.at, own.expected, color="black", label="M2")
             axes.set_title(own.condition, fontsize="medium")
-            axes.set_ylim(limits(scale))
+            axes.set_ylim(plot.limits(scale))
         grid[0].set_ylabel(f"score, {scale}")
         for axes in grid:
             axes.set_xlabel("level")
 
     columns = min(len(data), 3)
     rows = -(-len(data) // columns)
-    return grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
+    return plot.grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
 
 
-def people_figure(data: People, words: Words) -> Drawing:
+def people_figure(data: People, words: plot.Words) -> plot.Drawing:
     """Return a small panel for each participant: scores by condition, and the group's means."""
 
-    def draw(grid: Sequence[Axes]) -> None:
+    def draw(grid: Sequence[plot.Axes]) -> None:
         places = np.arange(len(data.conditions))
         for axes, (subject, scores) in zip(grid, data.scores.items(), strict=False):
-            axes.plot(places, data.means, color=GREY, linewidth=0.8)
+            axes.plot(places, data.means, color=plot.GREY, linewidth=0.8)
             for place, own in enumerate(scores):
-                axes.plot(np.full(len(own), place), own, MARKERS[0], color=COLOURS[0], alpha=0.6)
-            axes.set_title(labels_of((subject,), "subject")[0], fontsize="small", pad=2)
-            axes.set_ylim(limits(data.scale))
+                axes.plot(
+                    np.full(len(own), place), own, plot.MARKERS[0], color=plot.COLOURS[0], alpha=0.6
+                )
+            axes.set_title(plot.labels_of((subject,), "subject")[0], fontsize="small", pad=2)
+            axes.set_ylim(plot.limits(data.scale))
         for axes in grid[len(data.scores) :]:
             axes.set_axis_off()
         size = "medium" if count <= FEW_NAMES else "x-small"
         for axes in grid:
             axes.set_xticks(places, names, rotation=90, fontsize=size)
 
-    count, names = len(data.conditions), labels_of(data.conditions, "condition")
+    count, names = len(data.conditions), plot.labels_of(data.conditions, "condition")
     columns = min(len(data.scores), 6, max(1, NAMES_IN_A_ROW // count))
     rows = -(-len(data.scores) // columns)
-    return grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)
+    return plot.grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)
 
 
 # Figures of trials and touches as made: reaction times, and force and place against the plan.
@@ -461,28 +451,28 @@ def people_figure(data: People, words: Words) -> Drawing:
 def strips_figure(
     groups: Mapping[str, FloatArray],
     medians: Sequence[float],
-    words: Words,
+    words: plot.Words,
     axis: str,
     *,
     across: str,
     logarithmic: bool = False,
     asked: float | None = None,
-) -> Drawing:
+) -> plot.Drawing:
     """Return values of each group as points beside its median; `asked` is a dashed line."""
 
-    def draw(axes: Axes) -> None:
+    def draw(axes: plot.Axes) -> None:
         for place, (values, median) in enumerate(zip(groups.values(), medians, strict=True)):
             # Multiples of the golden ratio spread points evenly without random numbers.
             beside = place + 0.3 * ((np.arange(len(values)) * 0.6180339887) % 1.0 - 0.5)
-            axes.plot(beside, values, ".", color=COLOURS[0], alpha=0.5)
+            axes.plot(beside, values, ".", color=plot.COLOURS[0], alpha=0.5)
             axes.plot([place - 0.25, place + 0.25], [median] * 2, color="black")
         if asked is not None:
-            axes.axhline(asked, color=GREY, linestyle="--", linewidth=0.8)
+            axes.axhline(asked, color=plot.GREY, linestyle="--", linewidth=0.8)
         if logarithmic:
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter("{x:g}")
             axes.yaxis.set_minor_formatter("{x:g}")
-        name_places(axes, labels_of(tuple(groups), across))
+        plot.name_places(axes, plot.labels_of(tuple(groups), across))
         axes.set(xlabel=across, ylabel=axis)
 
-    return drawing(words, draw)
+    return plot.drawing(words, draw)

@@ -69,10 +69,8 @@ def table4_lines(
 
 
 def _score(score: float, missing: str) -> str:
-    if math.isnan(score):
-        return missing
     # Whole scores as in the paper's Table 4; means of several trials need their decimals.
-    return f"{score:.0f}" if score == round(score) else f"{score:.2f}"
+    return f"{score:.0f}" if score.is_integer() else _mean(score, missing)
 
 
 def _mean(mean: float, missing: str) -> str:

@@ -8,27 +8,13 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
-from device.people.answering import (
-    QUESTION_NUMBERS,
-    SAME,
-    TOUCH_NUMBERS,
-    Answering,
-    Felt,
-    Kind,
-    beyond,
-    course,
-    felt_contrast,
-    fractions,
-    kind_of_change,
-    meaning,
-    on_scale,
-)
+from device.people import answering as answers
 from device.people.person import BODY_HEIGHT_M, Fingers, People, World, felt_friction, uniforms_of
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS
-from protocol.study.touch import Mark, Touch, mark_of
+from protocol.study.touch import Mark, mark_of
 
 # The plans of a study's slots as arrays, with each different trial once.
 
@@ -44,13 +30,13 @@ class TrialKind:
     def expected(self) -> int | None:
         """The meaning of the expected answer."""
         question = self.trial.question
-        return None if question is None else meaning(question, self.trial.expected)
+        return None if question is None else answers.meaning(question, self.trial.expected)
 
     @property
-    def change(self) -> Kind:
+    def change(self) -> answers.Kind:
         """What the touches are about."""
         question = self.trial.question
-        return "other" if question is None else kind_of_change(question, self.marks)
+        return "other" if question is None else answers.kind_of_change(question, self.marks)
 
     @property
     def two_sided(self) -> bool:
@@ -89,16 +75,12 @@ class PlannedTrials:
     def _number(self, trial: Trial) -> int:
         asked = (trial.kind, trial.condition, trial.question, trial.expected, trial.scored)
         # Trials that differ in place and block alone feel the same, and are felt together.
-        known = (*asked, tuple(map(_key, trial.touches)))
+        known = (*asked, tuple(touch.model_dump_json() for touch in trial.touches))
         if known not in self._numbers:
             self._numbers[known] = len(self.kinds)
             marks = tuple(mark_of(touch, self.study.touch) for touch in trial.touches)
             self.kinds.append(TrialKind(trial=trial, marks=marks))
         return self._numbers[known]
-
-
-def _key(touch: Touch) -> str:
-    return touch.model_dump_json()
 
 
 Drive = tuple[float, Direction]
@@ -153,7 +135,7 @@ def cohort(
     touches = table[kinds]
     first_touch = np.cumsum(touches, axis=1) - touches
     most = int(touches.sum(axis=1).max())
-    u = uniforms_of([f"touches/{name}" for name in names], most, TOUCH_NUMBERS)
+    u = uniforms_of([f"touches/{name}" for name in names], most, answers.TOUCH_NUMBERS)
     feeling = _Feeling(planned.study, planned.kinds, people, world)
     force_n = np.full(u.shape[:2], np.nan)
     for number, kind in enumerate(planned.kinds):
@@ -200,8 +182,8 @@ class _Feeling:
         self._trials[number] = who, trial
         kind = self._kinds[number]
         mark, made = kind.marks[touch], self._people.rows(who)
-        way = course(made, u, mark)
-        parts = fractions(mark)
+        way = answers.course(made, u, mark)
+        parts = answers.fractions(mark)
         # The friction of touches between is computed for nothing; their force is recorded all the
         # same.
         if touch in {0, len(kind.marks) - 1}:
@@ -222,7 +204,7 @@ class _Feeling:
         # A touch without a beam of its own is on the one that the study mounts.
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
-        parts = fractions(self._kinds[number].marks[touch])
+        parts = answers.fractions(self._kinds[number].marks[touch])
         # A finger that stays at its place slides to and fro there.
         sliding_m_s = np.where(speed_m_s > 0, speed_m_s, REFERENCE_SPEED_M_S)
         voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
@@ -263,12 +245,12 @@ class _Feeling:
             if kind.trial.question is not None and number in self._trials:
                 who, trial = self._trials[number]
                 felt = [
-                    Felt(mark=kind.marks[touch], friction=self._friction[number, touch])
+                    answers.Felt(mark=kind.marks[touch], friction=self._friction[number, touch])
                     # A trial of one touch has the same first and last; it counts once.
                     for touch in dict.fromkeys([0, len(kind.marks) - 1])
                 ]
                 known = felt[0].friction[:, 0] if resting is None else resting[who]
-                contrast[who, trial] = felt_contrast(kind.trial.question, felt, known)
+                contrast[who, trial] = answers.felt_contrast(kind.trial.question, felt, known)
         return contrast
 
     def _resting(self) -> FloatArray | None:
@@ -288,12 +270,12 @@ def _answer(
     two_sided = np.array([kind.two_sided for kind in of])[kinds]
     expected = np.array([_NEVER if kind.expected is None else kind.expected for kind in of])[kinds]
     scored = np.array([kind.trial.scored for kind in of])[kinds]
-    extra = np.stack([beyond(kind.change, people) for kind in of], axis=1)
+    extra = np.stack([answers.beyond(kind.change, people) for kind in of], axis=1)
     rating = planned.study.rating
     most = int(asks.sum(axis=1).max())
-    u = uniforms_of([f"questions/{name}" for name in names], most, QUESTION_NUMBERS)
+    u = uniforms_of([f"questions/{name}" for name in names], most, answers.QUESTION_NUMBERS)
     # Random numbers are numbered by questions, so that a trial without one uses none.
-    answering, everybody, asked = Answering(people), np.arange(people.size), 0
+    answering, everybody, asked = answers.Answering(people), np.arange(people.size), 0
     for trial in range(kinds.shape[1]):
         if asks[:, trial].any():
             change, reaction_s = answering.change(
@@ -303,11 +285,13 @@ def _answer(
                 u[:, asked],
             )
             asked += 1
-            wanted = rating.asks_score(agrees=change == expected[:, trial], noticed=change != SAME)
+            wanted = rating.asks_score(
+                agrees=change == expected[:, trial], noticed=change != answers.SAME
+            )
             # Somebody who has left scores nothing more.
             wanted &= scored[:, trial] & ~answering.left
             score, score_reaction_s = answering.score(wanted)
-            on_study = on_scale(score, rating.minimum, rating.maximum)
+            on_study = answers.on_scale(score, rating.minimum, rating.maximum)
             made.change[:, trial] = change
             made.reaction_s[:, trial] = np.where(answering.left, np.nan, reaction_s)
             made.score[:, trial] = np.where(wanted, on_study, np.nan)

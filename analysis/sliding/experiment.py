@@ -15,17 +15,7 @@ from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_pane
 from analysis.sliding.fit import Estimate, RigFit, fitted_rig
 from device.friction.scenes import Structure
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    Answered,
-    DeviceArmed,
-    ResonanceMeasured,
-    SessionOpened,
-    SessionTerms,
-    StoredEvent,
-    TouchRecorded,
-    TouchStarted,
-    TrialStarted,
-)
+from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N, CommandedDrive, DamagedSamplesError, Recording
 from protocol.journal.state import folded
 from protocol.study.touch import Slide
@@ -256,7 +246,7 @@ class DrawnSession:
     planned: int
     passes: tuple[PlannedPass, ...]
     left_out: tuple[tuple[int, str], ...]
-    resonance: ResonanceMeasured
+    resonance: journal.ResonanceMeasured
     idn: str
 
 
@@ -267,7 +257,7 @@ class _Attempt:
     recorded: Recording | None = None
 
 
-def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
+def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     """Return the sliding experiment whose events these are.
 
     A pass without a zero of its own has the last one before it.
@@ -278,7 +268,7 @@ def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
     excluded = folded(events).excluded
     records = [event.record for event in events]
     opened = records[0]
-    assert isinstance(opened, SessionOpened), "the first event of every session"
+    assert isinstance(opened, journal.SessionOpened), "the first event of every session"
     planned = {trial.index: trial for trial in opened.trials}
     slide = _slide(records)
     found, left_out = [], []
@@ -289,7 +279,7 @@ def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
         elif isinstance(made, rig_model.Pass):
             drive = str(planned[attempt.index].condition)
             found.append(PlannedPass(index=attempt.index, drive=drive, made=made))
-    resonances = [record for record in records if isinstance(record, ResonanceMeasured)]
+    resonances = [record for record in records if isinstance(record, journal.ResonanceMeasured)]
     if not found or not resonances:
         raise BadInput(f"slide/{opened.session}: no pass has been made that counts")
     return DrawnSession(
@@ -299,13 +289,15 @@ def drawn_session(events: Sequence[StoredEvent]) -> DrawnSession:
         passes=tuple(found),
         left_out=tuple(left_out),
         resonance=resonances[-1],
-        idn=next((each.idn for each in reversed(records) if isinstance(each, DeviceArmed)), ""),
+        idn=next(
+            (each.idn for each in reversed(records) if isinstance(each, journal.DeviceArmed)), ""
+        ),
     )
 
 
 def _slide(records: Sequence[object]) -> Slide:
     """Return what was drawn, from the study as it was when the session began or last resumed."""
-    text = [each.study_text for each in records if isinstance(each, SessionTerms)][-1]
+    text = [each.study_text for each in records if isinstance(each, journal.SessionTerms)][-1]
     assert text is not None, "every build that slides records the study"
     return parsed_study(text).slide
 
@@ -315,15 +307,15 @@ def _attempts(records: Sequence[object]) -> Iterator[tuple[_Attempt, Zero]]:
     attempt, zero = _Attempt(index=-1), (0.0, 0.0)
     for record in records:
         match record:
-            case TrialStarted(index=index):
+            case journal.TrialStarted(index=index):
                 attempt = _Attempt(index=index)
-            case TouchStarted(commanded=commanded):
+            case journal.TouchStarted(commanded=commanded):
                 attempt.commanded = commanded
-            case TouchRecorded():
+            case journal.TouchRecorded():
                 attempt.recorded = record
                 if record.tare_n is not None:
                     zero = record.tare_n[0], record.tare_n[1]
-            case Answered():
+            case journal.Answered():
                 yield attempt, zero
 
 

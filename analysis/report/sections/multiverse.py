@@ -118,15 +118,11 @@ def section(found: Findings) -> Section:
     return Section(
         name=MULTIVERSE,
         title="Other choices of analysis",
-        blocks=[Figure(name=_figure_name(name)) for name in NAMES]
+        blocks=[Figure(name=f"{MULTIVERSE}-{name}") for name in NAMES]
         if made is None
         else _blocks(made, found.keep),
         data={} if made is None else {MULTIVERSE: made.as_json()},
     )
-
-
-def _figure_name(claim: str) -> str:
-    return f"{MULTIVERSE}-{claim}"
 
 
 def _blocks(made: Multiverse, keep: Kept) -> list[Block]:
@@ -194,7 +190,7 @@ def _pair_table(pairs: tuple[PairTally, ...]) -> Table:
 
 
 def _figure(curve: Curve, keep: Kept) -> Figure:
-    name = _figure_name(curve.claim.id)
+    name = f"{MULTIVERSE}-{curve.claim.id}"
     if not curve.options:
         return Figure(name=name)
     own = " The dotted line marks this report's own analysis." if curve.own is not None else ""

@@ -92,21 +92,16 @@ def _levels_figure(found: Findings) -> Figure:
         "the group's average subject at the predicted contrasts.",
         draw=partial(figure_data.levels_figure, data, found.scale),
         keep=found.keep,
-        table=_levels_table(data),
-    )
-
-
-def _levels_table(data: Sequence[figure_data.ByLevel]) -> Table:
-    rows = [
-        [own.condition, f"{at:g}", str(count), number(mean, 2), number(error, 2)]
-        for own in data
-        for at, count, mean, error in zip(own.at, own.counts, own.mean, own.error, strict=True)
-    ]
-    return Table(
-        name="levels",
-        caption="Numbers shown in the figure: mean score by level.",
-        columns=columns("condition", "level", "scores", "mean score", "standard error"),
-        rows=rows,
+        table=Table(
+            name="levels",
+            caption="Numbers shown in the figure: mean score by level.",
+            columns=columns("condition", "level", "scores", "mean score", "standard error"),
+            rows=[
+                [it.condition, f"{at:g}", str(count), number(mean, 2), number(error, 2)]
+                for it in data
+                for at, count, mean, error in zip(it.at, it.counts, it.mean, it.error, strict=True)
+            ],
+        ),
     )
 
 
@@ -157,15 +152,13 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
         "from the other conditions, and the same without a law, from the subjects' levels alone; a "
         "prediction outside the scale counts as its end, and conditions whose mean prediction is "
         "outside are named. p of the fit: share of all assignments of the contrasts to the "
-        "conditions that fit the "
-        "ratings at least as well." + _circular(laws),
+        "conditions that fit the ratings at least as well."
+        + _CIRCULAR
+        * any(score.law == PAPERS_RANKING for score in laws),
     )
 
 
-def _circular(laws: Sequence[LawScore]) -> str:
-    if all(score.law != PAPERS_RANKING for score in laws):
-        return ""
-    return (
-        " The paper's own ranking (voltage first, pressure last, the others unranked) was derived "
-        "from the paper's Table 4: tested on the same data, it is circular and not evidence."
-    )
+_CIRCULAR = (
+    " The paper's own ranking (voltage first, pressure last, the others unranked) was derived "
+    "from the paper's Table 4: tested on the same data, it is circular and not evidence."
+)

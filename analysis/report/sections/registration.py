@@ -16,7 +16,7 @@ from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
-from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL, SignedRank
+from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
@@ -84,7 +84,10 @@ def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
     results = []
     for name in lock.registration.hypotheses:
-        told, p, supported = _computed(found, lock, name)
+        computed = _computed(found, lock, name)
+        if isinstance(computed, NotEstimable):
+            computed = computed.reason, None, None
+        told, p, supported = computed
         primary = name == lock.registration.primary
         results.append(
             NamedResult(name=name, primary=primary, found=told, p=p, supported=supported)
@@ -108,7 +111,7 @@ _Computed = tuple[str, float | None, bool | None]
 """What was found, p, and whether it supports the hypothesis."""
 
 
-def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed:
+def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEstimable:
     if name == OMNIBUS:
         return _tested(omnibus_p(found.table.main))
     if name == GAINS:
@@ -120,52 +123,47 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed:
     return _pair(found, name)
 
 
-def _tested(p: float | NotEstimable) -> _Computed:
-    return _missing(p) if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
+def _tested(p: float | NotEstimable) -> _Computed | NotEstimable:
+    return p if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
 
 
-def _missing(reason: NotEstimable) -> _Computed:
-    return reason.reason, None, None
-
-
-def _gain(found: Findings) -> _Computed:
+def _gain(found: Findings) -> _Computed | NotEstimable:
     fit = found.trials.m2
     if isinstance(fit, NotEstimable):
-        return _missing(fit)
+        return fit
     ends = fit.lines.gain_interval
     if not fit.lines.group_known:
-        return _missing(NotEstimable("a single participant tells nothing about a group"))
+        return NotEstimable("a single participant tells nothing about a group")
     # A posterior interval decides, so that there is no p.
     return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
 
 
-def _order(found: Findings, law: str) -> _Computed:
+def _order(found: Findings, law: str) -> _Computed | NotEstimable:
     order = found.trials.orders.get(law)
     if order is None or isinstance(order, NotEstimable):
-        return "too few conditions with a prediction", None, None
+        return NotEstimable("too few conditions with a prediction")
     rho, p = order.spearman, order.p
     if isinstance(rho, NotEstimable):
-        return _missing(rho)
+        return rho
     if isinstance(p, NotEstimable):
-        return _missing(p)
+        return p
     # Two-sided p, so that an order against the law must not count for it.
     return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
 
 
-def _pair(found: Findings, name: str) -> _Computed:
+def _pair(found: Findings, name: str) -> _Computed | NotEstimable:
     for pair in found.table.main.pairwise:
         # Tests know a pair in one order, a hypothesis may name it in the other.
         for higher, lower, sign in ((pair.a, pair.b, 1), (pair.b, pair.a, -1)):
             if name == above(higher, lower):
                 if isinstance(pair.test, NotEstimable):
-                    return _missing(pair.test)
-                assert isinstance(pair.test, SignedRank)
+                    return pair.test
                 by, p = sign * pair.test.mean_difference, pair.p_holm
                 if isinstance(p, NotEstimable):
-                    return _missing(p)
+                    return p
                 told = f"mean difference {number(by, 2)}, {p_equals(p)} (Holm)"
                 return told, p, by > 0 and p < LEVEL
-    return "these conditions have no scores to compare", None, None
+    return NotEstimable("these conditions have no scores to compare")
 
 
 def marked(found: Findings) -> Iterator[tuple[str, str]]:

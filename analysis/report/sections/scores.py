@@ -112,11 +112,11 @@ def _score_table(found: Findings) -> blocks.Table:
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(
             text=text,
-            target=_trials_anchor(row, column) if has_trials else "",
+            target=_anchor("trials", row, column) if has_trials else "",
             label=why and f"{why}: its trials",
             why=why,
             missing=bool(why),
-            anchor=_cell_anchor(row, column) if has_trials else "",
+            anchor=_anchor("cell", row, column) if has_trials else "",
         )
 
     lines: list[blocks.Row] = [
@@ -241,12 +241,8 @@ def trials(found: Findings) -> blocks.Section:
     )
 
 
-def _trials_anchor(row: int, column: int) -> str:
-    return f"trials-{row + 1}-{column + 1}"
-
-
-def _cell_anchor(row: int, column: int) -> str:
-    return f"cell-{row + 1}-{column + 1}"
+def _anchor(of: str, row: int, column: int) -> str:
+    return f"{of}-{row + 1}-{column + 1}"
 
 
 def _is_scored(record: Mapping[str, Any]) -> bool:
@@ -291,9 +287,9 @@ def _rows(
     for record in sorted(records, key=place):
         name, *cells = _cells(record)
         column = place(record)
-        anchor = "" if column in anchored else _trials_anchor(row, column)
+        anchor = "" if column in anchored else _anchor("trials", row, column)
         anchored.add(column)
-        back = _cell_anchor(row, column) if anchor else ""
+        back = _anchor("cell", row, column) if anchor else ""
         label = f"{name}: back to Table 4" if anchor else ""
         rows.append([blocks.Cell(text=name, anchor=anchor, target=back, label=label), *cells])
     return rows

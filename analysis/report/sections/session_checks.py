@@ -173,16 +173,15 @@ def _reaction_times(found: Findings) -> blocks.Figure:
 
 def _forces(found: Findings) -> blocks.Figure:
     """Return the measured force of each touch over the one that was asked for."""
-    touches = _felt(found, "force_n")
+    touches = found.loaded.touches.dropna(subset=["force_n"])
     made = touches["force_n"] / (found.study.touch.force_n * touches["press"])
-    # In the steps in which the model takes force, so that the figure shows what is analysed.
-    in_steps = (made / FORCE_STEP).round() * FORCE_STEP
     return _strips(
         "forces",
         "Force of the touches",
         "Median force of each touch over the force that was asked for (dashed), in steps of "
         f"{FORCE_STEP:.0%}, by subject; bars show medians.",
-        _by_subject(found, in_steps, touches),
+        # In the steps in which the model takes force, so that the figure shows what is analysed.
+        _by_subject(found, (made / FORCE_STEP).round() * FORCE_STEP, touches),
         ("force, made / asked", "subject"),
         found.keep,
         asked=1.0,
@@ -191,35 +190,28 @@ def _forces(found: Findings) -> blocks.Figure:
 
 def _places(found: Findings) -> blocks.Figure:
     """Return the measured place of each touch at a place, less the one that was asked for."""
-    touches = _felt(found, "place_m")
+    touches = found.loaded.touches.dropna(subset=["place_m"])
     apart_m = touches["place_m"] - found.study.touch.smooth_place_m
-    # In the steps in which the model takes places.
-    in_steps_mm = (apart_m / PLACE_STEP_M).round() * PLACE_STEP_M * 1e3
     return _strips(
         "places",
         "Places of the touches",
         "Median place of each touch less the place that was asked for (dashed), in steps of "
         f"{1e3 * PLACE_STEP_M:g} mm, by subject; bars show medians.",
-        _by_subject(found, in_steps_mm, touches),
+        _by_subject(found, (apart_m / PLACE_STEP_M).round() * PLACE_STEP_M * 1e3, touches),
         ("place, made − asked, mm", "subject"),
         found.keep,
         asked=0.0,
     )
 
 
-def _felt(found: Findings, column: str) -> Any:
-    """Return the touches of the trials that count in which something was measured."""
-    names = found.loaded.trials["participant"]
-    touches = found.loaded.touches.dropna(subset=[column])
-    return touches.assign(participant=touches["attempt_id"].map(names))
-
-
 def _by_subject(found: Findings, values: Any, touches: Any) -> dict[str, Any]:
-    subjects = found.loaded.table.subjects
+    """Return values of the touches of the trials that count, by subject of those shown."""
+    subjects, names = found.loaded.table.subjects, found.loaded.trials["participant"]
     shown = [
         subjects[place] for place in figure_data.thinned(len(subjects), figure_data.MOST_INTERVALS)
     ]
-    return {name: values[touches["participant"] == name] for name in shown}
+    who = touches["attempt_id"].map(names)
+    return {name: values[who == name] for name in shown}
 
 
 def _strips(

@@ -70,7 +70,7 @@ MOST_CONDITIONS = 7
 
 
 def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
-    """Return the probability (16), with each row shuffled, of rank sums as unequal as these.
+    """Return the probability, with each row shuffled, of rank sums at least as unequal as these.
 
     The rows are added one at a time. The effect of a row does not depend on which condition has
     which sum, so only the sorted sums are kept. Sums of squares are compared as integers;
@@ -98,7 +98,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             sums, chances = _summed(tuple(rows[: count + 1]))
     last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
-    # (18)
+    # (16), by (18)
     constant = (sums**2).sum(axis=1)[:, None] + (last[0] ** 2).sum()
     as_unequal = constant + 2 * (sums @ last.T) >= observed
     return float((chances * as_unequal.mean(axis=1)).sum())
@@ -161,7 +161,7 @@ class Friedman:
 def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     """Return Friedman's test of the table, or why it is not possible.
 
-    (12): χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
+    χ² = (k-1) Σ_j (R_j - n(k+1)/2)² / Σ_ij (r_ij - (k+1)/2)² and W = χ² / (n (k-1)) (Conover,
     Practical Nonparametric Statistics, 3rd ed., section 5.8). Equal scores share their mean rank.
 
     >>> import numpy as np
@@ -181,7 +181,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     within = int(((ranks - middle) ** 2).sum())
     if within == 0:
         return NotEstimable("every subject gave all conditions the same score")
-    chi2, exact = (conditions - 1) * between / within, exact_p(ranks)
+    chi2, exact = (conditions - 1) * between / within, exact_p(ranks)  # (12)
     return Friedman(
         chi2=chi2,
         df=conditions - 1,
@@ -232,7 +232,7 @@ class SkillingsMack:
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     """Return the Skillings-Mack test of the table, or why it is not possible.
 
-    (13): T = A' Σ⁻ A, A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
+    T = A' Σ⁻ A with A_j = Σ_i √(12/(k_i+1)) (r_ij - (k_i+1)/2), ranks within the k_i scores of
     subject i (Skillings and Mack, Technometrics 23, 1981, 171-177). Differs from the paper: Σ has
     the variance of each subject's tied ranks instead of that of k_i distinct ones.
     """
@@ -290,7 +290,7 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
         return NotEstimable("at least 2 subjects must score two conditions, got 1")
     if refusal := disconnected(~np.isnan(scores), kept.conditions):
         return refusal
-    # Centred ranks, weighted by √(12/(k_i+1)).
+    # (13): centred ranks, weighted by √(12/(k_i+1)).
     given = ~np.isnan(scores)
     counts = given.sum(axis=1).astype(np.float64)
     ranks = doubled_midranks(scores) / 2 - (counts[:, None] + 1) / 2

@@ -190,7 +190,7 @@ def intraclass_correlation(
 ) -> IntraclassCorrelation | NotEstimable:
     """Return ICC(2,1), ICC(3,1) and ICC(3,k) of the target, or why they are not estimable.
 
-    (9), mathematics/ordinal: ratios of the variances of targets, raters and residuals by moments;
+    They are ratios of the variances of targets, raters and residuals by the method of moments;
     with no cell missing these are Shrout and Fleiss' mean squares. A negative value means that
     targets differ less than expected by chance.
     """
@@ -199,7 +199,7 @@ def intraclass_correlation(
         return fit
     if target == "conditions":
         fit = fit.transposed
-    targets, residual = fit.row_variance, fit.residual_variance
+    targets, residual = fit.row_variance, fit.residual_variance  # (9), mathematics/ordinal
     agreement = _ratio(fit, targets, fit.column_variance + residual)
     return IntraclassCorrelation(
         target=target,

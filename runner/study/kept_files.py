@@ -106,8 +106,9 @@ def journal_digest(path: Path) -> str:
     """Return the digest of the journal's bytes, those in its log among them."""
     digest = sha256()
     for each in (path, log_of(path)):
-        with suppress(FileNotFoundError), each.open("rb") as file:
-            digest.update(file_digest(file, "sha256").digest())
+        if each.is_file():  # opening the journal refuses a folder or a pipe, which never ends
+            with suppress(FileNotFoundError), each.open("rb") as file:
+                digest.update(file_digest(file, "sha256").digest())
         digest.update(b"|")
     return digest.hexdigest()
 

@@ -365,7 +365,7 @@ class AskedReport:
         recorded: "Sessions | None",
     ) -> "Report":
         """Return the report on `found`, data of the study; `recorded` are all sessions."""
-        from analysis.report.findings import origin_of, title_of
+        from analysis.report.findings import origin_of
         from analysis.report.report import report
 
         origin = origin_of(
@@ -377,7 +377,8 @@ class AskedReport:
             unlocked=self.unlocked,
             sections=self.named,
         )
-        return report(title_of(file), found, file, origin, self.shown, recorded, keep=self.keep)
+        title = file.publication.title or file.study.name
+        return report(title, found, file, origin, self.shown, recorded, keep=self.keep)
 
     def written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         """Return the files of the report on what `load` returns, which is the data of `journal`.

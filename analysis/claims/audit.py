@@ -1,7 +1,6 @@
 """Audit of the paper: every claim with its verdicts, as a table and as JSON."""
 
 from collections import Counter
-from typing import Any
 
 from analysis.claims import (
     coverage,
@@ -29,14 +28,6 @@ LAW_FREE = "law-free"
 def audit() -> tuple[Audited, ...]:
     """Check every claim of the paper under every law."""
     return tuple(audited(claim) for claim in CLAIMS)
-
-
-def claims_json(results: tuple[Audited, ...]) -> list[dict[str, Any]]:
-    """Return the audit as records.
-
-    Each has id, place, claim, check, expected, sentence, law_free, laws, computed and remark.
-    """
-    return [result.record() for result in results]
 
 
 def counts(results: tuple[Audited, ...]) -> dict[str, Counter[Verdict]]:

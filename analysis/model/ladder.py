@@ -1,7 +1,7 @@
 """The ladder: measured time of each rung, and its error against the top rung."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -102,11 +102,6 @@ def measured_ladder() -> tuple[LadderRow, ...]:
     _round(scene, places_m)  # loads and caches what is not a set-up
     rounds = [_round(scene, places_m) for _ in range(_ROUNDS)]
     return tuple(_row(rung, scene, places_m, top, rounds) for rung in RUNGS)
-
-
-def ladder_json(rows: tuple[LadderRow, ...]) -> list[dict[str, object]]:
-    """Return the rows as JSON records."""
-    return [asdict(row) for row in rows]
 
 
 def ladder_lines(rows: tuple[LadderRow, ...]) -> list[list[str]]:

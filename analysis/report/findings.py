@@ -75,11 +75,6 @@ def origin_of(
     )
 
 
-def title_of(study: Study) -> str:
-    """Return the heading of a report: the publication's title, or the study's name."""
-    return study.publication.title or study.study.name
-
-
 class Scale(NamedTuple):
     """Lowest and highest possible score."""
 

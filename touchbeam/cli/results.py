@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -127,7 +128,7 @@ def ladder(
 
     Runs every rung of the model in the paper's scene on this computer.
     """
-    from analysis.model.ladder import ladder_json, ladder_lines, ladder_panel, measured_ladder
+    from analysis.model.ladder import ladder_lines, ladder_panel, measured_ladder
 
     # Refused before the rungs are timed, which takes a while.
     kind = plot.suffix.removeprefix(".").lower() if plot else "svg"
@@ -141,7 +142,7 @@ def ladder(
         write_whole(plot, panels_figure([ladder_panel(rows)], kind))
         (complain if as_json else say)(f"Written: {plot}")
     if as_json:
-        print_json(ladder_json(rows))
+        print_json([asdict(row) for row in rows])
         return
     print_table("The ladder", ladder_lines(rows))
 
@@ -152,11 +153,11 @@ def claims(as_json: JsonOption = False) -> None:
 
     Recomputes each claim under every friction law, or once if no law plays a role.
     """
-    from analysis.claims.audit import audit, claims_json, claims_lines, summary_line
+    from analysis.claims.audit import audit, claims_lines, summary_line
 
     results = audit()
     if as_json:
-        print_json(claims_json(results))
+        print_json([result.record() for result in results])
         return
     print_table("Claims", claims_lines(results), of_sentences=True)
     say(summary_line(results))

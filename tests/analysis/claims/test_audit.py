@@ -1,16 +1,17 @@
 """The audit of the paper, the ladder and the figures: form, and known results."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.claims import human_factors, published_scores
-from analysis.claims.audit import CLAIMS, claims_json, claims_lines, counts, summary_line
+from analysis.claims.audit import CLAIMS, claims_lines, counts, summary_line
 from analysis.claims.claim import Audited, Verdict
 from analysis.model import ladder
-from analysis.model.ladder import LadderRow, ladder_json, ladder_lines, ladder_panel
+from analysis.model.ladder import LadderRow, ladder_lines, ladder_panel
 from analysis.report.drawing import panels_figure
 from analysis.trials.law_likelihood import LawOrder, law_order
 from handbook.figures import model_figures
@@ -89,7 +90,7 @@ KEYS = {"id", "place", "claim", "check", "expected", "laws", "computed", "remark
 
 
 def test_the_records_are_json_without_nan(results: tuple[Audited, ...]) -> None:
-    records = json.loads(json.dumps(claims_json(results), allow_nan=False))
+    records = json.loads(json.dumps([each.record() for each in results], allow_nan=False))
     assert set(records[0]) == KEYS | {"sentence", "law_free"}
     for record in records:
         assert set(record["laws"]) == {"printed", "consistent", "coulomb"}
@@ -169,7 +170,7 @@ def test_the_ladder_is_written_and_drawn() -> None:
         )
         for name, t, e in (("mode", 9.0, 0.04), ("timoshenko-patched", 5e3, 0.0))
     )
-    assert ladder_json(rows)[0]["max_error"] == 0.04
+    assert asdict(rows[0])["max_error"] == 0.04
     assert ladder_lines(rows)[1] == [
         "mode",
         "9 (8 to 18)",
@@ -178,7 +179,7 @@ def test_the_ladder_is_written_and_drawn() -> None:
         "0.0200",
         "20000.0",
     ]
-    assert ladder_json(rows)[0]["setup_us_range"] == (8.0, 18.0)
+    assert asdict(rows[0])["setup_us_range"] == (8.0, 18.0)
     drawing = panels_figure([ladder_panel(rows)])
     assert drawing.startswith(b"<svg")
     assert drawing == panels_figure([ladder_panel(rows)])

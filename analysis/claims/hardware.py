@@ -153,10 +153,7 @@ _BRASS = {"young_gpa": (97.0, 120.0), "density_kg_m3": (8400.0, 8750.0)}
 )
 def _mu_of_copper() -> Finding:
     """Table 1's modulus and density lie in copper's ranges; in brass's, for comparison."""
-    table1 = {
-        "young_gpa": BEAM.youngs_modulus_pa / 1e9,
-        "density_kg_m3": BEAM.density_kg_m3,
-    }
+    table1 = {"young_gpa": BEAM.youngs_modulus_pa / 1e9, "density_kg_m3": BEAM.density_kg_m3}
     fits = {
         name: [low <= table1[key] <= high for key, (low, high) in ranges.items()]
         for name, ranges in (("copper", _COPPER), ("brass", _BRASS))

@@ -207,8 +207,7 @@ def _depth(before: Profile, after: Profile, rest: Rest) -> MeasuredContrast:
     # (7): both swings are about the same resting friction, so that its error partly cancels.
     of_rest = (last.mean_share - first.mean_share) ** 2 * rest.variance
     return _measured(
-        {**predictors, FRICTION: last.value - first.value},
-        first.variance + last.variance + of_rest,
+        {**predictors, FRICTION: last.value - first.value}, first.variance + last.variance + of_rest
     )
 
 

@@ -173,9 +173,7 @@ def universes(
         for (name, _), table in tables.items()
     )
     return Universes(
-        tables=tuple(tables.values()),
-        models=models,
-        single=_single(left_out, readings, contrasts),
+        tables=tuple(tables.values()), models=models, single=_single(left_out, readings, contrasts)
     )
 
 

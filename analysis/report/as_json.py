@@ -105,10 +105,7 @@ def _lines_json(lines: Lines) -> Json:
         reason = "a single subject tells nothing about a population"
         return {"subjects": subjects, "population": None, "population_reason": reason}
     small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
-    return {
-        "subjects": subjects,
-        "population": {**_line_json(population), "small_gain_sd": small},
-    }
+    return {"subjects": subjects, "population": {**_line_json(population), "small_gain_sd": small}}
 
 
 def subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:

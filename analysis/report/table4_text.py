@@ -37,9 +37,7 @@ _ESCAPED = {
 
 
 def table4_lines(
-    result: Table4,
-    missing: str = "",
-    marks: Mapping[tuple[int, int], str] = MappingProxyType({}),
+    result: Table4, missing: str = "", marks: Mapping[tuple[int, int], str] = MappingProxyType({})
 ) -> list[list[str]]:
     """Return the header, a row per subject, and the row of averages, to two decimals.
 

@@ -300,11 +300,7 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
         return NotEstimable("every subject gave all conditions the same score")
     inverse, rank = _inverse(_covariance(scores, variances / counts))
     return _TiedRanks(
-        conditions=kept.conditions,
-        scores=scores,
-        deviations=deviations,
-        inverse=inverse,
-        rank=rank,
+        conditions=kept.conditions, scores=scores, deviations=deviations, inverse=inverse, rank=rank
     )
 
 

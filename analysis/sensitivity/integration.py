@@ -149,10 +149,10 @@ def weighted_points(
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
     scaled by the curvature there, then with the mean and covariance of the points so far, until
-    the effective sample size is at least `least` (None for 200) or four times as many points do not
-    reach it. The points are those of an additive low-discrepancy sequence instead of random ones,
-    and of a proposal that is rounded, so that the same input gives the same points on every
-    computer. Points without weight are left out.
+    the effective sample size is at least `least` (None for 200) or four times as many points do or
+    would not reach it. The points are those of an additive low-discrepancy sequence instead of
+    random ones, and of a proposal that is rounded, so that the same input gives the same points on
+    every computer. Points without weight are left out.
     """
     least = LEAST_EFFECTIVE if least is None else least
     log_density = _within_reach(log_density)
@@ -163,7 +163,9 @@ def weighted_points(
         log_weights = known - log_proposal
         weights = _normalised(log_weights)
         effective = float(1 / (weights**2).sum())
-        if number >= count and effective >= least:
+        # At a share so far from what is needed four times as many hardly do: such fits take the
+        # longest, and all that were tried were refused in the end.
+        if number >= count and not least / 10 <= effective < least:
             break
         centre, covariance = _adapted(points, weights, effective, covariance)
     some = weights > NEGLIGIBLE

@@ -108,6 +108,23 @@ A picture has at most 4 MB and 4096 pixels in width and height, and is not a lin
 says if a text does not fit the smallest screen beside its picture. Pages before the session follow
 the welcome. A resumed session shows them again, and those before the block in which it continues.
 """
+_GROUPS = """\
+A participant has one group in all sessions, which the journal keeps. Orders are drawn for each
+group on its own, so that each is balanced:
+
+```toml
+[[group]]
+name = "young"
+size = 20
+
+[[group]]
+name = "old"
+size = 20
+```
+
+With `assign_groups = "at random"` the seed decides which group comes next. Somebody who is
+excluded leaves the place to the next participant.
+"""
 _FACTORS = """\
 Each value of a factor meets each value of every other one, in every `[[condition]]`, the last
 factor varying fastest. This makes twelve conditions, from `50 V, 23 kHz` to `200 V, 25 kHz`:
@@ -140,6 +157,7 @@ The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the b
 _REMARKS = {
     "texts": _TEXTS,
     "factor": _FACTORS,
+    "group": _GROUPS,
     "page": _PAGES,
     "design": _DESIGN,
     "as_instructed": _AS_INSTRUCTED,

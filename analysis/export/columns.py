@@ -245,6 +245,9 @@ _SETTING = (
     _session("touchbeam_version", "Version of touchbeam that ran the session."),
 )
 
+GROUP = _session("group", "Group of the participant.")
+"""Only where sessions have one, so that other studies are exported as before."""
+
 _TIMES = {
     "before": "before the first trial of the session",
     "trial": "after the trial",

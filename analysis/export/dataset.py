@@ -14,7 +14,12 @@ import pandas as pd
 
 from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
-from analysis.export.trial_table import contrast_table, participant_table, trial_table
+from analysis.export.trial_table import (
+    contrast_table,
+    of_groups,
+    participant_table,
+    trial_table,
+)
 from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import Sessions, load_sessions
@@ -129,7 +134,7 @@ class Dataset:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        return (*COLUMNS, *question_columns(self.questions))
+        return (*COLUMNS, *of_groups(self.sessions), *question_columns(self.questions))
 
     @property
     def shared_columns(self) -> tuple[Column, ...]:

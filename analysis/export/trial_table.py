@@ -14,6 +14,7 @@ from analysis.export.columns import (
     BY_NAME,
     COLUMNS,
     CONTRAST_COLUMNS,
+    GROUP,
     PARTICIPANT_COLUMNS,
     SESSION_COLUMNS,
     TOUCH_COLUMNS,
@@ -43,8 +44,8 @@ def trial_table(
 ) -> pd.DataFrame:
     """Return the trials of `sessions`, some of those `found`, as they are exported.
 
-    Values of a plan or an attempt are missing for a published score. The answers to `questions`
-    stand in the last columns.
+    Values of a plan or an attempt are missing for a published score. Groups, if there are any, and
+    the answers to `questions` stand in the last columns.
     """
     trials = trials_with_answers(found, session_table(sessions), questions)
     table = trials.assign(
@@ -53,7 +54,12 @@ def trial_table(
         answered_utc=_utc(trials["answered_utc"]),
         **_touches(found.touches, trials.index),
     )
-    return table[names_of((*COLUMNS, *question_columns(questions)))]
+    return table[names_of((*COLUMNS, *of_groups(sessions), *question_columns(questions)))]
+
+
+def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
+    """Return the column of groups if any of the `sessions` has one."""
+    return (GROUP,) if sessions["group"].notna().any() else ()
 
 
 def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
@@ -94,7 +100,9 @@ def trials_with_answers(
         touches=touches.astype("Int64").where(planned),
     )
     # All at once: pandas warns of a hundred columns that come one by one.
-    return assigned.join(pd.DataFrame(answers, trials.index))
+    # A question may have the name of a column that is not exported.
+    kept = assigned.drop(columns=[*answers], errors="ignore")
+    return kept.join(pd.DataFrame(answers, trials.index))
 
 
 def _answers(
@@ -148,6 +156,8 @@ def participant_table(
     kinds = sessions.groupby("subject", sort=False)["session_kind"]
     several = {who: tuple(dict.fromkeys(each)) for who, each in kinds}
     table = pd.DataFrame({"sessions": kinds.size(), "session_kinds": pd.Series(several)})
+    if of_groups(sessions):
+        table["group"] = sessions.groupby("subject")["group"].first()
     said = trials.merge(sessions[[*keys, "subject"]], on=keys)
     for name in (each.name for each in questions if each.when in {"before", "after"}):
         given = said[["subject", name]].dropna().drop_duplicates().set_index("subject")[name]
@@ -237,7 +247,8 @@ class Frames:
         """A row per session."""
         named = {"session_exclusion": "exclusion_reason", "session_inclusion": "inclusion_reason"}
         table = self._sessions.rename(columns=named)
-        return table[names_of(SESSION_COLUMNS)].infer_objects().reset_index(drop=True)
+        columns = names_of((*SESSION_COLUMNS, *of_groups(table)))
+        return table[columns].infer_objects().reset_index(drop=True)
 
     @cached_property
     def _sessions(self) -> pd.DataFrame:
@@ -256,7 +267,7 @@ class Frames:
     @cached_property
     def _trials(self) -> pd.DataFrame:
         table = trials_with_answers(self.found, self._sessions, self.questions)
-        columns = (*COLUMNS, *question_columns(self.questions))
+        columns = (*COLUMNS, *of_groups(self.kept), *question_columns(self.questions))
         return table[[each.name for each in columns if not each.per_touch]].infer_objects()
 
     @cached_property
@@ -283,11 +294,11 @@ class Frames:
         score = BY_NAME["score"]
         score = replace(score, description=score.description.format(scale=scale))
         own = {column.name: column for column in question_columns(self.questions)}
-        known = BY_NAME | {"score": score} | own
+        known = BY_NAME | {"score": score, GROUP.name: GROUP} | own
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Mapping[str, Iterable[Column]] = {
             "participants": [people[str(name)] for name in self.participants],
-            "sessions": SESSION_COLUMNS,
+            "sessions": [known[str(name)] for name in self.sessions],
             "trials": [known[str(name)] for name in self._trials],
             "touches": TOUCH_COLUMNS,
             "traces": TRACE_COLUMNS,

@@ -65,6 +65,7 @@ class SessionRow:
     language: str | None = None
     answer_order: str | None = None
     slot: int | None = None
+    group: str | None = None
     seed: Any = None  # an integer of any size
     study_sha256: str | None = None
     imported_from: str | None = None

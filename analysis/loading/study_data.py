@@ -331,7 +331,7 @@ class StudyData:
     """The scores and trials of a study, their kinds, and what was left out and why.
 
     - `trials`: the answered trials that count, excluded ones not among them: `Sessions.answered`
-      with `participant` and `session`.
+      with `participant`, `session` and `group`.
     - `answers`: those to the study's own questions, of the sessions and trials that count:
       `Sessions.answers` with `participant`, `session`, `trial_kind` and `condition`.
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
@@ -405,7 +405,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         raise NothingToReport("no sessions here")
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
-    answered = found.answered.join(names, on="session_id", how="inner")
+    answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")
     trials, by_rule = excluded_by_rule(
         answered[answered["exclusion"].isna()], Exclusions() if rules is None else rules
     )

@@ -53,6 +53,9 @@ class SessionOpened(Event):
         None, "the true parameters, if the participant is virtual"
     )
     versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
+    group: str | None = absent(
+        None, "name of the participant's group, if the study has groups", sparse=True
+    )
     override: str | None = absent(
         None, "why it began before or after it was due, if it did", sparse=True
     )

@@ -192,7 +192,15 @@ class Design(Record):
         "least and most hours from the end of a participant's session to the beginning of the "
         "next; `run --override` lets one begin at another time",
     )
-    participants: Count | None = setting(None, "planned size of the cohort", le=10_000)
+    participants: Count | None = setting(
+        None, "planned size of the cohort; by default that of all groups together", le=10_000
+    )
+    assign_groups: Literal["by the operator", "at random", "by an answer"] = setting(
+        "by the operator",
+        "who says to which `[[group]]` a participant belongs: the operator, with `run --group`; "
+        "chance, in blocks that hold every group in proportion to its size; or the answer to a "
+        "question that the operator is asked",
+    )
 
     @model_validator(mode="after")
     def _some_hours_are_left(self) -> Self:

@@ -5,6 +5,7 @@ amplitude (peak), a frequency is relative to the resonance that the rig measures
 """
 
 from collections.abc import Iterator
+from hashlib import sha256
 from itertools import chain, count
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -13,6 +14,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from protocol.study import rules
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, cells, combinations
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
+from protocol.study.group import Group
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
@@ -160,6 +162,9 @@ class Study(Record):
         "and adds them to the study, so that a changed picture is a changed study.",
     )
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
+    group: tuple[Group, ...] = setting(
+        (), "Groups of participants, between whom results are compared.", max_length=12
+    )
     factor: tuple[Factor, ...] = setting(
         (), "What varies, and is crossed into conditions.", max_length=6
     )
@@ -171,8 +176,12 @@ class Study(Record):
     def _worked_out(self) -> Self:
         """Cross conditions with factors, and give drives in Hz relative to the nominal resonance.
 
-        All that reads a study then finds each condition as it is run.
+        All that reads a study then finds each condition as it is run. A cohort is as large as its
+        groups.
         """
+        if self.group and self.design.participants is None:
+            size = {"participants": sum(group.size for group in self.group)}
+            object.__setattr__(self, "design", self.design.model_copy(update=size))
         crossed = chain.from_iterable(map(self._crossed, count(), self.condition))
         for key, items in (("condition", crossed), ("opening", self.opening)):
             # A frozen record sets its own fields in this way alone.
@@ -214,6 +223,26 @@ class Study(Record):
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions in the order of the file."""
         return tuple(condition.name for condition in self.condition)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups in the order of the file; none in a study without groups."""
+        return tuple(group.name for group in self.group)
+
+    def of_group(self, name: str | None) -> Self:
+        """Return the study as one group runs it: its random streams and its size are its own.
+
+        Without a group it is this study itself.
+        """
+        size = next((group.size for group in self.group if group.name == name), None)
+        if size is None:
+            return self
+        # The digest of the seed and the name, so that no two groups share a stream.
+        seed = int(sha256(f"{self.study.seed}/group/{name}".encode()).hexdigest(), 16)
+        own = {"study": {"seed": seed}, "design": {"participants": size}}
+        return self.model_copy(
+            update={key: getattr(self, key).model_copy(update=each) for key, each in own.items()}
+        )
 
     def questions(self, when: When, session: int = 1) -> tuple[StudyQuestion, ...]:
         """Return the study's own questions of a time in a participant's session, from 1."""

@@ -62,6 +62,35 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         yield Problem.of_key("factor", rule, many, "leave a value or a factor out")
 
 
+def group_problems(study: Study) -> Iterator[Problem]:
+    """Yield groups that are alike, or alone, and what a participant's group cannot follow from."""
+    named: list[_Named] = [
+        (("group", number, "name"), name) for number, name in enumerate(study.groups)
+    ]
+    yield from _blank("group", named)
+    yield from _alike("group", named)
+    how, size = study.design.assign_groups, sum(group.size for group in study.group)
+    if len(named) == 1 or (how != "by the operator" and not named):
+        yield Problem.of_key("group", "must be 2 or more groups", len(named), "add a [[group]]")
+    if named and study.design.participants != size:
+        rule, hint = f"must be {size}, as many as in the groups together", "leave it out"
+        yield Problem.of_key("design.participants", rule, study.design.participants, hint)
+    for number, group in enumerate(study.group):
+        rule, asked = "", ", ".join(study.session.operator_asks) or "nothing"
+        if (group.when is not None) != (how == "by an answer"):
+            given = "not be given unless" if group.when is not None else "be given where"
+            rule = f'must {given} design.assign_groups = "by an answer"'
+        elif group.when is not None and group.when.question not in study.session.operator_asks:
+            rule = f"must name a question to the operator: {asked}"
+        if rule:
+            yield Problem(
+                where=f"group {group.name}, when",
+                rule=rule,
+                value="nothing" if group.when is None else repr(group.when.question),
+                path=("group", number, "when"),
+            )
+
+
 def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
     for path, name in named:
         if not any(character.isprintable() and character != " " for character in name):
@@ -138,6 +167,7 @@ def limit_problems(study: Study) -> list[Problem]:
     broken = [
         *name_problems(study),
         *factor_problems(study),
+        *group_problems(study),
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]
     of_touches: dict[object, Problem] = {}

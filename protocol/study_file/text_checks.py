@@ -276,6 +276,8 @@ def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: s
 
 def _name_problems(study: Study) -> Iterator[Problem]:
     taken = {*TAKEN, *(each.name for each in trial_facts(study.rating))}
+    # Only where there are groups has an export that column.
+    taken |= {"group"} if study.group else set()
     for number, question in enumerate(study.question):
         name = question.name
         # A question fills two columns, and either may be taken.

@@ -404,7 +404,8 @@ class Lab:
         if tag == "answered" and self.person is not None:
             answer = json.loads(payload)
             change, score = answer["change"], answer["score"]
-            said = [str(each) for each in (change, score) if each is not None]
+            own = [each["answer"] for each in answer.get("questions", ())]
+            said = [str(each) for each in (change, score, *own) if each is not None]
             given = [text for text, _ in self.person.given]
             require(2, said == given, f"{session} {answer['index']}: stored {said}, said {given}")
             self.answers[session, answer["index"]] = (change, score)

@@ -170,16 +170,24 @@ def _asked_when_due(day: "Day", name: str, events: list[tuple[str, dict[str, Any
     left = Counter(trial["block"] for trial in events[0][1]["trials"])
     blocks = {trial["index"]: trial["block"] for trial in events[0][1]["trials"]}
     asked: list[tuple[str, int | None]] = []
+    first = ""
     for tag, payload in events:
         if tag == "answered":
             left[blocks[payload["index"]]] -= 1
+            noticed = payload["change"] not in {None, "same", "not swapped"}
+            about = noticed and payload["condition"] is not None
+            told = len(payload.get("questions", ())) == about
+            require(9, told, f"{name}: a question depends on what was noticed, {payload}")
         elif tag == "practice-renewed":
             left.update(blocks[index] for index in payload["indices"])
         elif tag == "question-answered":
             asked.append((payload["when"], payload["block"]))
+            first = payload["answer"] if payload["when"] == "before" else first
         elif tag in {"trial-started", "session-completed"}:
             due = {("before", None), *(("block", each) for each in left if each and not left[each])}
-            due |= {("after", None)} if tag == "session-completed" else set()
+            # The last question depends on the answer to the first one.
+            last = tag == "session-completed" and first == "good"
+            due |= {("after", None)} if last else set()
             require(9, sorted(asked) == sorted(due), f"{name}: asked {asked}, due {due}")
 
 

@@ -4,8 +4,6 @@ import random
 
 from device.simulator.models.generator_model import AMPLIFIER_GAIN, MOST_EMF_VPP
 
-WHEN = ("before", "block", "after")
-"""When a study with questions of its own asks them."""
 _STUDY = """
 [study]
 name = "day"
@@ -32,6 +30,7 @@ b = 0.0
 [design]
 order = "{order}"
 sessions = 2
+{between}
 practice_trials = {practice}
 catch_trials = {catch}
 repeats = {repeats}
@@ -48,6 +47,7 @@ score_when = "{score_when}"
 operator_asks = {asks}
 practise_again = "{again}"
 {questions}
+{factor}
 [[opening]]
 kind = "baseline"
 touches = [{{place = "smooth", voltage_v = 0}}]
@@ -62,7 +62,7 @@ question = "strength"
 expected = "stronger"
 touches = [
     {{place = "path", voltage_v = {low_v}, sweep_to = 1.02}},
-    {{place = "path", direction = "left", voltage_v = {high_v}, frequency = 0.99{beam}}},
+    {{place = "path", direction = "left", voltage_v = {high_v}, {drive}{beam}}},
 ]
 """
 _QUESTION = """
@@ -74,6 +74,20 @@ text = {{ en = "What was it like {when}?", zh = "怎么样？" }}
 labels = [
     {{ value = "good", en = "good", zh = "好" }}, {{ value = "bad", en = "bad", zh = "不好" }},
 ]
+{asked_if}
+"""
+_ASKED_IF = {
+    "before": "",
+    "trial": 'asked_if = { question = "noticed", is = ["yes"] }',
+    "block": "",
+    "after": 'asked_if = { question = "own_before", is = ["good"] }',
+}
+_FACTOR = """
+[[factor]]
+name = "press"
+varies = "press"
+values = [1, 1.5]
+touches = "all"
 """
 _AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
 
@@ -101,12 +115,19 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         repeats=(1, 1, 1, 2)[kind],
         breaks=(0, 0, 1, 1)[kind],
         retries=(0, 1, 2, 1)[kind],
-        score_when=("agrees", "always")[kind % 2],
+        score_when=("agrees", "always", "noticed", "always")[kind],
+        between=("", "hours_between = [0, 48]")[kind // 2],
+        factor=("", "", _FACTOR, "")[kind],
+        drive=("frequency = 0.99", "frequency_hz = 24000")[kind % 2],
         asks=('["skin state"]', "[]")[kind // 2],
         again=("on resume", "never")[kind // 2],
         ramp_to_v=max_v,
         low_v=(40, 60)[kind // 2],
         high_v=max_v - 10 * kind,
-        questions="".join(_QUESTION.format(when=when) for when in WHEN) if kind % 2 else "",
+        questions="".join(
+            _QUESTION.format(when=when, asked_if=rule) for when, rule in _ASKED_IF.items()
+        )
+        if kind % 2
+        else "",
         beam=(', beam = "b"', "")[kind % 2],
     )

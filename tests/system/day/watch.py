@@ -163,6 +163,8 @@ class Watch:
             case "touch-started":
                 assert self._trial is not None
                 touch = self._trial.touches[json.loads(payload)["touch"]]
+                if hertz := touch.get("frequency_hz"):  # it follows no resonance
+                    touch = {**touch, "frequency": hertz / self.resonance_hz}
                 self.touch = Touch.model_construct(**{**_NOTHING, **touch})
                 self._require_mounted(self.touch.beam or self.study.touch.beam)
             case "touch-ended":

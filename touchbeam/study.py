@@ -237,7 +237,7 @@ class Study:
         from analysis.export.trial_table import plan_frame
         from protocol.plan.plan import plan
         from protocol.registration.registration import locked
-        from runner.journal.cohort import planned_trials, slot_for, states
+        from runner.journal.cohort import group_for, planned_trials, slot_for, states
         from runner.journal.names import chain_name, existing_chain
         from runner.journal.opening import read_journal
         from runner.study.registered import registration_of, require_registered
@@ -247,12 +247,14 @@ class Study:
             chain = named(journal, participant, session, rehearsal=False)
             if chain in journal.sessions():
                 return plan_frame(planned_trials(journal, chain))
-            slot = slot_for(states(journal), participant, "participant")
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
-        # A registration's digest seeds the plan of the sessions that run under it.
-        file = self.file if registered is None else locked(self.file, registered.digest)
-        return plan_frame(plan(file, slot, session).trials)
+            # A registration's digest seeds the plan of the sessions that run under it.
+            file = self.file if registered is None else locked(self.file, registered.digest)
+            who = (states(journal), participant, "participant", chain)
+            group = group_for(file, *who)
+            slot = slot_for(*who, group)
+        return plan_frame(plan(file.of_group(group), slot, session).trials)
 
     def report(
         self,

@@ -317,11 +317,13 @@ class Recording:
 class SessionOrder:
     """The numbers of a session's trials in the order in which they were answered.
 
-    `slot` is its place in the counterbalanced order, `conditions` those of the trials.
+    `slot` is its place in the counterbalanced order of the `group`, `conditions` those of the
+    trials.
     """
 
     session: int
     slot: int
+    group: str | None
     trials: tuple[int, ...]
     conditions: tuple[str | None, ...]
 
@@ -463,12 +465,13 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
 
 def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrder, ...]:
     # A published score has no slot, and its place in an order is not known.
-    counting = sessions[["session", "slot"]].dropna()
+    counting = sessions[["session", "slot", "group"]].dropna(subset="slot")
     known = answered.join(counting, on="session_id", how="inner")
     return tuple(
         SessionOrder(
             session=int(rows["session"].iloc[0]),
             slot=int(rows["slot"].iloc[0]),
+            group=values(rows["group"])[0],
             trials=tuple(rows["trial_index"].tolist()),
             conditions=tuple(values(rows["condition"])),
         )

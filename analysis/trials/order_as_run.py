@@ -31,7 +31,7 @@ def order_as_run(data: StudyData, study: Study) -> OrderAsRun | NotEstimable:
     if data.lock is not None:
         # A registration's digest seeds the plan, which is drawn again here.
         study = locked(study, data.lock.registration.digest)
-    planned = [plan(study, order.slot, order.session) for order in data.orders]
+    planned = [plan(study.of_group(it.group), it.slot, it.session) for it in data.orders]
     # Rules of the present file say nothing about a plan that another one made.
     if not all(map(_is_planned, data.orders, planned)):
         return NotEstimable("some sessions ran under another version of the study file")

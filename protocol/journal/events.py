@@ -386,6 +386,7 @@ class ScoresImported(Event):
     TAG: ClassVar = "scores-imported"
     kind: ClassVar = "published"
     slot: ClassVar = None
+    group: ClassVar[str | None] = None
     trials: ClassVar[tuple[records.PlannedTrial, ...]] = ()
     """Constants in place of the fields of `SessionOpened`, since the table says nothing of them."""
 

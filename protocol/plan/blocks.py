@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
-from itertools import accumulate, chain, pairwise
-from math import comb
+from itertools import accumulate, chain, count, pairwise
+from math import comb, gcd
 from typing import Literal, TypeVar
 
 from protocol.plan.trials import Beams, beams_of, swap_count
@@ -295,6 +295,20 @@ def next_slot(states: Sequence[SlotState]) -> int:
     """
     free = (slot for slot, state in enumerate(states) if state not in {"running", "done"})
     return next(free, len(states))
+
+
+def arrivals(study: Study, kind: str) -> Iterator[tuple[str, int]]:
+    """Yield group and slot of each participant of a `kind` of session, in the order of arrival.
+
+    Groups are shuffled in blocks that hold each of them in proportion to its size, so that the
+    seed and the place in the order of arrival decide, and all groups grow alike.
+    """
+    least = gcd(*(group.size for group in study.group))
+    block = [group.name for group in study.group for _ in range(group.size // least)]
+    slots = {name: count() for name in study.groups}
+    for number in count():
+        for name in Stream(study.study.seed, "arrival", kind, number).shuffled(block):
+            yield name, next(slots[name])
 
 
 # Variants of a condition: its touches at another level, at 0 V, or in the opposite order.

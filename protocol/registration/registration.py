@@ -285,7 +285,7 @@ def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> s
         return "its study file does not have the digest that the journal names"
     slot = None if opened.participant == events.SLIDE else opened.slot
     try:
-        drawn = _drawn(under.study_text, under.registration, slot, opened.session)
+        drawn = _drawn(under.study_text, under.registration, slot, opened.session, opened.group)
     except ValueError as error:  # a study file that this version refuses, or no digest
         return f"its order cannot be drawn again ({error})"
     if len(drawn.trials) != len(under.trials):
@@ -302,10 +302,10 @@ def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> s
 
 # A plan is drawn once though `verify` and the report both ask, and sessions share a file.
 @lru_cache(maxsize=256)
-def _drawn(study_text: str, digest: str, slot: int | None, session: int) -> Plan:
+def _drawn(study_text: str, digest: str, slot: int | None, session: int, group: str | None) -> Plan:
     """Return the plan of a slot, or of a sliding experiment, which has none."""
     try:
-        study = locked(parsed_study(study_text), digest)
+        study = locked(parsed_study(study_text), digest).of_group(group)
     except BadInput as error:
         raise ValueError(str(error)) from error
     return slide_plan(slide_study(study), session) if slot is None else plan(study, slot, session)

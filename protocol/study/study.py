@@ -230,19 +230,15 @@ class Study(Record):
         return tuple(group.name for group in self.group)
 
     def of_group(self, name: str | None) -> Self:
-        """Return the study as one group runs it: its random streams and its size are its own.
+        """Return the study as one group runs it: with random streams of its own.
 
         Without a group it is this study itself.
         """
-        size = next((group.size for group in self.group if group.name == name), None)
-        if size is None:
+        if name not in self.groups:
             return self
         # The digest of the seed and the name, so that no two groups share a stream.
         seed = int(sha256(f"{self.study.seed}/group/{name}".encode()).hexdigest(), 16)
-        own = {"study": {"seed": seed}, "design": {"participants": size}}
-        return self.model_copy(
-            update={key: getattr(self, key).model_copy(update=each) for key, each in own.items()}
-        )
+        return self.model_copy(update={"study": self.study.model_copy(update={"seed": seed})})
 
     def questions(self, when: When, session: int = 1) -> tuple[StudyQuestion, ...]:
         """Return the study's own questions of a time in a participant's session, from 1."""

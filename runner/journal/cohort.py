@@ -9,7 +9,7 @@ from protocol.errors import BadInput
 from protocol.journal.events import terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState, folded
-from protocol.plan.blocks import SlotState, next_slot
+from protocol.plan.blocks import SlotState, arrivals, next_slot
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
@@ -73,9 +73,13 @@ def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSumma
 
 
 def slot_for(
-    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str = ""
+    sessions: Mapping[str, SessionState],
+    participant: str,
+    kind: str,
+    chain: str = "",
+    group: str | None = None,
 ) -> int:
-    """Return the slot of `participant` among the sessions of `kind`.
+    """Return the slot of `participant` among the sessions of `kind` and of the `group`, if any.
 
     The session of the name `chain`, if it has been opened, keeps its own. Else a participant keeps
     the slot of an earlier session; a new participant takes the first slot that is neither in use
@@ -87,7 +91,7 @@ def slot_for(
     taken: dict[int, SlotState] = {}
     for state in sessions.values():
         opened = state.opened
-        if opened is None or opened.kind != kind or opened.slot is None:
+        if opened is None or (opened.kind, opened.group) != (kind, group) or opened.slot is None:
             continue
         if opened.participant == participant and state.name not in _GONE:
             return opened.slot
@@ -95,6 +99,54 @@ def slot_for(
         taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
     highest = max(taken, default=-1)
     return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
+
+
+def group_known(
+    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str = ""
+) -> str | None:
+    """Return the group that `participant` has by the session `chain` or by an earlier one."""
+    own = sessions[chain].opened if chain in sessions else None
+    had = (state.opened for state in sessions.values() if state.name not in _GONE)
+    theirs = (it for it in had if it and (it.participant, it.kind) == (participant, kind))
+    known = [own] if own is not None else theirs
+    return next((it.group for it in known if it.group is not None), None)
+
+
+def group_for(
+    study: Study,
+    sessions: Mapping[str, SessionState],
+    participant: str,
+    kind: str,
+    chain: str = "",
+    asked: str | None = None,
+) -> str | None:
+    """Return the group of `participant`, None in a study without groups.
+
+    A group that was given once stays. Else it is the one `asked` for, or by chance the next in the
+    order of arrival whose slot is free. Rehearsals are drawn unless one is asked for.
+
+    Raises:
+        BadInput: there is no such group, or it is another one, or somebody has to say which.
+    """
+    names, free = ", ".join(study.groups) or "none", {}
+    if asked is not None and asked not in study.groups:
+        raise BadInput(f"--group must be a group of the study ({names}), got {asked!r}")
+    if not study.group or (chain in sessions and sessions[chain].opened is not None):
+        group, why = group_known(sessions, participant, kind, chain), "began in"
+    elif group := group_known(sessions, participant, kind):
+        why = "belongs to"
+    else:
+        by_chance = study.design.assign_groups == "at random" and kind == "participant"
+        if asked is not None and not by_chance:
+            return asked
+        if kind == "participant" and not by_chance:
+            raise BadInput(f"{participant} has no group yet: give one of {names} with --group")
+        free = {name: slot_for(sessions, "", kind, group=name) for name in study.groups}
+        group = next(name for name, slot in arrivals(study, kind) if slot == free[name])
+        why = "is assigned at random to"
+    if asked not in {None, group}:
+        raise BadInput(f"{participant} {why} the group {group}, got --group {asked}; leave it out")
+    return group
 
 
 Due = tuple[datetime, datetime]

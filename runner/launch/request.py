@@ -5,9 +5,9 @@ What is more often a slip than meant is confirmed by the operator.
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
@@ -18,21 +18,24 @@ from protocol.errors import BadInput
 from protocol.journal.state import UNFINISHED
 from protocol.plan.plan import slide_study
 from protocol.pseudonyms import pseudonym
-from protocol.registration.registration import Registration
+from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
+from protocol.study.study_question import Answer, StudyQuestion
 from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
 from runner.clock import Pace
-from runner.journal.cohort import due_between, due_in_words, states
+from runner.journal.cohort import due_between, due_in_words, group_for, group_known, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
 from runner.launch.device_access import touchbeam_command
 from runner.people.participant_console import require_typist
+from runner.people.terminal import typed_answer
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
+from runner.session.setup import OPERATOR_QUESTIONS
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
@@ -69,6 +72,9 @@ class SessionOptions:
     windowed: bool = False
     extra: bool = False
     override: str | None = None
+    group: str | None = None
+    noted: Mapping[str, str] = field(default_factory=dict)
+    """What the operator answered so that the group could follow."""
     new_name: bool = False
     slides: bool = False
     touchbeam: Sequence[str] = field(default_factory=touchbeam_command)
@@ -204,6 +210,66 @@ def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
             "somebody else",
             f"give --participant {other} if that is meant, else add --new",
         )
+
+
+def with_group(request: Request, say: Callable[[str], None]) -> Request:
+    """Return the request with the group of a participant of whom the operator knows it.
+
+    Raises `BadInput` if it is not the participant's group, or if nobody is there to say.
+    """
+    options, study = request.options, request.study
+    if request.registration is not None:
+        study = locked(study, request.registration.digest)
+    if options.slides or not (study.group or options.group):
+        return request
+    known = recorded(request, lambda journal: (states(journal), request.chain(journal)))
+    sessions, chain = known or ({}, "")
+    who = (sessions, options.participant, request.kind, chain)
+    asked, noted = options.group, dict(options.noted)
+    by_answer = study.design.assign_groups == "by an answer"
+    # A rehearsal takes any group that it is given, and a virtual participant one by chance.
+    wanted = not asked or (by_answer and not request.rehearsal)
+    if wanted and options.ratings != "virtual" and group_known(*who) is None:
+        if by_answer:
+            asked, noted = _group_answered(request, say)
+        elif study.design.assign_groups == "by the operator":
+            names = {name: name for name in study.groups}
+            text = f"Type the group of {options.participant} ({', '.join(names)}), then Enter."
+            with suppress(EOFError):
+                asked = typed_answer(say, text, names.get)
+    if options.group not in {None, asked}:
+        raise BadInput(f"the answer leads to the group {asked}, got --group {options.group}")
+    group_for(study, *who, asked)  # told before anything is opened
+    return replace(request, options=replace(options, group=asked, noted=noted))
+
+
+def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, dict[str, str]]:
+    """Ask the operator what groups depend on; return the first group that follows, and answers."""
+    study = request.study
+    given: dict[str, Answer] = {}
+    rules = {group.name: group.when for group in study.group if group.when is not None}
+    for name in study.session.operator_asks:
+        if name not in {rule.question for rule in rules.values()}:
+            continue
+        text, question = OPERATOR_QUESTIONS[name]
+
+        def read(typed: str, question: StudyQuestion = question, name: str = name) -> str | None:
+            try:
+                given[name] = question.answer(typed)
+            except ValueError as error:
+                say(str(error))
+                return None
+            return typed or None  # without an answer there is no group
+
+        try:
+            typed_answer(say, text, read)
+        except EOFError:
+            raise BadInput(f"{name} decides on the group: run this at a terminal") from None
+    found = next((group for group, rule in rules.items() if rule.met_by(given)), None)
+    if found is None:
+        told = ", ".join(f"{name} {answer}" for name, answer in given.items())
+        raise BadInput(f"{told}: no group of the study is for {request.options.participant}")
+    return found, {name: str(answer) for name, answer in given.items()}
 
 
 def refused(fact: str, option: str) -> None:

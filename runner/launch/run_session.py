@@ -32,7 +32,7 @@ from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock, SteppedClock, WallClock
-from runner.journal.cohort import slot_for, states, told_before
+from runner.journal.cohort import group_for, slot_for, states, told_before
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
@@ -55,6 +55,7 @@ from runner.launch.request import (
     refused,
     requested,
     require_meant,
+    with_group,
 )
 from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import Finger, UntouchedBeam
@@ -76,6 +77,7 @@ def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -
     """
     request = requested(options)
     require_meant(request, confirm, WallClock().utc())
+    request = with_group(request, say)
     context: SessionContext | None = None
     try:
         with ExitStack() as stack:
@@ -126,6 +128,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     earlier = touchbeam_versions(journal.events(chain))[-1:]
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, chain, clock)
+    if session.group is not None:
+        say(f"{options.participant} belongs to the group {session.group}.")
     if new and not request.rehearsal and chains_of(journal, options.participant, rehearsal=True):
         say(f"{options.participant} was a rehearsal before; this is the session itself.")
     if earlier and earlier[0] != (now := versions()["touchbeam"]):
@@ -233,7 +237,11 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     with journal.alone():
         require_registered(journal, registered, rehearsal=request.rehearsal)
         sessions, chain = states(journal), request.chain(journal)
-        slot = 0 if options.slides else slot_for(sessions, options.participant, request.kind, chain)
+        group, slot = None, 0
+        if not options.slides:
+            who = (sessions, options.participant, request.kind, chain)
+            group = group_for(study, *who, options.group)
+            study, slot = study.of_group(group), slot_for(*who, group)
         # A sliding experiment predicts nothing, so that no calibration is in force.
         rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
         session = Session(
@@ -246,6 +254,8 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             language=request.wording.code,
             answer_order=answer_order(study, slot, sessions.get(chain)),
             consent=options.consent,
+            group=group,
+            noted=options.noted,
             seed=request.seed,
             virtual=_virtual_truth(request, sessions.get(chain)),
             override=options.override,

@@ -8,10 +8,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from protocol.errors import WorkFailed
 
+_T = TypeVar("_T")
 _OBEYED = re.compile(
     "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
@@ -147,6 +148,20 @@ def _windows_keys() -> str:
     while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
         typed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
     return typed
+
+
+def typed_answer(say: Callable[[str], None], text: str, read: Callable[[str], _T | None]) -> _T:
+    """Return what `read` makes of a line at the terminal; where it makes None of it, ask again.
+
+    Raises `EOFError` where nobody can type.
+    """
+    while at_terminal(sys.stdin, sys.stdout):
+        say(text)
+        if not (typed := sys.stdin.readline()):
+            break
+        if (found := read(typed.strip())) is not None:
+            return found
+    raise EOFError(text)
 
 
 def at_terminal(*streams: TextIO | None) -> bool:

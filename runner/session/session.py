@@ -50,6 +50,9 @@ class Session:
     consent: str | None = None
     seed: int = 1
     virtual: VirtualTruth | None = None
+    group: str | None = None
+    noted: Mapping[str, str] = field(default_factory=dict)
+    """What the operator answered before it was opened."""
     override: str | None = None
     """Why it began before or after it was due."""
     told: Mapping[str, Answer] = field(default_factory=dict)
@@ -95,6 +98,7 @@ class Session:
             sequence=self.plan.sequence,
             conditions=self.study.conditions,
             answer_order=self.answer_order,
+            group=self.group,
             override=self.override,
             # Opening and resuming record the same, since all of it may change in between.
             **vars(self.resumption()),

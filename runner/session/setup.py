@@ -122,7 +122,7 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
     return tangential, normal
 
 
-_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
+OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
     "skin state": (
         "What is the state of the skin (dry, normal, moist)?",
         StudyQuestion(
@@ -174,7 +174,7 @@ def prepare(context: SessionContext) -> None:
     require_watchdog(context, identity.idn)
     answers: dict[str, str] = {}
     for asked in study.session.operator_asks:
-        answers[asked] = _noted(context, asked)
+        answers[asked] = context.session.noted.get(asked) or _noted(context, asked)
     if answers:
         context.log.append(events.RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
@@ -204,7 +204,7 @@ def prepare(context: SessionContext) -> None:
 
 def _noted(context: SessionContext, asked: OperatorQuestion) -> str:
     """Ask until the answer is possible; an empty one says that nothing was noted."""
-    text, question = _QUESTIONS[asked]
+    text, question = OPERATOR_QUESTIONS[asked]
     context.operator.ask(text)
     while True:
         try:

@@ -1,5 +1,6 @@
 """A registered study with sessions that count, run in this process without a real device."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,8 @@ def run_session(
     device: FakeDevice | None = None,
     person: FakeParticipant | None = None,
     override: str | None = None,
+    group: str | None = None,
+    noted: Mapping[str, str] | None = None,
 ) -> None:
     """Run or resume a session as `touchbeam run` does; without `device` and `person` to its end."""
     folder = StudyFolder(path=place)
@@ -54,6 +57,8 @@ def run_session(
         number=number,
         rehearsal=kind == "rehearsal",
         override=override,
+        group=group,
+        noted=noted or {},
     )
     study, clock = folder.study(), FakeClock(LATER_S)
     request = Request(

@@ -167,6 +167,10 @@ def run(
         str | None,
         typer.Option(help="Begin before or after the session is due, for this reason."),
     ] = None,
+    group: Annotated[
+        str | None,
+        typer.Option(help="The participant's group. [default: asked for, or as the study says]"),
+    ] = None,
     new_name: Annotated[
         bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")
     ] = False,
@@ -208,6 +212,7 @@ def run(
         consent=consent,
         extra=extra,
         override=override,
+        group=group,
         new_name=new_name,
         seed=seed,
         law=law,

@@ -1,0 +1,201 @@
+"""Which group a participant belongs to: said by the operator, drawn, or answered; then for good."""
+
+import io
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import BadInput
+from protocol.journal.events import RigDescribed, SessionOpened
+from protocol.plan.blocks import arrivals
+from protocol.study_file.loading import parsed_study
+from runner.journal.cohort import states
+from runner.journal.opening import open_journal
+from runner.launch.request import Request, SessionOptions, requested, with_group
+from runner.study.folder import StudyFolder
+from tests.runner.command_line import typed
+from tests.runner.fakes import FakeParticipant
+from tests.runner.registered_study import run_session, study_in
+
+BOARD = "/dev/ttyUSB0"
+OPERATOR, CHANCE, ANSWER = "by the operator", "at random", "by an answer"
+WHEN = {
+    "young": 'when = { question = "room temperature", at_most = 20 }',
+    "old": 'when = { question = "room temperature", at_least = 25 }',
+}
+
+
+def grouped_in(folder: Path, how: str, *changes: tuple[str, str]) -> Path:
+    """A study with 2 young and 4 old people."""
+    groups = "".join(
+        f'[[group]]\nname = "{name}"\nsize = {size}\n{WHEN[name] if how == ANSWER else ""}\n'
+        for name, size in (("young", 2), ("old", 4))
+    )
+    design = f'[design]\nassign_groups = "{how}"\nsessions = 2\n'
+    asks = '[session]\noperator_asks = ["room temperature", "cleaning"]\n'
+    plain = ("[design]", f"{asks}{design}"), ("\nparticipants = 9 ", "\n# ")
+    return study_in(folder, "paper", *plain, ("[[condition]]", f"{groups}\n[[condition]]"))
+
+
+def request(place: Path, participant: str, group: str | None = None, number: int = 1) -> Request:
+    options = SessionOptions(
+        folder=StudyFolder(path=place),
+        participant=participant,
+        number=number,
+        device=BOARD,
+        group=group,
+    )
+    return replace(requested(options), kind="participant")
+
+
+def groups_in(place: Path) -> dict[str, tuple[str | None, int | None]]:
+    with open_journal(place / "study.db") as journal:
+        opened = {name: state.opened for name, state in states(journal).items()}
+    return {name: (it.group, it.slot) for name, it in opened.items() if it is not None}
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    typed_there = io.StringIO()
+    monkeypatch.setattr(sys, "stdin", typed_there)
+    monkeypatch.setattr("runner.people.terminal.at_terminal", lambda *_: True)
+    return typed_there
+
+
+def say_nothing(_: str) -> None:
+    pass
+
+
+def test_the_operator_says_the_group_and_it_stays(tmp_path: Path) -> None:
+    grouped_in(tmp_path, OPERATOR)
+    with pytest.raises(BadInput, match="P01 has no group yet: give one of young, old with --group"):
+        with_group(request(tmp_path, "P01"), say_nothing)
+    with pytest.raises(BadInput, match=r"a group of the study \(young, old\), got 'middle'"):
+        with_group(request(tmp_path, "P01", "middle"), say_nothing)
+    for number, group in enumerate(("old", "young", "old"), start=1):
+        run_session(tmp_path, f"P0{number}", group=group)
+    wanted = {"P01/1": ("old", 0), "P02/1": ("young", 0), "P03/1": ("old", 1)}
+    assert groups_in(tmp_path) == wanted, "each group counts its own slots"
+    run_session(tmp_path, "P03", number=2)
+    assert groups_in(tmp_path)["P03/2"] == ("old", 1)
+    with pytest.raises(BadInput, match="P03 belongs to the group old, got --group young"):
+        with_group(request(tmp_path, "P03", "young", number=3), say_nothing)
+    with pytest.raises(BadInput, match="P03 belongs to the group old, got --group young"):
+        run_session(tmp_path, "P03", number=3, group="young")
+
+
+def test_a_session_is_resumed_in_its_group_with_its_plan(tmp_path: Path) -> None:
+    grouped_in(tmp_path, OPERATOR)
+    with suppress(KeyboardInterrupt):
+        run_session(tmp_path, "P01", group="old", person=FakeParticipant(stops_at="Question"))
+    with pytest.raises(BadInput, match="P01 began in the group old, got --group young"):
+        run_session(tmp_path, "P01", group="young")
+    run_session(tmp_path, "P01")
+    with open_journal(tmp_path / "study.db") as journal:
+        events = [event.record for event in journal.events("P01/1")]
+    opened = events[0]
+    assert isinstance(opened, SessionOpened)
+    (again,) = (event for event in events if event.TAG == "session-resumed")
+    assert (opened.group, opened.trials) == ("old", again.trials)  # type: ignore[attr-defined]
+    assert typed("verify", tmp_path) == 0
+
+
+def test_a_wrong_group_is_mended_by_excluding_the_session(tmp_path: Path) -> None:
+    grouped_in(tmp_path, OPERATOR)
+    with suppress(KeyboardInterrupt):
+        run_session(tmp_path, "P01", group="old", person=FakeParticipant(stops_at="Welcome"))
+    assert typed("exclude", tmp_path, "--participant", "P01", "--reason", "is young") == 0
+    run_session(tmp_path, "P01", number=2, group="young")
+    run_session(tmp_path, "P02", group="old")
+    assert groups_in(tmp_path)["P01/2"] == ("young", 0)
+    assert groups_in(tmp_path)["P02/1"] == ("old", 0), "the slot is free again"
+
+
+def test_chance_decides_by_seed_and_place_in_blocks_of_all_groups(tmp_path: Path) -> None:
+    study = parsed_study((grouped_in(tmp_path, CHANCE) / "study.toml").read_text())
+    foreseen = list(islice(arrivals(study, "participant"), 600))
+    for first in range(0, 600, 3):
+        assert sorted(name for name, _ in foreseen[first : first + 3]) == ["old", "old", "young"]
+    assert len({tuple(name for name, _ in foreseen[k : k + 3]) for k in range(0, 600, 3)}) == 3
+    for number in range(1, 5):
+        run_session(tmp_path, f"P{number:02d}")
+    had = groups_in(tmp_path)
+    assert list(had.values()) == foreseen[:4]
+    drawn = foreseen[4][0]
+    other = "old" if drawn == "young" else "young"
+    with pytest.raises(BadInput, match=f"P05 is assigned at random to the group {drawn}"):
+        with_group(request(tmp_path, "P05", other), say_nothing)
+    # Who comes after one who left takes that place.
+    with suppress(KeyboardInterrupt):
+        run_session(tmp_path, "P05", person=FakeParticipant(stops_at="Welcome"))
+    assert typed("exclude", tmp_path, "--participant", "P05", "--reason", "left") == 0
+    run_session(tmp_path, "P06")
+    assert groups_in(tmp_path)["P06/1"] == foreseen[4]
+
+
+def test_rehearsals_are_spread_over_groups_and_take_no_place(tmp_path: Path) -> None:
+    for how in (OPERATOR, CHANCE, ANSWER):
+        place = grouped_in(tmp_path / how, how)
+        for number in range(1, 4):
+            run_session(place, f"P{number:02d}", kind="rehearsal")
+        run_session(place, "P09", kind="rehearsal", group="young")
+        had = [group for group, _ in groups_in(place).values()]
+        assert sorted(map(str, had[:3])) == ["old", "old", "young"]
+        assert had[3] == "young"
+    run_session(tmp_path / CHANCE, "P01")
+    study = parsed_study((tmp_path / CHANCE / "study.toml").read_text())
+    assert groups_in(tmp_path / CHANCE)["P01/1"] == next(arrivals(study, "participant"))
+
+
+def test_at_a_terminal_the_operator_is_asked_until_a_group_is_typed(
+    tmp_path: Path, terminal: io.StringIO
+) -> None:
+    grouped_in(tmp_path, OPERATOR)
+    terminal.write("middle-aged\nold\n")
+    terminal.seek(0)
+    said: list[str] = []
+    assert with_group(request(tmp_path, "P01"), said.append).options.group == "old"
+    assert said == ["Type the group of P01 (young, old), then Enter."] * 2
+    run_session(tmp_path, "P01", group="old")
+    found = with_group(request(tmp_path, "P01", number=2), pytest.fail)
+    assert found.options.group is None, "nobody is asked twice"
+
+
+def test_an_answer_leads_to_the_group_and_is_kept(tmp_path: Path, terminal: io.StringIO) -> None:
+    grouped_in(tmp_path, ANSWER)
+    terminal.write("warm\n\n31.5\n")
+    terminal.seek(0)
+    said: list[str] = []
+    found = with_group(request(tmp_path, "P01"), said.append)
+    assert (found.options.group, found.options.noted) == ("old", {"room temperature": "31.5"})
+    assert any("must be a number" in line for line in said)
+    run_session(tmp_path, "P01", group="old", noted=found.options.noted)
+    with open_journal(tmp_path / "study.db") as journal:
+        (kept,) = (event for _, event in journal.records_of(RigDescribed))
+    assert kept.answers["room temperature"] == "31.5"
+
+
+def test_an_answer_that_leads_to_no_group_is_refused(tmp_path: Path, terminal: io.StringIO) -> None:
+    grouped_in(tmp_path, ANSWER)
+    terminal.write("22\n19\n")
+    terminal.seek(0)
+    with pytest.raises(BadInput, match="room temperature 22: no group of the study is for P01"):
+        with_group(request(tmp_path, "P01"), say_nothing)
+    with pytest.raises(BadInput, match="the answer leads to the group young, got --group old"):
+        with_group(request(tmp_path, "P01", "old"), say_nothing)
+    # The lines are at their end: nobody types any more.
+    with pytest.raises(BadInput, match="room temperature decides on the group: run this at a"):
+        with_group(request(tmp_path, "P01"), say_nothing)
+
+
+def test_a_study_without_groups_has_none_to_give(tmp_path: Path) -> None:
+    study_in(tmp_path)
+    with pytest.raises(BadInput, match=r"a group of the study \(none\), got 'old'"):
+        with_group(request(tmp_path, "P01", "old"), say_nothing)
+    run_session(tmp_path, "P01")
+    with open_journal(tmp_path / "study.db") as journal:
+        assert "group" not in journal.events("P01/1")[0].payload

@@ -87,17 +87,21 @@ def python_page() -> str:
         thing = getattr(touchbeam, name)
         if callable(thing) and not inspect.isclass(thing):
             parts.append(_callable_section(f"touchbeam.{name}", thing))
-    parts.append(f"## `touchbeam.Study`\n\n{_prose(touchbeam.Study)}\n")
-    for name, member in vars(touchbeam.Study).items():
+    for kind, called in ((touchbeam.Study, "study"), (touchbeam.OpenRig, "rig")):
+        parts += [f"## `touchbeam.{kind.__name__}`\n\n{_prose(kind)}\n", *_members(kind, called)]
+    return "\n".join(parts)
+
+
+def _members(kind: type, called: str) -> Iterator[str]:
+    for name, member in vars(kind).items():
         if name.startswith("_") or not getattr(member, "__doc__", None):
             continue
         if isinstance(member, property):
-            parts.append(f"### `study.{name}`\n\n{_prose(member)}\n")
+            yield f"### `{called}.{name}`\n\n{_prose(member)}\n"
         elif hasattr(member, "func"):
-            parts.append(f"### `study.{name}`\n\n{_prose(member.func)}\n")
+            yield f"### `{called}.{name}`\n\n{_prose(member.func)}\n"
         elif callable(member):
-            parts.append(_callable_section(f"study.{name}", member, level="###"))
-    return "\n".join(parts)
+            yield _callable_section(f"{called}.{name}", member, level="###")
 
 
 def _callable_section(name: str, thing: Callable[..., Any], level: str = "##") -> str:

@@ -8,7 +8,7 @@ class BadInput(ValueError):
     """A file or value from the user is wrong; the message says what, where and what to do."""
 
 
-class WorkFailed(Exception):
+class WorkFailed(RuntimeError):
     """Something outside touchbeam failed: a device, a port, a disk or a person."""
 
 

@@ -1,10 +1,10 @@
-"""touchbeam in Python: a study's data as pandas data frames, its report, and the friction model.
+"""touchbeam in Python: a study's data as data frames, its report, the friction model, the rig.
 
 >>> import touchbeam
 >>> float(touchbeam.friction(voltage_v=0))
 0.4
 
-docs/python.md shows the rest. Nothing here runs a session or writes to a journal.
+docs/python.md shows the rest. Only `open_rig` drives anything or writes to a journal.
 """
 
 from importlib import import_module
@@ -14,13 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from touchbeam.model import friction, predict
+    from touchbeam.rig import OpenRig, open_rig
     from touchbeam.study import Study, load
 
     __version__: str
 
-__all__ = ["Study", "__version__", "friction", "load", "predict"]
+__all__ = ["OpenRig", "Study", "__version__", "friction", "load", "open_rig", "predict"]
 
-_HOME = {"Study": "study", "load": "study", "friction": "model", "predict": "model"}
+_HOME = {
+    "Study": "study",
+    "load": "study",
+    "friction": "model",
+    "predict": "model",
+    "OpenRig": "rig",
+    "open_rig": "rig",
+}
 
 
 def _require_own_packages() -> None:

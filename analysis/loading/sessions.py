@@ -15,7 +15,7 @@ from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident
 from analysis.loading.study_lock import Decisions
 from protocol.journal.events import (
-    SLIDE,
+    NOBODY,
     SessionCompleted,
     SessionOpened,
     StoredEvent,
@@ -134,7 +134,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
     """Return the sessions whose events `chains` yields, one session at a time.
 
     Events of a withdrawn session are not read, whether they are erased or not. Sliding experiments
-    are skipped.
+    and scripts are skipped.
     """
     rows = Rows()
     withdrawn = withdrawn_completed = 0
@@ -152,7 +152,7 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
                 withdrawn_completed += SessionCompleted.TAG in tags
                 continue
             opened = events[0].record
-            if isinstance(opened, SessionOpened) and opened.participant == SLIDE:
+            if isinstance(opened, SessionOpened) and opened.participant in NOBODY:
                 continue
             Course(rows).read(events)
             # Only between sessions, because later events still change the rows of the running one.

@@ -22,6 +22,10 @@ class Event(JsonRecord):
 
 SLIDE = "slide"
 """Stands for the participant of a sliding experiment; no pseudonym, because it has no digit."""
+SCRIPT = "script"
+"""The kind of what a program of one's own drove, and stands for its participant, too."""
+NOBODY = frozenset({SLIDE, SCRIPT})
+"""Stand for the participant where there is none: no report, export or slot counts them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +37,10 @@ class SessionOpened(Event):
     """The keys that every reader of a session needs."""
 
     participant: Annotated[
-        str, Key("pseudonym of the participant; `slide` for the sliding experiment")
+        str, Key("pseudonym of the participant; `slide` or `script` where there is none")
     ]
     session: Annotated[int, Key("number of the session, from 1", missing=1)]
-    kind: Annotated[str, Key("`participant`, `rehearsal` or `slide`")]
+    kind: Annotated[str, Key("`participant`, `rehearsal`, `slide` or `script`")]
     study: Annotated[str, Key("name of the study", missing="")]
     slot: Annotated[int | None, Key("place in the counterbalanced order, from 0", missing=None)]
     sequence: Annotated[tuple[str, ...], Key("conditions in the order of the plan", missing=())]
@@ -207,6 +211,26 @@ class TouchEnded(Event):
     ]
     judged: Annotated[
         records.Compliance, Key("whether it was as instructed", missing=records.NOT_JUDGED)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveStarted(Event):
+    """A program of one's own drives the rig; written before the setpoint is sent."""
+
+    TAG: ClassVar = "drive-started"
+
+    commanded: Annotated[records.CommandedDrive, Key("the drive")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveEnded(Event):
+    """The program has turned the output off."""
+
+    TAG: ClassVar = "drive-ended"
+
+    read_back: Annotated[
+        tuple[records.ReadBack, ...], Key("what the device said since the output went on")
     ]
 
 

@@ -14,7 +14,7 @@ from protocol.journal.events import Event, Opening, StoredEvent
 
 EXCLUDED = ("excluded", "dropped")
 """A session excluded after its completion or before it, which it is again once included."""
-UNFINISHED = ("idle", "armed", "paused", "trial", "touching")
+UNFINISHED = ("idle", "armed", "paused", "trial", "touching", "driving")
 _LIVING = (*UNFINISHED, "completed")
 
 _TABLE: dict[tuple[str, type[Event]], str] = {
@@ -49,6 +49,11 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("touching", events.TrialAborted): "armed",
     ("trial", events.TrialDeferred): "armed",
     ("armed", events.PracticeRenewed): "armed",
+    ("armed", events.DriveStarted): "driving",
+    ("driving", events.DriveStarted): "driving",
+    ("driving", events.TouchRecorded): "driving",
+    ("driving", events.DriveEnded): "armed",
+    ("driving", events.DeviceOff): "idle",
     ("idle", events.TrialExcluded): "idle",
     ("completed", events.TrialExcluded): "completed",
     ("idle", events.TrialIncluded): "idle",

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from protocol.errors import BadInput
 from protocol.journal.events import (
+    NOBODY,
     SLIDE,
     Event,
     SessionExcluded,
@@ -131,10 +132,11 @@ def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[
 
     With `rehearsal`, those of the rehearsals only; raises `BadInput` if there are none.
     """
-    if participant == SLIDE:
+    if participant in NOBODY:
+        what = "the sliding experiment" if participant == SLIDE else "a script"
         raise BadInput(
-            "the sliding experiment has no participant who could withdraw; take it out of the "
-            "analysis with touchbeam exclude"
+            f"{what} has no participant who could withdraw; take it out of the analysis with "
+            "touchbeam exclude"
         )
     sessions = [] if rehearsal else chains_of(journal, participant, rehearsal=False)
     sessions = sessions or chains_of(journal, participant, rehearsal=True)

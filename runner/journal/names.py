@@ -8,7 +8,7 @@ import re
 from contextlib import suppress
 from typing import NamedTuple
 
-from protocol.journal.events import SLIDE, SessionOpened
+from protocol.journal.events import NOBODY, SessionOpened
 from runner.journal.store import Journal
 
 STUDY_CHAIN = "@study"
@@ -98,11 +98,11 @@ def chains_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[st
 
 
 def real_sessions(journal: Journal) -> list[str]:
-    """Return the sessions that participants had; rehearsals and sliding experiments are none."""
+    """Return the sessions that participants had; rehearsals, slides and scripts are none."""
     people = dict.fromkeys(parsed_name(chain).participant for chain in journal.sessions())
     return [
         chain
         for person in people
-        if person not in {SLIDE, STUDY_CHAIN}
+        if person not in {*NOBODY, STUDY_CHAIN}
         for chain in chains_of(journal, person, rehearsal=False)
     ]

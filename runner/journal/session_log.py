@@ -63,7 +63,7 @@ def close_interrupted(log: SessionLog) -> None:
     """
     # The trial first, because `device-off` is permitted only where no trial is running.
     abort_trial(log, _WHY)
-    if log.state.name in {"armed", "paused"}:
+    if log.state.name in {"armed", "paused", "driving"}:
         # Not confirmed: the process that could have read it back is gone.
         log.append(DeviceOff(confirmed=False, why=_WHY))
 

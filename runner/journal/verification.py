@@ -9,6 +9,7 @@ from typing import Any
 
 from protocol.errors import BadInput
 from protocol.journal.events import (
+    SCRIPT,
     SLIDE,
     ScoresImported,
     SessionOpened,
@@ -61,11 +62,14 @@ class SessionVerdict:
         return f"{line}; {self.problem}" if self.problem else line
 
     def _summary(self, running: Set[str]) -> str:
+        count = f"{self.events} event{'s' * (self.events != 1)}"
         if self.participant == STUDY_CHAIN:
-            return f"the study itself  {self.state}  {self.events} event{'s' * (self.events != 1)}"
+            return f"the study itself  {self.state}  {count}"
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
         done = "passes drawn" if self.participant == SLIDE else "trials answered"
         name = session_name(self.participant, self.session)
+        if self.kind == SCRIPT:
+            return f"{name}  {in_words(self.state, running=name in running)}  {count}"
         return (
             f"{name}{rehearsed}  {in_words(self.state, running=name in running)}  "
             f"{self.trials_answered} of {self.trials_planned} {done}, "
@@ -251,7 +255,7 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
     # Imported scores have no plan, and a withdrawn session tells none.
     if not isinstance(opened, SessionOpened):
         return ""
-    before = any(utc <= events[0].utc for utc, _ in known)
+    before = any(utc <= events[0].utc for utc, _ in known) and opened.kind != SCRIPT
     # A session that was opened before the registration cannot follow from it.
     if before and opened.registration is None and not is_rehearsal(journal, chain):
         return "it is not registered, although the study was registered before it"

@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -22,6 +22,8 @@ from protocol.address import SIMULATED, AddressError
 from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
+from runner.clock import Clock, SteppedClock, WallClock
+from runner.launch.locks import real_address, rig_lock
 from runner.signals import stops_deferred
 
 _SIMULATED_SERIAL = "SIM"
@@ -31,10 +33,28 @@ BLUETOOTH = ("rfcomm", "bluetooth")
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRig:
-    """An open device, and the hand on it if it is simulated (else None)."""
+    """An open device, the hand on it if it is simulated (else None), and the clock it runs by."""
 
     device: Rig
     control: BeamControl | None
+    clock: Clock = field(default_factory=WallClock)
+
+
+@contextmanager
+def rig_locks(url: str, force_channel: ForceChannel) -> Iterator[None]:
+    """Lock the device at `url`, and the gauge beside it, while the body runs.
+
+    Raises what `rig_lock` raises, and `AddressError` if both have one port.
+    """
+    gauge = gauge_address(force_channel, url) if url != SIMULATED else None
+    if gauge and real_address(gauge) == real_address(url):
+        raise AddressError(
+            f"force_channel.gauge must have a port of its own, got {gauge}, the device's"
+        )
+    with ExitStack() as stack:
+        for each in filter(None, (url, gauge)):
+            stack.enter_context(rig_lock(each))
+        yield
 
 
 @contextmanager
@@ -65,7 +85,9 @@ def stepped_rig(
     limits = device_limits(settings)
     rig = in_process_rig(device, limits, settings.dialect, calibration, gauge)
     try:
-        yield SessionRig(device=rig, control=InProcessHand(device, rig))
+        hand = InProcessHand(device, rig)
+        clock = SteppedClock(WallClock().utc(), hand.pass_time, hand.now_s)
+        yield SessionRig(device=rig, control=hand, clock=clock)
     finally:
         rig.close()
 

@@ -20,7 +20,7 @@ from device.people.person import (
 )
 from device.resonance import Resonance
 from device.simulator.client import Friction
-from protocol.address import SIMULATED, AddressError
+from protocol.address import SIMULATED
 from protocol.errors import BadInput, Problem, WorkFailed
 from protocol.journal.events import SessionOpened
 from protocol.journal.records import RigCalibration, VirtualTruth
@@ -31,7 +31,7 @@ from protocol.proof.slide_checks import slide_plan_problems
 from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
-from runner.clock import Clock, SteppedClock, WallClock
+from runner.clock import Clock, WallClock
 from runner.journal.cohort import group_for, slot_for, states, told_before
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
@@ -40,12 +40,12 @@ from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
 from runner.launch.device_access import (
     SessionRig,
-    gauge_address,
     require_real,
+    rig_locks,
     session_rig,
     stepped_rig,
 )
-from runner.launch.locks import real_address, rig_lock, session_lock
+from runner.launch.locks import session_lock
 from runner.launch.participants import Say, participant_and_operator, participants_screen
 from runner.launch.request import (
     Confirm,
@@ -106,21 +106,14 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     stack.enter_context(session_lock(name, request.options.folder.path))
     request = as_begun(request)
     options = request.options
-    gauge = gauge_address(request.study.force_channel, request.url)
-    gauge = gauge if request.url != SIMULATED else None
-    if gauge and real_address(gauge) == real_address(request.url):
-        raise AddressError(
-            f"force_channel.gauge must have a port of its own, got {gauge}, the device's"
-        )
-    for url in filter(None, (request.url, gauge)):
-        stack.enter_context(rig_lock(url))
+    stack.enter_context(rig_locks(request.url, request.study.force_channel))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
     calibration = options.calibration or kept_calibration(options.folder.path)
     rig = stack.enter_context(_rig(request, calibration))
     if not request.rehearsal:
         require_real(rig.device.arm().idn, request.url)
-    clock = _clock(request, rig)
+    clock = rig.clock
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     chain = request.chain(journal)
@@ -166,18 +159,6 @@ def _rig(request: Request, calibration: Resonance | None) -> AbstractContextMana
     return session_rig(
         request.url, settings, options.touchbeam, request.seed, calibration, channel, **friction
     )
-
-
-def _clock(request: Request, rig: SessionRig) -> Clock:
-    """Return the session's clock; a stepped one moves the device's time."""
-    wall = WallClock()
-    if request.pace == "stepped":
-        # Imported here because a session with a real device needs no simulator.
-        from device.simulator.in_process import InProcessHand
-
-        if isinstance(rig.control, InProcessHand):
-            return SteppedClock(wall.utc(), rig.control.pass_time, rig.control.now_s)
-    return wall
 
 
 def _finger(

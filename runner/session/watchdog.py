@@ -10,6 +10,10 @@ from runner.session.waiting import obey, operator_answer, update_view
 from runner.signals import raise_if_stopped
 
 _HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Enter once it is free."
+NOT_TRIPPED = (
+    "the device's watchdog did not trip when the device heard nothing: if this program died, the "
+    "output would stay on; have the device repaired"
+)
 
 
 def require_watchdog(context: SessionContext, idn: str) -> None:
@@ -42,10 +46,7 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
     context.log.append(tested)
     update_view(context)
     if not tested.tripped:
-        raise DeviceError(
-            "the device's watchdog did not trip when the device heard nothing: if this program "
-            "died, the output would stay on; have the device repaired"
-        )
+        raise DeviceError(NOT_TRIPPED)
 
 
 def _recorded_today(context: SessionContext, wanted: WatchdogTested) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from protocol.journal.events import SLIDE, SessionOpened
+from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
 from protocol.study.study import Study
 from runner.journal.cohort import (
@@ -53,8 +53,8 @@ class Progress:
 
     @property
     def _of_people(self) -> list[SessionSummary]:
-        """The sessions that participants had, without rehearsals and sliding experiments."""
-        apart = {REHEARSAL, SLIDE}
+        """The sessions that participants had, without rehearsals, slides and scripts."""
+        apart = {REHEARSAL, *NOBODY}
         return [each for each in session_summaries(self.sessions) if each.kind not in apart]
 
     @property
@@ -84,7 +84,8 @@ class Progress:
 
     def resume_before(self, state: SessionState) -> datetime | None:
         """Return until when an unfinished session may be resumed."""
-        if state.shown_name in _OVER or state.last_event_utc is None:
+        script = state.opened is not None and state.opened.kind == SCRIPT
+        if script or state.shown_name in _OVER or state.last_event_utc is None:
             return None
         rules = self.study.session if self.study is not None else None
         hours = _RESUME_WITHIN_H if rules is None else rules.resume_within_h
@@ -99,9 +100,9 @@ class Progress:
             unit = "passes" if summary.participant == SLIDE else "trials"
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
             noted = f"; noted: {state.noted}" if state.described else ""
+            done = f"  {summary.answered} of {summary.planned} {unit}" * (summary.kind != SCRIPT)
             yield (
-                f"{name}  {summary.kind}  {now}  "
-                f"{summary.answered} of {summary.planned} {unit}{excluded}{noted}"
+                f"{name}  {summary.kind}  {now}{done}{excluded}{noted}"
                 f"{self._advice(chain, state)}{self._following(summary, state)}"
             )
         yield self._cohort()

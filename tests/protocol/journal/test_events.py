@@ -169,6 +169,10 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "trace": [[6.25, 0.5, 0.0415]],
         "judged": {"force_n": 0.5, "force_ok": True, "place_ok": None, "speed_ok": None},
     },
+    "drive-started": {
+        "commanded": {"voltage_v": 80.0, "frequency_hz": 24221.0, "ramp_v_per_s": 400.0}
+    },
+    "drive-ended": {"read_back": []},
     "answered": {
         "index": 4,
         "kind": "trial",

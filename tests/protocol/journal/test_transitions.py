@@ -29,6 +29,9 @@ idle       trial-included idle
 armed      watchdog-tested armed        rig-described armed          resonance-measured armed
 armed      beam-mounted armed           trial-started trial          paused paused
 armed      device-off idle              practice-renewed armed       question-answered armed
+armed      drive-started driving
+driving    drive-started driving        drive-ended armed            device-off idle
+driving    touch-recorded driving
 paused     unpaused armed               device-off idle
 trial      beam-mounted trial           touch-started touching
 trial      answered armed               trial-aborted armed          trial-deferred armed
@@ -38,7 +41,7 @@ dropped    session-included idle
 excluded   session-included completed
 """
 """The table as docs/journal.md has it, without notes and withdrawals."""
-LIVING = {"idle", "armed", "paused", "trial", "touching", "completed"}
+LIVING = {"idle", "armed", "paused", "trial", "touching", "driving", "completed"}
 
 
 def test_the_table_is_the_one_that_is_documented() -> None:

@@ -90,6 +90,7 @@ trials](data.md#rows-and-columns).
 _PARTS = {
     "rating": [("A band, in `bands`", "Band")],
     "question": [("A label, in `labels`", "Label"), ("When it is asked: `asked_if`", "AskedIf")],
+    "track": [("The levels, in `levels`", "Levels"), ("When it ends sooner: `stop`", "Stop")],
 }
 """The records within a section, each with its heading."""
 _PAGES = """\
@@ -150,6 +151,19 @@ touches = [{ place = "path", voltage_v = 0 }]
 Where the file has several conditions, each name begins with theirs, and `condition` is a factor,
 too. There are at most 30 conditions in all.
 """
+_TRACKS = """\
+`standard` and `comparison` are touches as below, which hold one drive relative to the resonance;
+`voltage_v` is 0 there unless it is given. They have one more key:
+
+- `place_m` (0 to 1): on the axis `place`, where the beam is touched, instead of
+  `touch.smooth_place_m`
+
+On the axis `contrast` the voltage of each level is found from the predicted friction.
+Steps in dB are whole steps of the levels, else the nearest range of levels is named. Every level is
+checked against the limits of the rig, so that no method can ask for one beyond them. In yes or no,
+`correct` counts yes. **A study with tracks can be checked, but not run yet**, and it has at least
+one `[[condition]]`.
+"""
 _TEXTS = """\
 The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the built-in texts;
 `touchbeam translate STUDY CODE` copies them into a file of the study.
@@ -163,6 +177,7 @@ _REMARKS = {
     "as_instructed": _AS_INSTRUCTED,
     "question": _QUESTIONS,
     "languages": _LANGUAGES,
+    "track": _TRACKS,
 }
 
 
@@ -250,7 +265,8 @@ def _kind(entry: _Schema) -> str:
         return f"table of {_kind(entry['additionalProperties'])}"
     if entry.get("type") in ("number", "integer"):
         return ("whole, " if entry["type"] == "integer" else "") + _range(entry)
-    return "true or false" if entry.get("type") == "boolean" else "text"
+    said = {"boolean": "true or false", "string": "text"}
+    return said.get(entry.get("type", ""), "table")
 
 
 def _list_kind(entry: _Schema) -> str:

@@ -186,6 +186,9 @@ class Design(Record):
     )
     break_every_blocks: Whole = setting(0, "number of blocks between two breaks; 0: no break")
     break_s: LongPause = setting(60.0, "shortest duration of a break")
+    tracks: Literal["interleaved", "one after another"] = setting(
+        "interleaved", "how the trials of several `[[track]]` follow each other"
+    )
     sessions: Count = setting(1, "number of sessions of each participant", le=50)
     hours_between: tuple[NotNegative, Positive] | None = setting(
         None,

@@ -19,6 +19,7 @@ from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
 from protocol.study.touch import Slide, Touch, TouchDefaults
+from protocol.study.track import Track
 
 Level = Annotated[Positive, Field(ge=0.001, le=200)]
 """Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""
@@ -170,6 +171,9 @@ class Study(Record):
     )
     condition: tuple[Condition, ...] = Field(
         min_length=1, max_length=MOST_CONDITIONS, description="What is changed, and scored."
+    )
+    track: tuple[Track, ...] = setting(
+        (), "Thresholds: questions asked again and again, at levels chosen.", max_length=20
     )
 
     @model_validator(mode="after")

@@ -13,6 +13,7 @@ from protocol.plan.trials import session_s
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, combinations
 from protocol.study.study import Condition, Item, Study
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
+from protocol.study.track import AXIS_KEY
 from protocol.study_file.text_checks import (
     instruction_problem,
     page_problems,
@@ -20,6 +21,7 @@ from protocol.study_file.text_checks import (
     text_problems,
 )
 from protocol.study_file.toml import unit_hint
+from protocol.study_file.tracks import track_problems
 
 # Consistency of a study's names, of its opening trials and of its practice.
 
@@ -33,7 +35,10 @@ def name_problems(study: Study) -> Iterator[Problem]:
         (("condition", each.written, "name"), each.name) for each in study.condition
     ]
     beams: list[_Named] = [(("beams", name), name) for name in study.beams]
-    for where, named in (("condition", conditions), ("beams", beams)):
+    tracks: list[_Named] = [
+        (("track", number, "name"), track.name) for number, track in enumerate(study.track)
+    ]
+    for where, named in (("condition", conditions), ("beams", beams), ("track", tracks)):
         yield from _blank(where, named)
         yield from _alike(where, named)
 
@@ -181,11 +186,35 @@ def limit_problems(study: Study) -> list[Problem]:
                 # What many cells share is told once.
                 of_touches.setdefault((told.path, told.rule, told.value), told)
     broken += of_touches.values()
+    broken += track_problems(study)
+    for number, track in enumerate(study.track):
+        # Those on the axis of contrast have their voltages only once a model is at hand.
+        inner = () if track.axis == "contrast" else map(track.at, range(len(track.values)))
+        broken += level_problems(study, number, inner)
     if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
         broken += slide_problems(study)
     broken += [*opening_problems(study), *practice_problems(study)]
     broken += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
     return [*broken, *text_problems(study), *question_problems(study), *page_problems(study)]
+
+
+def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Iterator[Problem]:
+    """Yield each limit of the rig that a track's standard or its `touches`, one a level, break."""
+    track, path = study.track[number], ("track", number)
+    key, told = AXIS_KEY[track.axis], set[tuple[str, Path]]()
+    standard = () if track.standard is None else (("standard", track.standard),)
+    # From the easiest level, which drives most, so that it is the one that is told.
+    levels = (("comparison", touch) for touch in reversed([*touches]))
+    for name, touch in (*standard, *levels):
+        for problem in _touch_problems(
+            study, f"track {track.name}, {name}", (*path, name), touch, 1
+        ):
+            own = name == "comparison" and problem.path[-1] == key
+            place = (*path, "levels") if own else problem.path
+            if (problem.rule, place) not in told:
+                told.add((problem.rule, place))
+                said = f"track {track.name}, levels" if own else problem.where
+                yield replace(problem, where=said, path=place)
 
 
 def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:

@@ -389,7 +389,7 @@ def _fill(document: dict[str, Any]) -> None:
             item.update(wanted | item)
 
 
-TEMPLATES = ("paper", "extended")
+TEMPLATES = ("paper", "extended", "threshold")
 Further = Callable[[Study], Iterable[Problem]]
 
 

@@ -94,6 +94,7 @@ def power(
     from analysis.power.job import Job, designed, designs, tasks
     from analysis.power.power_report import figures, power_record
     from protocol.study_file.loading import text_digest
+    from protocol.study_file.tracks import require_no_tracks
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
@@ -103,6 +104,7 @@ def power(
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
+    require_no_tracks(file, str(folder.study_file))
     if people is not None:
         # Read here for its errors alone: workers read the text that the job holds.
         people_in_file(people)

@@ -47,7 +47,7 @@ def test_the_bands_cover_the_scale() -> None:
 
 
 def test_an_unknown_template_is_refused() -> None:
-    with pytest.raises(ValueError, match="one of paper, extended, got 'papr'"):
+    with pytest.raises(ValueError, match="one of paper, extended, threshold, got 'papr'"):
         template("papr")
 
 

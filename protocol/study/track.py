@@ -1,0 +1,213 @@
+"""A track: a question that is asked again and again, at levels that a method chooses."""
+
+from math import log10
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Share, Whole, setting
+from protocol.study.touch import OnBeam, Touch
+
+Task = Literal["two intervals", "three intervals", "yes or no"]
+Method = Literal["constant", "staircase", "quest+", "limits"]
+Axis = Literal["voltage", "frequency", "contrast", "place"]
+Shape = Literal["weibull", "normal"]
+
+GUESS_RATE: dict[Task, float] = {"two intervals": 1 / 2, "three intervals": 1 / 3, "yes or no": 0}
+"""Share correct by chance; in yes or no, the share of yes without false alarms."""
+AXIS_KEY: dict[Axis, str] = {
+    "voltage": "voltage_v",
+    "frequency": "frequency",
+    "contrast": "voltage_v",
+    "place": "place_m",
+}
+"""The key of a touch that an axis fills in; on `contrast`, with the voltage that gives it."""
+MOST_LEVELS, MOST_TRIALS = 200, 500
+
+
+class TrackTouch(Touch):
+    """A touch of a track: one as elsewhere, at a voltage or a place that the axis may fill in."""
+
+    voltage_v: NotNegative = setting(0.0, "amplitude (peak)")
+    place_m: OnBeam | None = setting(
+        None, "on the axis `place`: where the beam is touched, instead of `touch.smooth_place_m`"
+    )
+
+
+class Levels(Record):
+    """The levels that a track may have: a range with a number of levels, or each of them."""
+
+    first: NotNegative | None = setting(None, "one end", alias="from")
+    last: NotNegative | None = setting(None, "the other end", alias="to")
+    count: Count | None = setting(None, "number of levels, both ends included", le=MOST_LEVELS)
+    spaced: Literal["equal ratios", "equal steps"] = setting(
+        "equal ratios", "between neighbours; equal ratios are equal steps in dB"
+    )
+    listed: tuple[NotNegative, ...] = setting(
+        (), "each level, instead of a range", alias="values", max_length=MOST_LEVELS
+    )
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The levels in the order of the file; none where no range is given, or one from 0 up."""
+        first, last, count = self.first, self.last, self.count
+        if self.listed or first is None or last is None or count is None or count < 2:
+            return self.listed
+        shares = [number / (count - 1) for number in range(1, count - 1)]
+        if self.spaced == "equal steps":
+            inner = [first + share * (last - first) for share in shares]
+        elif first and last:
+            inner = [first * (last / first) ** share for share in shares]
+        else:
+            return ()
+        return (first, *inner, last)  # the ends exactly: a limit may lie there
+
+    @property
+    def step_db(self) -> float | None:
+        """The distance of neighbours in dB where it is the same everywhere."""
+        if self.listed or self.spaced != "equal ratios" or len(self.values) < 2:
+            return None
+        return abs(decibels(self.values[-1] / self.values[0])) / (len(self.values) - 1)
+
+
+def decibels(ratio: float) -> float:
+    """Return a ratio of amplitudes in dB."""
+    return 20 * log10(ratio)
+
+
+class Stop(Record):
+    """When a track ends before its last trial: as soon as one of these is reached."""
+
+    reversals: Count | None = setting(None, "this many reversals, of a staircase or of limits")
+    interval_db: Positive | None = setting(
+        None, "a 95% interval of the threshold that is no wider than this"
+    )
+
+
+Steps = tuple[Positive, ...]
+Range = tuple[NotNegative, NotNegative]
+
+
+class Track(Record):
+    """A question that is asked again and again, at levels that its method chooses.
+
+    Levels are numbered from 0, the one that is hardest to tell from the standard.
+    """
+
+    name: Annotated[Name, Field(description="name in tables and reports")]
+    task: Annotated[
+        Task,
+        Field(
+            description="find the interval with the comparison among two, the different one among "
+            "three, or say whether it was felt"
+        ),
+    ]
+    method: Annotated[Method, Field(description="what chooses the level of the next trial")]
+    axis: Annotated[
+        Axis,
+        Field(
+            description="what the levels are: V; a frequency relative to the resonance; the "
+            "contrast of friction against the standard that is predicted for the calibrated rig; "
+            "m on the beam"
+        ),
+    ]
+    levels: Annotated[Levels, Field(description="all levels there are; see below")]
+    standard: TrackTouch | None = setting(
+        None, "the touch that the comparison is told from; in yes or no, that without a stimulus"
+    )
+    comparison: Annotated[
+        TrackTouch, Field(description="the touch at a level: the axis fills in the missing key")
+    ]
+    trials: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=MOST_TRIALS,
+            strict=True,
+            description="largest number of trials at levels that the method chooses",
+        ),
+    ]
+    stop: Stop | None = setting(None, "when the track ends sooner; see below")
+    catch: Whole = setting(
+        0, "trials beside these with the standard in every interval, for false alarms", le=100
+    )
+    easy: Whole = setting(0, "trials beside these at the easiest level, for lapses", le=100)
+    feedback: bool = setting(
+        False, "whether participants read if they were right, after each trial", strict=True
+    )
+    threshold_at: Share | None = setting(
+        None,
+        "the share correct (or of yes) that defines the threshold, of somebody without lapses; by "
+        "default half-way from chance to 1: 0.75, 0.667 or 0.5",
+    )
+    start: NotNegative | None = setting(
+        None, "first level of a staircase, the easiest by default; one of the levels"
+    )
+    rule: Annotated[str, Field(pattern=r"^[1-9] down [1-9] up$")] | None = setting(
+        None,
+        'of a staircase: `"3 down 1 up"` is harder after 3 correct answers and easier after an '
+        "error",
+    )
+    step_db: Steps = setting(
+        (),
+        "steps of a staircase in dB, the next one after each reversal and the last one to the end",
+        max_length=20,
+    )
+    step_levels: tuple[Count, ...] = setting(
+        (), "instead of `step_db`: steps as numbers of levels", max_length=20
+    )
+    up_step_db: Steps = setting(
+        (), "weighted: the steps towards easier levels, if they are others", max_length=20
+    )
+    up_step_levels: tuple[Count, ...] = setting((), "likewise as numbers of levels", max_length=20)
+    streak: Literal["consecutive", "cumulative"] = setting(
+        "consecutive", "cumulative: an error does not reset the count of correct answers"
+    )
+    first_reversal: Literal["by the rule", "1 down 1 up"] = setting(
+        "by the rule", "how a staircase moves until its first reversal"
+    )
+    slope: Range | None = setting(
+        None,
+        "of the curve, from least to most: Weibull's exponent, 1 to 5 by default, or of `normal` "
+        "the inverse of its SD in units of the axis",
+    )
+    lapse: Range = setting((0.0, 0.08), "of the lapse rate, from least to most")
+    shape: Shape = setting("weibull", "of the curve that QUEST+ and the estimate assume")
+    mercy: Whole = setting(
+        0, "of QUEST+: for this many trials after an error no level is harder than that one", le=20
+    )
+
+    @property
+    def share(self) -> float:
+        """The share correct that defines the threshold, of somebody without lapses."""
+        by_chance = GUESS_RATE[self.task]
+        return (1 + by_chance) / 2 if self.threshold_at is None else self.threshold_at
+
+    @property
+    def reference(self) -> float:
+        """The level of the standard; 0 where the axis begins there."""
+        if self.standard is None or self.axis == "contrast":
+            return 0.0
+        key: Any = getattr(self.standard, AXIS_KEY[self.axis])
+        return float(key or 0.0)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All levels, from the hardest to the easiest: by their distance from the standard."""
+        return tuple(sorted(self.levels.values, key=lambda value: abs(value - self.reference)))
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """What the curve is a function of: how far each level is from the standard."""
+        return tuple(abs(value - self.reference) for value in self.values)
+
+    def at(self, index: int, voltage_v: float | None = None) -> TrackTouch:
+        """Return the comparison at a level; on the axis `contrast` with the voltage that gives it.
+
+        Raises:
+            IndexError: there is no such level.
+        """
+        if not 0 <= index < len(self.values):
+            raise IndexError(f"{self.name}: level {index} of {len(self.values)}")
+        value = self.values[index] if self.axis != "contrast" else voltage_v
+        return self.comparison.model_copy(update={AXIS_KEY[self.axis]: value})

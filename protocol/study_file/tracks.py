@@ -1,0 +1,251 @@
+"""What is wrong with the tracks of a study: levels, standard, rule, stop and definition."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import gcd
+from typing import Any
+
+from protocol.errors import BadInput, Path, Problem
+from protocol.study.study import Study
+from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
+from protocol.tracks.rules import WHOLE, most_reversals, nearest
+
+_ROUNDED = 1e-4
+"""How far a level may be from what it stands for, relative to it: nobody types all its digits."""
+_OF_STAIRCASES = ("rule", "step_db", "step_levels", "up_step_db", "up_step_levels")
+
+
+def require_no_tracks(study: Study, source: str) -> None:
+    """Refuse to go on with a study that has tracks, where they would be left out.
+
+    Raises:
+        BadInput: it has some.
+    """
+    if study.track:
+        raise BadInput(
+            f"{source}: [[track]] {study.track[0].name!r}: tracks cannot be run yet, only checked "
+            "(touchbeam check, touchbeam track); take [[track]] out of a copy of the study"
+        )
+
+
+def track_problems(study: Study) -> Iterator[Problem]:
+    """Yield what is wrong with the tracks themselves; their touches are checked as all others."""
+    for number, track in enumerate(study.track):
+        told = _Teller(track, number)
+        # What follows needs levels, and those need a standard.
+        yield from (
+            [*_standard(track, told), *_touches(track, told)]
+            or [*_levels(track, told)]
+            or [
+                *_method(track, told),
+                *_start(track, told),
+                *(
+                    _staircase(track, told)
+                    if track.method == "staircase"
+                    else _no_staircase(track, told)
+                ),
+                *_stop(track, told),
+                *_curve(track, told),
+            ]
+        )
+
+
+class _Teller:
+    def __init__(self, track: Track, number: int) -> None:
+        self._where, self._path = f"track {track.name}", ("track", number)
+
+    def __call__(self, key: str, rule: str, value: object, hint: str) -> Problem:
+        path: Path = (*self._path, *key.split("."))
+        where = f"{self._where}, {key.replace('.', ', ')}"
+        return Problem(where=where, rule=rule, value=str(value), hint=hint, path=path)
+
+
+_Problems = Iterator[Problem]
+
+
+def _standard(track: Track, told: _Teller) -> _Problems:
+    key, standard, comparison = AXIS_KEY[track.axis], track.standard, track.comparison
+    if standard is None:
+        needs = {
+            f'task = "{track.task}"': track.task != "yes or no",
+            f'axis = "{track.axis}"': track.axis != "voltage",
+            f"catch = {track.catch}": track.catch > 0,
+        }
+        if why := next((said for said, so in needs.items() if so), None):
+            value = "0" if key == "voltage_v" else "..."
+            hint = f'such as standard = {{ place = "{comparison.place}", {key} = {value} }}'
+            yield told("standard", f"must be given where {why}", "nothing", hint)
+    elif key not in standard.model_fields_set:
+        rule = f'must give {key}, because axis = "{track.axis}"'
+        yield told("standard", rule, "none", "the levels are on one side of the standard's")
+    if key in comparison.model_fields_set:
+        value = getattr(comparison, key)
+        rule = f'must not give {key}, which axis = "{track.axis}" fills in'
+        yield told(f"comparison.{key}", rule, value, "leave it out; levels has the values")
+    if track.axis in {"frequency", "place"} and not comparison.voltage_v:
+        hint = "an amplitude, which is the same at all levels"
+        rule = f'must be above 0 where axis = "{track.axis}"'
+        yield told("comparison.voltage_v", rule, comparison.voltage_v, hint)
+
+
+def _touches(track: Track, told: _Teller) -> _Problems:
+    for name, touch in (("standard", track.standard), ("comparison", track.comparison)):
+        if touch is None:
+            continue
+        if touch.programme != "hold" or touch.frequency_hz is not None:
+            rule = "must hold one drive relative to the resonance"
+            hint = "leave ramp_to_v, sweep_to, sweep_to_hz and frequency_hz out"
+            yield told(name, rule, touch.programme, hint)
+        if track.axis == "place" and touch.place != "smooth":
+            yield told(f"{name}.place", 'must be "smooth" where axis = "place"', touch.place, "")
+        if track.axis != "place" and touch.place_m is not None:
+            hint = "give touch.smooth_place_m, which all touches have"
+            yield told(f"{name}.place_m", 'is for axis = "place"', touch.place_m, hint)
+
+
+def _levels(track: Track, told: _Teller) -> _Problems:
+    levels, values, reference = track.levels, track.levels.values, track.reference
+    ends = (levels.first, levels.last, levels.count)
+    given = sum(end is not None for end in ends)
+    rule, got = "", f"{min(values, default=0):g} to {max(values, default=0):g}"
+    if given != (0 if levels.listed else 3):
+        rule, got = (
+            "must have from, to and count, or values",
+            "both" if levels.listed else "neither",
+        )
+        hint = 'such as { from = 5, to = 100, count = 27, spaced = "equal ratios" }'
+    elif levels.spaced == "equal ratios" and 0 in ends:
+        rule, got = "must not begin or end at 0 in equal ratios", "0"
+        hint = 'begin above 0, or write spaced = "equal steps"'
+    elif len(set(values)) < max(2, len(values)):
+        rule, got = "must be at least 2, and differ", _several(values)
+        hint = "give more levels, each once"
+    elif min(values) <= reference <= max(values):
+        side = f"the standard at {reference:g}" if track.standard else "0"
+        rule = f"must all be on one side of {side}, and none there"
+        hint = "where nothing differs no answer is right; catch trials have the standard"
+        if track.axis == "frequency":
+            hint = "friction is not monotone across a standard: make a track of each side"
+    elif track.axis == "frequency" and min(*values, reference) < 1 < max(*values, reference):
+        rule = "must lie on one side of the resonance, together with the standard"
+        hint = "friction is not monotone across 1.0: make a track of each side"
+    if rule:
+        yield told("levels", rule, got, hint)
+
+
+def _several(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values[:5]) + ", ..." * (len(values) > 5) or "none"
+
+
+def _method(track: Track, told: _Teller) -> _Problems:
+    many = len(track.values)
+    if track.method == "constant" and track.trials % many:
+        rule = f"must be a multiple of the {many} levels of constant stimuli"
+        near = max(many, round(track.trials / many) * many)
+        yield told("trials", rule, track.trials, f"such as {near}")
+    if track.method == "limits" and track.task != "yes or no":
+        rule = 'must be "yes or no" where method = "limits"'
+        hint = "a series ends where the answer changes, and a guess would end it: take a staircase"
+        yield told("task", rule, repr(track.task), hint)
+    if track.mercy and track.method != "quest+":
+        hint = "leave it out, or take the method quest+"
+        yield told("mercy", "is for QUEST+", track.mercy, hint)
+
+
+def _start(track: Track, told: _Teller) -> _Problems:
+    if track.start is None:
+        return
+    near = track.values[nearest(track.values, track.start)]
+    if track.method not in {"staircase", "limits"}:
+        hint = "leave it out: this method chooses its first level"
+        yield told("start", "is for staircases and limits", track.start, hint)
+    elif abs(near - track.start) > _ROUNDED * near:
+        yield told("start", "must be one of the levels", track.start, f"nearest: {near:.6g}")
+
+
+def _no_staircase(track: Track, told: _Teller) -> _Problems:
+    for key in _OF_STAIRCASES:
+        if value := getattr(track, key):
+            hint = 'leave it out, or write method = "staircase"'
+            yield told(key, "is for staircases", repr(value), hint)
+
+
+def _staircase(track: Track, told: _Teller) -> _Problems:
+    if track.rule is None:
+        hint = 'such as rule = "3 down 1 up", which converges to 0.794 correct'
+        yield told("rule", "must be given for a staircase", "nothing", hint)
+    if bool(track.step_db) == bool(track.step_levels):
+        hint = "such as step_db = [4, 4, 1], or step_levels = [4, 4, 1]"
+        rule = "must be given for a staircase, or step_levels instead"
+        yield told("step_db", rule, "both" if track.step_db else "neither", hint)
+    if track.up_step_db and track.up_step_levels:
+        hint = "leave one of them out"
+        yield told("up_step_db", "must not be given beside up_step_levels", "both", hint)
+    yield from _steps(track, told)
+
+
+def _steps(track: Track, told: _Teller) -> _Problems:
+    grid_db = track.levels.step_db
+    every = [(key, db) for key in ("step_db", "up_step_db") for db in getattr(track, key)]
+    if every and grid_db is None:
+        hint = "give step_levels and up_step_levels, numbers of levels"
+        yield told(every[0][0], "needs levels in equal ratios", every[0][1], hint)
+        return
+    for key, db in every:
+        assert grid_db is not None
+        if round(db / grid_db) < 1 or abs(db / grid_db - round(db / grid_db)) > WHOLE:
+            rule = f"must be whole steps of the levels, which are {grid_db:.4g} dB apart"
+            yield told(key, rule, f"{db:g} dB", _fitting(track, [each for _, each in every]))
+            return
+
+
+def _fitting(track: Track, steps_db: Sequence[float]) -> str:
+    """Return the range nearest to the track's whose levels are apart by what divides all steps."""
+    step_db = gcd(*(max(1, round(1000 * db)) for db in steps_db)) / 1000
+    first, last = min(track.levels.values), max(track.levels.values)
+    count = max(1, round(decibels(last / first) / step_db))
+    end = first * 10 ** (count * step_db / 20)
+    if count > 1 and end > last * (1 + _ROUNDED):  # the end may be a limit of the rig
+        count, end = count - 1, end / 10 ** (step_db / 20)
+    end = last if abs(end / last - 1) <= _ROUNDED else end
+    return f"nearest: levels = {{ from = {first:g}, to = {end:.6g}, count = {count + 1} }}"
+
+
+def _stop(track: Track, told: _Teller) -> _Problems:
+    stop = track.stop
+    if stop is None:
+        return
+    most = most_reversals(track)
+    if stop.reversals is not None and stop.reversals > most:
+        rule = f"cannot be reached: {track.trials} trials give at most {most}"
+        if not most:
+            rule, hint = f'cannot be reached: method = "{track.method}" has none', "leave it out"
+        else:
+            hint = "ask for fewer reversals, or give more trials"
+        yield told("stop.reversals", rule, stop.reversals, hint)
+    distances = track.distances
+    finest = min(decibels(b / a) for a, b in pairwise(distances))
+    if stop.interval_db is not None and stop.interval_db < finest:
+        rule = f"cannot be reached: neighbouring levels are {finest:.3g} dB apart"
+        yield told("stop.interval_db", rule, stop.interval_db, "give more levels, or a wider one")
+    if stop.reversals is None and stop.interval_db is None:
+        hint = "give reversals or interval_db, or leave stop out"
+        yield told("stop", "must say when the track ends", "nothing", hint)
+
+
+def _curve(track: Track, told: _Teller) -> _Problems:
+    chance = GUESS_RATE[track.task]
+    pair: Any
+    for key, pair in (("slope", track.slope), ("lapse", track.lapse)):
+        if pair and pair[0] > pair[1]:
+            yield told(key, "must go from least to most", list(pair), "change their order")
+    if track.slope and not track.slope[0]:
+        yield told("slope", "must be above 0", "0", "0 is a curve that does not rise")
+    if track.lapse[1] >= 0.5:
+        rule, hint = "must be below 0.5", "lapses are rare; nobody measures a threshold with more"
+        yield told("lapse", rule, f"{track.lapse[1]:g}", hint)
+    if not chance < track.share < 1 - track.lapse[1]:
+        below = f"must lie above chance, {chance:.3g} in {track.task}"
+        rule = f"{below}, and below what lapses leave, {1 - track.lapse[1]:.3g}"
+        hint = f"half-way from chance to 1 is {(1 + chance) / 2:.3g}, the default"
+        yield told("threshold_at", rule, f"{track.share:g}", hint)

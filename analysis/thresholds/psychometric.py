@@ -1,0 +1,266 @@
+"""Psychometric functions: threshold, slope and lapse rate of a person, with credible intervals."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import xlogy
+
+from analysis.estimates import FloatArray, Interval
+from analysis.thresholds.curve_posterior import Answers, Curve, Posterior, Shape, posterior
+from protocol.errors import BadInput
+
+Task: TypeAlias = Literal["yes or no", "two intervals", "three intervals"]
+CHANCE: Final[Mapping[str, float]] = {
+    "yes or no": 0.0,
+    "two intervals": 1 / 2,
+    "three intervals": 1 / 3,
+}
+"""The share correct of a person who only guesses. In yes-no the share of yes is estimated."""
+DRAWS = 400
+"""Sets of answers from the posterior, with which the real ones are compared."""
+MOST_LEVELS = 1000
+"""Of one fit, whose time grows with them."""
+LEAST_STEP = 1e-3
+"""Of the range: levels that lie closer say nothing about how steep curves are."""
+ENOUGH_LEVELS = 3
+POOR_FIT = 0.025
+RISES = 1.645
+"""z of a trend that is expected to rise: one-sided 5%."""
+ENDS, MIDDLE = np.array([0.025, 0.975]), np.array(0.5)
+NOTHING = (math.nan, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """A psychometric function fitted to one person's answers in one track.
+
+    Threshold and slope are those of the highest posterior density, because its mean and median
+    would lean to the lapses of the prior; rates are medians. Intervals hold the middle 95% of
+    the posterior. All numbers are NaN where the levels have no range; `flags` then say so.
+
+    Attributes:
+        threshold: in the unit of the levels.
+        threshold_at: the share correct that defines it, of a person who does not lapse; in
+            yes-no the share of the curve between false alarms and lapses.
+        slope: 1/SD of a normal curve, per unit of the levels; the exponent of a Weibull curve.
+        jnd: the distance of the level at 75% of the curve from its midpoint; None but in yes-no.
+        guess: the share correct of guesses; in yes-no that of yes without a stimulus.
+        deviance_p: how often answers of this function deviate from it as much as the real ones.
+        flags: what to look at before this is believed.
+    """
+
+    threshold: float = math.nan
+    threshold_at: float
+    threshold_ci: Interval = NOTHING
+    slope: float = math.nan
+    slope_ci: Interval = NOTHING
+    jnd: float | None = None
+    lapse: float = math.nan
+    lapse_ci: Interval = NOTHING
+    guess: float = math.nan
+    deviance_p: float = math.nan
+    trials: int
+    flags: tuple[str, ...] = ()
+
+
+def curve_share(threshold_at: float | None, task: Task) -> float:
+    """Return the share of the curve that a share correct is without lapses; the midpoint of None.
+
+    (3): (share - chance) / (1 - chance).
+
+    >>> curve_share(0.75, "two intervals"), curve_share(None, "yes or no")
+    (0.5, 0.5)
+
+    Raises:
+        BadInput: the share is not above chance and below 1.
+    """
+    chance = CHANCE[task]
+    if threshold_at is None:
+        return 0.5
+    if not chance < threshold_at < 1:
+        raise BadInput(
+            f"the share correct that defines the threshold must lie above {chance:.3g}, which is "
+            f"chance in {task}, and below 1, got {threshold_at:g}"
+        )
+    return (threshold_at - chance) / (1 - chance)
+
+
+def fitted(  # noqa: PLR0913 - what papers state of a fit
+    levels: ArrayLike,
+    trials: ArrayLike,
+    correct: ArrayLike,
+    *,
+    task: Task = "two intervals",
+    shape: Shape = "weibull",
+    threshold_at: float | None = None,
+    lapse: float | None = None,
+    span: Interval | None = None,
+    seed: int = 1,
+) -> Threshold:
+    """Return threshold, slope and lapse rate of one person's answers, by (1) to (9).
+
+    Args:
+        levels: shape (n,), in any order; a level may come again.
+        trials: shape (n,), answers at each level.
+        correct: shape (n,), how many of them were correct; in yes-no how many were "yes".
+        task: what was asked. It fixes the guess rate at 1/2 or 1/3; in yes-no it is estimated.
+        shape: `normal` is a curve of the level as given, `weibull` one of its logarithm; at a
+            level of 0 nothing is felt then.
+        threshold_at: the share correct that defines the threshold. Without it the curve's
+            midpoint: 0.75 in two intervals, 0.667 in three, 0.5 in yes-no.
+        lapse: the lapse rate if it is known, and in yes-no the share of false alarms; 0 gives the
+            threshold and slope of a probit regression.
+        span: the lowest and the highest level that could be asked. Without it those that were:
+            priors of threshold and slope follow from it.
+        seed: of the draws for `deviance_p`.
+
+    Raises:
+        BadInput: an array or a word is wrong.
+    """
+    for what, given, known in (("task", task, get_args(Task)), ("shape", shape, get_args(Shape))):
+        if given not in known:
+            raise BadInput(f"{what} must be one of {', '.join(known)}, got {given!r}")
+    share = curve_share(threshold_at, task)
+    if lapse is not None and not 0 <= lapse < 0.5:
+        raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
+    asked, number, right = _pooled(levels, trials, correct)
+    if shape == "weibull" and asked[0] < 0:
+        raise BadInput(
+            f"a level must be at least 0 for the shape weibull, got {asked[0]:g}; use normal"
+        )
+    chance = CHANCE[task]
+    defined = chance + (1 - chance) * share
+    axis = _axis(asked, shape)
+    felt = axis[np.isfinite(axis)]
+    low, high = 0.0, 0.0
+    if span or felt.size:
+        low, high = _axis(np.array(span), shape) if span else felt[[0, -1]]
+    if not 0 < high - low < math.inf:
+        return Threshold(
+            threshold_at=defined, trials=int(number.sum()), flags=("all answers at one level",)
+        )
+    unit = float(high - low)
+    step = min(np.diff(felt), default=unit) / unit
+    answers = Answers(
+        (axis - low) / unit,
+        number,
+        right,
+        float(np.clip(step, LEAST_STEP, 0.5)),
+        lapse,
+        lapse if task == "yes or no" else chance,
+    )
+    curve = Curve(shape, share)
+    found = posterior(answers, curve)
+    # The mode between the ends of the interval.
+    ends = np.insert(found.quantiles(0, ENDS), 1, found.mode[0]) * unit + low
+    thresholds = ends if shape == "normal" else np.exp(ends)
+    log_widths = np.insert(found.quantiles(1, ENDS), 1, found.mode[1])
+    slopes = curve.width / (np.exp(log_widths) * unit)
+    low_lapse, high_lapse = found.quantiles(2, ENDS)
+    p = _deviance_p(answers, found, curve, seed)
+    return Threshold(
+        threshold=float(thresholds[1]),
+        threshold_at=defined,
+        threshold_ci=(float(thresholds[0]), float(thresholds[2])),
+        slope=float(slopes[1]),
+        slope_ci=(float(slopes[2]), float(slopes[0])),
+        jnd=_jnd(float(ends[1]), float(slopes[1]), curve) if task == "yes or no" else None,
+        lapse=float(found.quantiles(2, MIDDLE)),
+        lapse_ci=(float(low_lapse), float(high_lapse)),
+        guess=float(found.quantiles(3, MIDDLE)),
+        deviance_p=p,
+        trials=int(number.sum()),
+        flags=_flags(answers, thresholds, asked[np.isfinite(axis)], p),
+    )
+
+
+def _axis(levels: FloatArray, shape: Shape) -> FloatArray:
+    """Return the levels on the axis on which the curve is one of place and width."""
+    with np.errstate(divide="ignore"):
+        return levels if shape == "normal" else np.log(levels)
+
+
+def _pooled(
+    levels: ArrayLike, trials: ArrayLike, correct: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return each level once, rising, with its trials and its correct ones."""
+    at, number, right = (
+        np.asarray(values, dtype=np.float64) for values in (levels, trials, correct)
+    )
+    if not at.ndim == 1 or not at.shape == number.shape == right.shape:
+        raise BadInput(
+            "levels, trials and correct must be lists of the same length, got "
+            f"{at.shape}, {number.shape} and {right.shape}"
+        )
+    whole = (number == np.floor(number)) & (right == np.floor(right))
+    valid = np.isfinite(at) & whole & (right >= 0) & (right <= number) & (number < 2**31)
+    if not valid.all():
+        wrong = int(np.argmin(valid))
+        raise BadInput(
+            "a level must be a number, and correct a whole number from 0 to trials, got level "
+            f"{at[wrong]:g} with {right[wrong]:g} of {number[wrong]:g}"
+        )
+    at, number, right = at[number > 0], number[number > 0], right[number > 0]
+    if not at.size:
+        raise BadInput("there must be at least one answer, got none")
+    each, place = np.unique(at, return_inverse=True)
+    if each.size > MOST_LEVELS:
+        raise BadInput(
+            f"there must be at most {MOST_LEVELS} different levels, got {each.size}; round them"
+        )
+    totals = [np.bincount(place, counts).astype(np.float64) for counts in (number, right)]
+    return each, totals[0], totals[1]
+
+
+def _jnd(threshold: float, slope: float, curve: Curve) -> float:
+    """Return (7): how far the level at 75% of the curve lies above the midpoint."""
+    middle, upper = (
+        threshold + (curve.place(part) - curve.place(curve.share)) / slope for part in (0.5, 0.75)
+    )
+    return upper - middle if curve.shape == "normal" else math.exp(upper) - math.exp(middle)
+
+
+def _deviance_p(answers: Answers, found: Posterior, curve: Curve, seed: int) -> float:
+    """Return (8) and (9), the posterior predictive p of the deviance."""
+    rng = np.random.default_rng(seed)
+    drawn = found.draws(DRAWS, rng)[:, :, None]
+    p = curve.share_correct(answers.at, list(drawn))
+    again = rng.binomial(answers.trials.astype(np.int64), p).astype(np.float64)
+    more = _deviance(again, answers.trials, p) >= _deviance(answers.correct, answers.trials, p)
+    return float(more.mean())
+
+
+def _deviance(right: FloatArray, number: FloatArray, p: FloatArray) -> FloatArray:
+    wrong = number - right
+    each = xlogy(right, right / (number * p)) + xlogy(wrong, wrong / (number * (1 - p)))
+    return np.asarray(2 * each.sum(axis=-1))
+
+
+def _flags(
+    answers: Answers, thresholds: FloatArray, asked: FloatArray, p: float
+) -> tuple[str, ...]:
+    """Return in a few words each what speaks against believing the estimate."""
+    lowest, highest = asked[0], asked[-1]
+    outside = not lowest <= thresholds[1] <= highest
+    found = {
+        "too few levels": asked.size < ENOUGH_LEVELS,
+        "does not rise with the level": _trend(answers) < RISES,
+        "threshold outside the levels": outside,
+        "interval beyond the levels": not outside
+        and not lowest <= thresholds[0] <= thresholds[2] <= highest,
+        "poor fit": p < POOR_FIT,
+    }
+    return tuple(name for name, holds in found.items() if holds)
+
+
+def _trend(answers: Answers) -> float:
+    """Return z of the Cochran-Armitage test that the share correct rises from level to level."""
+    total = answers.trials.sum()
+    share = answers.correct.sum() / total
+    place = np.arange(answers.at.size) - (np.arange(answers.at.size) @ answers.trials) / total
+    spread = math.sqrt(share * (1 - share) * (answers.trials @ place**2))
+    return float((answers.correct @ place) / spread) if spread else 0.0

@@ -1,0 +1,170 @@
+"""Psychometric functions fitted to answers: published data, laws, recovery, messages."""
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from analysis.thresholds.curve_posterior import Shape
+from analysis.thresholds.psychometric import CHANCE, Task, Threshold, fitted
+from protocol.errors import BadInput
+
+LEVELS = np.array(
+    [0.001, 0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004, 0.0045, 0.005, 0.006, 0.007, 0.008, 0.01]
+)
+CORRECT = np.array([45, 50, 44, 44, 52, 53, 62, 64, 76, 79, 88, 90, 90])
+"""The example of psignifit: of 90 in each of 13 levels, in two intervals."""
+EXAMPLE = LEVELS, np.full(13, 90), CORRECT
+WICHMANN_AND_HILL = np.arange(0, 421, 60), np.full(8, 20)
+
+
+def test_the_interval_of_psignifits_example() -> None:
+    """MATLAB gives .00428 to .00496, Python .00425 to .00493."""
+    found = fitted(*EXAMPLE, shape="normal")
+    low, high = found.threshold_ci
+    assert 0.00418 <= low <= 0.00433
+    assert 0.00487 <= high <= 0.00502
+    assert found.flags == ()
+    assert found.threshold_at == 0.75
+
+
+@pytest.mark.parametrize("shape", ["normal", "weibull"])
+def test_one_lapse_does_not_move_the_threshold(shape: Shape) -> None:
+    """Wichmann and Hill, Perception & Psychophysics 63, 2001: with a lapse rate of 0 it does."""
+    without, with_one = (
+        fitted(*WICHMANN_AND_HILL, [0, 0, 4, 18, 20, 20, right, 20], task="yes or no", shape=shape)
+        for right in (20, 19)
+    )
+    half = (without.threshold_ci[1] - without.threshold_ci[0]) / 2
+    assert abs(with_one.threshold - without.threshold) < 0.05 * half
+    assert with_one.slope == pytest.approx(without.slope, rel=0.02)
+
+
+@pytest.mark.parametrize("task", CHANCE)
+@pytest.mark.parametrize("shape", ["normal", "weibull"])
+def test_known_curves_are_recovered(task: Task, shape: Shape) -> None:
+    """From the answers that the curve predicts, so many that the prior has no weight."""
+    levels = np.geomspace(1, 20, 9)
+    trials = np.full(9, 100_000)
+    if shape == "normal":
+        curve, slope, jnd = ndtr((levels - 7) / 2.5), 1 / 2.5, 0.67449 * 2.5
+    else:
+        curve, slope = 1 - 2.0 ** -((levels / 7) ** 3), 3.0
+        jnd = 7 * 2 ** (1 / 3) - 7
+    guess = CHANCE[task] or 0.04
+    correct = np.round(trials * (guess + (1 - guess - 0.02) * curve))
+    found = fitted(levels, trials, correct, task=task, shape=shape)
+    assert found.threshold == pytest.approx(7, rel=0.003)
+    assert found.slope == pytest.approx(slope, rel=0.01)
+    assert found.lapse == pytest.approx(0.02, abs=0.001)
+    assert found.guess == pytest.approx(guess, abs=0.001)
+    if task == "yes or no":
+        assert found.jnd == pytest.approx(jnd, rel=0.01)
+    else:
+        assert found.jnd is None
+
+
+def test_the_share_that_defines_a_threshold() -> None:
+    levels, trials = np.linspace(1, 13, 9), np.full(9, 100_000)
+    correct = np.round(trials * (0.5 + 0.5 * ndtr((levels - 7) / 2.5)))
+    for at, place in ((0.75, 7.0), (0.7937, 7 + 2.5 * 0.22196), (0.9, 7 + 2.5 * 0.84162)):
+        found = fitted(levels, trials, correct, shape="normal", threshold_at=at)
+        assert found.threshold == pytest.approx(place, rel=0.003)
+        assert found.threshold_at == pytest.approx(at)
+        assert found.threshold_ci[0] < place < found.threshold_ci[1]
+
+
+def test_the_unit_of_the_levels_does_not_matter() -> None:
+    one = fitted(*EXAMPLE, shape="normal")
+    other = fitted(1000 * LEVELS + 3, *EXAMPLE[1:], shape="normal")
+    assert other.threshold == pytest.approx(1000 * one.threshold + 3, rel=1e-9)
+    assert other.slope == pytest.approx(one.slope / 1000, rel=1e-9)
+    assert other.deviance_p == one.deviance_p
+    ratios = [fitted(unit * LEVELS, *EXAMPLE[1:]) for unit in (1, 1000)]
+    assert ratios[1].threshold == pytest.approx(1000 * ratios[0].threshold, rel=1e-9)
+    assert ratios[1].slope == pytest.approx(ratios[0].slope, rel=1e-9)
+
+
+def test_rows_in_any_order_or_one_per_trial_give_the_same() -> None:
+    rng = np.random.default_rng(1)
+    per_trial = np.repeat(LEVELS, 90)
+    right = np.concatenate([np.arange(90) < number for number in CORRECT])
+    order = rng.permutation(per_trial.size)
+    single = fitted(per_trial[order], np.ones(per_trial.size), right[order])
+    assert single == fitted(*EXAMPLE)
+
+
+def test_nothing_felt_at_level_0_of_a_weibull_curve() -> None:
+    """The catch trials tell the share of false alarms, and nothing else of the curve."""
+    levels, trials = [0, 1, 2, 4, 8], [400, 40, 40, 40, 40]
+    found = fitted(levels, trials, [40, 6, 12, 30, 40], task="yes or no")
+    assert found.guess == pytest.approx(0.1, abs=0.02)
+    assert 1.5 < found.threshold < 4
+
+
+def poor_fits() -> dict[str, Threshold]:
+    levels, trials = [1, 2, 3, 4, 5], [20] * 5
+    return {
+        "all answers at one level": fitted([1, 1], [20, 20], [10, 12]),
+        "too few levels": fitted([1, 2], [20, 20], [10, 19]),
+        "does not rise with the level": fitted(levels, trials, [12, 9, 11, 8, 10]),
+        "threshold outside the levels": fitted(levels, trials, [10, 11, 9, 11, 13]),
+        "interval beyond the levels": fitted(levels, trials, [10, 11, 10, 12, 17]),
+        "poor fit": fitted(levels, trials, [19, 8, 20, 9, 20], task="yes or no"),
+    }
+
+
+@pytest.mark.parametrize(("flag", "found"), poor_fits().items())
+def test_flags(flag: str, found: Threshold) -> None:
+    assert flag in found.flags
+
+
+def test_without_a_range_of_levels_nothing_is_estimated_but_with_one_something_is() -> None:
+    alone = fitted([2.0], [4], [3])
+    assert np.isnan([alone.threshold, *alone.threshold_ci, alone.slope, alone.lapse]).all()
+    among = fitted([2.0], [4], [3], span=(1.0, 8.0))
+    assert 0 < among.threshold_ci[0] < among.threshold < among.threshold_ci[1]
+
+
+def test_more_trials_give_a_shorter_interval() -> None:
+    widths = [
+        np.subtract(*fitted(LEVELS, EXAMPLE[1] * n, CORRECT * n, shape="normal").threshold_ci[::-1])
+        for n in (1, 4, 16, 64)
+    ]
+    ratios = np.divide(widths[:-1], widths[1:])
+    assert ((ratios > 1.5) & (ratios < 2.5)).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"levels": [1.0]}, r"lists of the same length, got \(1,\), \(2,\) and \(2,\)"),
+        ({"levels": [1.0, np.nan]}, "level nan with 3 of 4"),
+        ({"correct": [1, 5]}, "got level 2 with 5 of 4"),
+        ({"correct": [1, 2.5]}, "got level 2 with 2.5 of 4"),
+        ({"levels": [-1.0, 2.0]}, "must be at least 0 for the shape weibull, got -1; use normal"),
+        ({"trials": [0, 0], "correct": [0, 0]}, "at least one answer, got none"),
+        ({"threshold_at": 0.5}, "must lie above 0.5, which is chance in two intervals, .* got 0.5"),
+        ({"threshold_at": 1.0}, "below 1, got 1"),
+        ({"lapse": 0.5}, r"must lie in \[0, 0.5\), got 0.5"),
+        ({"task": "four"}, "task must be one of yes or no, .* got 'four'"),
+        ({"shape": "logistic"}, "shape must be one of normal, weibull, got 'logistic'"),
+    ],
+)
+def test_wrong_answers(change: dict[str, object], message: str) -> None:
+    given: dict[str, object] = {"levels": [1.0, 2.0], "trials": [4, 4], "correct": [1, 3]}
+    with pytest.raises(BadInput, match=message):
+        fitted(**{**given, **change})  # type: ignore[arg-type]
+
+
+def test_too_many_levels() -> None:
+    many = np.linspace(1, 2, 1001)
+    with pytest.raises(BadInput, match="at most 1000 different levels, got 1001; round them"):
+        fitted(many, np.ones(1001), np.ones(1001))
+
+
+def test_a_curve_without_lapses_is_that_of_a_probit_regression() -> None:
+    found = fitted(
+        [1, 3, 5, 7, 9], [40] * 5, [2, 6, 20, 34, 38], task="yes or no", lapse=0.0, shape="normal"
+    )
+    assert found.threshold == pytest.approx(5, abs=1e-3)
+    assert (found.lapse, found.guess) == (0, 0)

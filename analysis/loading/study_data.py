@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
 from typing import Literal, NamedTuple, TypeVar
@@ -339,6 +339,7 @@ class StudyData:
     - `touches`: those of `trials`: `Sessions.touches` with `place_m`.
     - `forces`: of those of `touches` that were recorded, as `Sessions.forces`.
     - `empty`: why a cell of the table has no score.
+    - `groups`: the group of each participant of these sessions who has one, left out or not.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
     - `withdrawn_completed`: how many of the withdrawn sessions had been completed.
@@ -364,6 +365,7 @@ class StudyData:
     virtual: Mapping[str, VirtualTruth]
     lock: StudyLock | None = None
     withdrawn_completed: int = 0
+    groups: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def scored(self) -> pd.DataFrame:
@@ -460,6 +462,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
             if isinstance(truth, VirtualTruth) and name in subjects
         },
         lock=study_lock(found.decisions, sessions),
+        groups=dict(sessions[["participant", "group"]].dropna().itertuples(index=False, name=None)),
     )
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from analysis.estimates import plain
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.kept import Kept
@@ -13,6 +15,8 @@ from analysis.loading.records import values
 from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
+from analysis.sensitivity.linear_model import own_gains
+from analysis.statistics.groups import GroupStatistics, group_statistics
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.scenes import NOMINAL, Calibration
@@ -143,6 +147,23 @@ class Findings:
             )
             for record, contrast, error, why in numbers
         ]
+
+    @cached_property
+    def groups(self) -> GroupStatistics | None:
+        """The comparisons between groups; None of a study without groups."""
+        known, table = self.loaded.groups, self.loaded.table
+        rows = [row for row, who in enumerate(table.subjects) if who in known]
+        if not rows:
+            return None
+        names = tuple(dict.fromkeys((*self.study.groups, *known.values())))
+        return self.keep(
+            group_statistics,
+            scores=table.scores[rows],
+            gains=own_gains(self.trials.scored.ratings)[rows],
+            groups=np.array([names.index(known[table.subjects[row]]) for row in rows]),
+            names=names,
+            conditions=table.conditions,
+        )
 
     @property
     def table_notes(self) -> list[str]:

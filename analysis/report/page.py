@@ -14,6 +14,7 @@ from analysis.report.findings import Findings
 from analysis.report.sections import (
     differences,
     effects,
+    groups,
     measured,
     methods,
     model_checks,
@@ -131,6 +132,7 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
         "methods": methods.section,
         "registration": registration.section,
         "tests": differences.section,
+        "groups": groups.section,
         "agreement": effects.section,
         "sensitivity": sensitivity.section,
         "measured": measured.section,

@@ -13,6 +13,15 @@ from analysis.report.findings import Findings
 from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.statistics.groups import (
+    GAIN,
+    INTERACTION,
+    SCORE,
+    Compared,
+    GroupStatistics,
+    Interaction,
+    TwoGroups,
+)
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
@@ -21,6 +30,7 @@ from device.friction.changes import LAW
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
 DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
+GROUPS = "Do the groups differ?"
 FOLLOW = "Do ratings follow the predicted change of friction?"
 ORDERED = "Does the model predict the order of the conditions?"
 MOST_PAIRS = 3
@@ -33,6 +43,8 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     yield DIFFER, f"{_who(found)} {_omnibus(main)}"
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
+    if found.groups is not None:
+        yield GROUPS, of_groups(found.groups)
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
         yield FOLLOW, _gain(found.trials.m2.lines, predicted)
@@ -124,6 +136,54 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
         f"(M = {number(mean[lower], 2)}) by {by}, "
         f"{p_equals(pair.p_holm)}, r = {bounded(sign * test.rank_biserial)}"
     )
+
+
+def of_groups(made: GroupStatistics) -> str:
+    """Tell in which of the questions about groups they differ, and by how much."""
+    apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
+    listed = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
+    return " ".join(
+        (
+            _compared(made, SCORE, "Mean scores", made.score),
+            _profiles(made, made.interaction),
+            _compared(made, GAIN, "Gains", made.gain),
+            *([f"Conditions in which groups differed most: {listed}."] if listed else []),
+        )
+    )
+
+
+def _compared(made: GroupStatistics, name: str, what: str, found: Compared | NotEstimable) -> str:
+    if isinstance(found, NotEstimable):
+        return f"{what} could not be compared between groups: {found.reason}."
+    first, *others = sorted(found.pairs, key=lambda pair: pair.p_holm)
+    h = f"Kruskal–Wallis H = {number(found.statistic, 2)}, " if others else ""
+    differed = "differed" if made.holds(name) else "were not found to differ"
+    return (
+        f"{what} {differed} between groups ({h}{p_equals(made.p_holm[name])} by Holm's correction "
+        f"over these questions); {'most clearly ' * bool(others)}{_higher(first)}, Mann–Whitney "
+        f"U = {number(first.u, 1)}, {p_equals(first.p_holm)}."
+    )
+
+
+def _profiles(made: GroupStatistics, found: Interaction | NotEstimable) -> str:
+    if isinstance(found, NotEstimable):
+        return f"Group × condition could not be tested: {found.reason}."
+    differed = "differed" if made.holds(INTERACTION) else "were not found to differ"
+    return (
+        f"Effects of conditions {differed} between groups (group × condition, "
+        f"{p_equals(made.p_holm[INTERACTION])}; groups explain {bounded(found.share)} of the "
+        "variation of profiles)."
+    )
+
+
+def _higher(pair: TwoGroups) -> str:
+    """Tell how far apart two groups are, with the higher one first."""
+    names, ends = (pair.a, pair.b), pair.shift_interval
+    if pair.shift < 0:
+        # Turning a difference round swaps the ends of its interval as well.
+        names = (pair.b, pair.a)
+        ends = ends if isinstance(ends, NotEstimable) else (-ends[1], -ends[0])
+    return f"{' above '.join(names)} by {number(abs(pair.shift), 2)}{_ci(ends)}"
 
 
 def _gain(lines: Lines, contrast: str) -> str:

@@ -77,6 +77,23 @@ def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) ->
     )
 
 
+def own_gains(ratings: Ratings) -> FloatArray:
+    """Return each subject's least-squares gain by the own trials alone, shape (subjects,).
+
+    It is NaN where contrasts do not vary. Nothing is borrowed from other subjects, as the gains of
+    the models are, which would draw groups of subjects together.
+    """
+    trials = ratings.given
+    sums = line_sums(trials.subject, len(trials.subjects), trials.contrast, trials.rating)
+    (count, x), xx = sums.gram[:, 0].T, sums.gram[:, 1, 1]
+    y, xy = sums.products.T
+    spread = count * xx - x**2
+    known = spread > 1e-12 * count * xx
+    found = np.full(len(count), np.nan)
+    found[known] = (count * xy - x * y)[known] / spread[known]
+    return found
+
+
 def without_noise(sums: LineSums) -> NotEstimable | None:
     """Return why ratings in standard units tell no noise, or None if they do."""
     own = np.linalg.pinv(sums.gram, rcond=1e-9, hermitian=True) @ sums.products[..., None]

@@ -230,8 +230,13 @@ def above(higher: str, lower: str) -> str:
     return f"{higher} above {lower}"
 
 
-def hypotheses(conditions: Iterable[str]) -> dict[str, str]:
-    """Return the test of each hypothesis of a study with these conditions, by name.
+def between(higher: str, lower: str) -> str:
+    """Return the name of the hypothesis that one group scores above another."""
+    return f"{above(higher, lower)} between groups"
+
+
+def hypotheses(conditions: Iterable[str], groups: Iterable[str] = ()) -> dict[str, str]:
+    """Return the test of each hypothesis of a study with these conditions and groups, by name.
 
     >>> list(hypotheses(["a", "b"]))[1:3]
     ['a above b', 'b above a']
@@ -249,6 +254,12 @@ def hypotheses(conditions: Iterable[str]) -> dict[str, str]:
         FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
         "p < .05 and a correlation above 0",
+        **{
+            between(higher, lower): "Wilcoxon-Mann-Whitney test of the participants' mean scores, "
+            "two-sided, corrected by Holm's method over all pairs of groups; p < .05 and a "
+            "Hodges-Lehmann shift above 0"
+            for higher, lower in permutations(groups, 2)
+        },
     }
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from itertools import permutations
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from analysis.loading.sessions import is_scored
 from analysis.loading.study_lock import StudyLock
 from analysis.report.blocks import Block, Column, Items, Section, Table, at, columns
 from analysis.report.findings import Findings
-from analysis.report.results import DIFFER, FOLLOW, ORDERED, WHICH, omnibus_p, paragraphs
+from analysis.report.results import DIFFER, FOLLOW, GROUPS, ORDERED, WHICH, omnibus_p, paragraphs
 from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
@@ -21,7 +22,7 @@ from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
-from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, ORDER, above
+from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, ORDER, above, between
 
 # The settings of the analysis that a registration fixes beside the study file.
 
@@ -120,7 +121,7 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEst
         return _gain(found)
     if name == ORDER:
         return _order(found, lock.registration.law)
-    return _pair(found, name)
+    return _of_groups(found, name) or _pair(found, name)
 
 
 def _tested(p: float | NotEstimable) -> _Computed | NotEstimable:
@@ -166,6 +167,21 @@ def _pair(found: Findings, name: str) -> _Computed | NotEstimable:
     return NotEstimable("these conditions have no scores to compare")
 
 
+def _of_groups(found: Findings, name: str) -> _Computed | NotEstimable | None:
+    """Return the result of a hypothesis on two groups; None if it is about something else."""
+    if name not in {between(a, b) for a, b in permutations(found.study.groups, 2)}:
+        return None
+    score = NotEstimable("no group has a score") if found.groups is None else found.groups.score
+    if isinstance(score, NotEstimable):
+        return score
+    for pair in score.pairs:
+        for higher, lower, sign in ((pair.a, pair.b, 1), (pair.b, pair.a, -1)):
+            if name == between(higher, lower):
+                told = f"shift {number(sign * pair.shift, 2)}, {p_equals(pair.p_holm)} (Holm)"
+                return told, pair.p_holm, sign * pair.shift > 0 and pair.differs
+    return NotEstimable("these groups have no scores to compare")
+
+
 def marked(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the results in words; those of a registered study say whether they were registered."""
     lock = found.loaded.lock
@@ -175,6 +191,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     names = lock.registration.hypotheses
     # Every other hypothesis is of a pair of conditions; no paragraph answers that on gains.
     asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
+    asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",

@@ -1,0 +1,113 @@
+"""The section on groups, the paragraph in front and the hypotheses about them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.loading.study_data import StudyData, load_study_data
+from analysis.loading.study_lock import StudyLock
+from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.results import GROUPS, paragraphs
+from analysis.report.sections.registration import marked, named_results
+from analysis.statistics.groups import SCORE
+from device.friction.changes import LAW, RUNG
+from protocol.journal.events import Answered, SessionOpened
+from protocol.registration.registration import Registration, between, hypotheses
+from protocol.study.group import Group
+from tests.analysis.chains import BEGAN, chain
+from tests.analysis.reports import EXTENDED, ORIGIN, made, session_events
+
+PLANNED = {"young": 7, "old": 5}
+STUDY = EXTENDED.model_copy(
+    update={"group": tuple(Group(name=name, size=size) for name, size in PLANNED.items())}
+)
+NOBODYS = 12
+"""The participant who has no group."""
+
+
+def grouped(rise: int) -> StudyData:
+    """Sessions of 12 people in groups and of one in none; the old score higher by `rise`."""
+    rng = np.random.default_rng(5)
+    chains = []
+    for number in range(13):
+        first, *others = session_events(EXTENDED, number, rng)
+        group = None if number == NOBODYS else "old" if number % 2 or number == 10 else "young"
+        assert isinstance(first, SessionOpened)
+        others = [
+            replace(event, score=min(10, event.score + rise * (group == "old")))
+            if isinstance(event, Answered) and event.score is not None
+            else event
+            for event in others
+        ]
+        chains.append(chain([replace(first, group=group), *others]))
+    return load_study_data(chains, rehearsals=False, rules=EXTENDED.exclusions)
+
+
+@cache
+def of_rise(rise: int) -> Report:
+    return report("a study", grouped(rise), STUDY, ORIGIN, shown=("groups",))
+
+
+def test_a_study_without_groups_has_neither_section_nor_key_nor_paragraph() -> None:
+    found = made()
+    assert found.groups is None
+    assert "groups" not in report_json(found)
+    assert 'id="h-groups"' not in report_html(found)
+    assert GROUPS not in dict(paragraphs(found))
+
+
+def test_a_higher_group_is_found_and_told() -> None:
+    found = of_rise(3)
+    told = report_json(found)["groups"]
+    assert told["people"] == [
+        {"name": "young", "planned": 7, "took_part": 5, "analysed": 5},
+        {"name": "old", "planned": 5, "took_part": 7, "analysed": 7},
+    ]
+    (pair,) = told["score"]["pairs"]
+    assert (pair["a"], pair["b"], pair["n"]) == ("young", "old", [5, 7])
+    assert pair["shift"] < -1
+    assert pair["p_holm"] < 0.05
+    answer = dict(paragraphs(found))[GROUPS]
+    assert answer.startswith("Mean scores differed between groups")
+    assert "old above young by" in answer
+    page = report_html(found)
+    assert 'id="h-groups"' in page
+    assert "Without a group, and not compared: P13." in page
+
+
+def test_groups_that_do_not_differ_are_not_said_to() -> None:
+    found = of_rise(0)
+    assert found.groups is not None
+    assert not found.groups.holds(SCORE)
+    assert found.groups.in_conditions == []
+    answer = dict(paragraphs(found))[GROUPS]
+    assert "Mean scores were not found to differ" in answer
+    assert "Conditions in which" not in answer
+
+
+@pytest.mark.parametrize(
+    ("rise", "name", "supported"),
+    [(3, "old above young", True), (3, "young above old", False), (0, "old above young", False)],
+)
+def test_a_registered_hypothesis_on_groups_is_judged(rise: int, name: str, supported: bool) -> None:
+    hypothesis = between(*name.split(" above "))
+    assert hypothesis in hypotheses(STUDY.conditions, STUDY.groups)
+    assert hypothesis not in hypotheses(STUDY.conditions)
+    registration = Registration(
+        study="a study",
+        study_sha256="1" * 64,
+        primary=hypothesis,
+        law=LAW,
+        rung=RUNG,
+        participants=12,
+        sessions=1,
+        touchbeam="1",
+    )
+    lock = StudyLock(registration=registration, utc=BEGAN, amendments=(), sessions=(), completed=13)
+    (result,) = named_results(of_rise(rise), lock)
+    assert result.supported is supported
+    assert result.found.startswith("shift ")
+    locked = replace(of_rise(rise), loaded=replace(of_rise(rise).loaded, lock=lock))
+    assert f"{GROUPS} (registered: {hypothesis})" in dict(marked(locked))

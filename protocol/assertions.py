@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from protocol.plan.trials import Plan, plan_swaps, session_s
-from protocol.proof.trial_checks import carry_over, cohort_problems
+from protocol.proof.trial_checks import by_group, carry_over, cohort_problems
 from protocol.study.study import Study
 
 
@@ -63,14 +63,16 @@ def assert_beam_swaps(study: Study, cohort: Sequence[Plan], at_most: int) -> Non
 
 
 def assert_balanced(study: Study, cohort: Sequence[Plan]) -> None:
-    """Assert that every condition follows every other one equally often over the cohort."""
-    report = carry_over(study, cohort)
-    if not report.balanced:
-        raise AssertionError(
-            f"carry-over must be balanced over {len(cohort)} participants, got counts that differ "
-            f"by {report.imbalance}: {dict(zip(study.conditions, report.counts, strict=True))}"
-        )
+    """Assert that every condition follows every other one equally often, in each group."""
+    for group, own in (by_group(cohort) or {None: []}).items():
+        report, who = carry_over(study, own), "participants" + (f" of {group}" if group else "")
+        if not report.balanced:
+            raise AssertionError(
+                f"carry-over must be balanced over {len(own)} {who}, got counts that differ "
+                f"by {report.imbalance}: {dict(zip(study.conditions, report.counts, strict=True))}"
+            )
 
 
 def _who(plan: Plan) -> str:
-    return f"participant {plan.slot + 1}, session {plan.session}"
+    group = f" of {plan.group}" if plan.group else ""
+    return f"participant {plan.slot + 1}{group}, session {plan.session}"

@@ -88,11 +88,11 @@ def registration(request: pytest.FixtureRequest) -> "Registration | None":
 @pytest.fixture(scope="module")
 def cohort(study: "Study", registration: "Registration | None") -> "tuple[Plan, ...]":
     """Return the session-1 plans of all participants: the study's number of them, or 40."""
-    from protocol.plan.plan import plan as drawn
+    from protocol.plan.plan import cohort_plans
     from protocol.registration.registration import locked
 
     seeded = study if registration is None else locked(study, registration.digest)
-    return tuple(drawn(seeded, slot) for slot in range(study.design.participants or 40))
+    return cohort_plans(seeded, study.design.participants or 40)
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,13 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
 import pandas as pd
 
+from analysis.loading.records import values
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (
     Event,
@@ -26,7 +27,8 @@ Decisions = Sequence[tuple[datetime, Event]]
 class StudyLock:
     """A registration, what happened to it, and the sessions that are reported.
 
-    `completed` counts the participants with as many completed sessions as were registered.
+    `completed` counts the participants with as many completed sessions as were registered, and
+    `groups` those of each group.
     """
 
     registration: Registration
@@ -34,6 +36,7 @@ class StudyLock:
     amendments: tuple[Amendment, ...]
     sessions: tuple[SessionRun, ...]
     completed: int
+    groups: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def rig(self) -> Calibration:
@@ -69,7 +72,9 @@ def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None
         return None
     utc, event = registered[-1]
     found = registration_in(event.text, "the registration in the journal")
-    completed = Counter(sessions["participant"][sessions["session_completed"]])
+    counted = Counter(sessions["participant"][sessions["session_completed"]])
+    completed = [name for name, number in counted.items() if number >= found.sessions]
+    groups = sessions.groupby("participant")["group"].first()
     return StudyLock(
         registration=found,
         utc=utc,
@@ -80,7 +85,8 @@ def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None
             if isinstance(change, StudyAmended) and change.breaks == found.digest
         ),
         sessions=tuple(map(_run, sessions.to_dict("records"))),
-        completed=sum(number >= found.sessions for number in completed.values()),
+        completed=len(completed),
+        groups=Counter(values(groups[completed].dropna())),
     )
 
 

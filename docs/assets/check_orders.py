@@ -20,7 +20,7 @@ apart = design.get("max_alike_in_row", 2) == 1
 
 def stream(*words):
     """Yield the bits of a stream, least significant bit of the first byte first."""
-    name, number = "/".join(map(str, (int(digest, 16), *words))), 0
+    name, number = "/".join(map(str, (seed, *words))), 0
     while True:
         block = int.from_bytes(sha256(f"{name}#{number}".encode()).digest(), "little")
         yield from ((block >> bit) & 1 for bit in range(256))
@@ -144,6 +144,9 @@ rows = sqlite3.connect(f"file:{folder / 'study.db'}?mode=ro", uri=True).execute(
 for chain, payload in rows.fetchall():
     opened = json.loads(payload)
     if opened.get("registration") == digest and opened["slot"] is not None and opened["sequence"]:
+        seed = int(digest, 16)
+        if "group" in opened:  # each group has streams of its own
+            seed = int(sha256(f"{seed}/group/{opened['group']}".encode()).hexdigest(), 16)
         had = [
             [trial["kind"], trial["condition"], trial["level"], trial["opposite"]]
             for trial in opened["trials"]

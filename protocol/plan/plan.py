@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, pairwise, product
+from itertools import groupby, islice, pairwise, product
 from typing import NamedTuple
 
 from protocol.plan.blocks import (
     Name,
     Stream,
+    arrivals,
     at_level,
     opposite,
     opposite_expected,
@@ -83,6 +84,13 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
         sequence=tuple(study.conditions[number] for _, number in order),
         trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
     )
+
+
+def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
+    """Return the plans of the first sessions of a cohort, in the order of arrival."""
+    places = islice(arrivals(study, "participant"), participants) if study.group else ()
+    grouped = (replace(plan(study.of_group(name), slot), group=name) for name, slot in places)
+    return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
 
 
 def _opening_trial(item: Opening) -> Trial:

@@ -51,6 +51,7 @@ class Plan:
     sequence: tuple[str, ...]
     trials: tuple[Trial, ...]
     session: int = 1
+    group: str | None = None
 
 
 Beams = tuple[str | None, ...]

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from math import atan, cos, hypot, inf, pi, sin, sqrt
 from typing import Any
 
 from protocol.plan.feasibility import design_problems, most_catches
-from protocol.plan.plan import plan, slide_plan, slide_study
+from protocol.plan.plan import cohort_plans, plan, slide_plan, slide_study
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
-from protocol.proof.trial_checks import CarryOver, carry_over
+from protocol.proof.trial_checks import CarryOver, by_group, carry_over
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rules import MOST_REPEATS, PAPERS_SCALE, Forecast, Rating
 from protocol.study.study import Study
@@ -284,8 +285,8 @@ class Preview:
 
 
 def preview(study: Study, participants: int) -> Preview:
-    """Return the preview of the first sessions of slots 0 to `participants` - 1."""
-    plans = tuple(plan(study, slot) for slot in range(participants))
+    """Return the preview of the first sessions of that many participants."""
+    plans = cohort_plans(study, participants)
     touches = [touch for each in plans for trial in each.trials for touch in trial.touches]
     nominal_hz = study.rig.nominal_resonance_hz
     sliding = slide_study(study)
@@ -357,17 +358,23 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "gauge": channel.gauge,
         "line_share": round(line_share(channel), 2),
     }
+    groups = [
+        {"name": name, "participants": len(own), **_balance_record(carry_over(shown.study, own))}
+        for name, own in by_group(shown.plans).items()
+        if name
+    ]
     return {
         "participants": [
             {
-                "id": f"P{each.slot + 1:02d}",
+                "id": f"P{number:02d}",
+                **({"group": each.group, "slot": each.slot} if each.group else {}),
                 "sequence": list(each.sequence),
                 "trials": [_trial_record(shown.study, trial, model) for trial in each.trials],
                 "duration_s": round(duration_s, 1),
                 "beam_swaps": swaps,
             }
-            for each, duration_s, swaps in zip(
-                shown.plans, shown.durations_s, shown.swaps, strict=True
+            for number, each, duration_s, swaps in zip(
+                count(1), shown.plans, shown.durations_s, shown.swaps, strict=False
             )
         ],
         "questions": [{"name": each.name, "when": each.when} for each in shown.study.question],
@@ -387,12 +394,19 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "carryover": {
             "conditions": list(shown.study.conditions),
             "counts": [list(row) for row in shown.carryover.counts],
-            "balanced": shown.carryover.balanced,
-            "imbalance": shown.carryover.imbalance,
-            "promised": shown.carryover.guaranteed,
+            **_balance_record(shown.carryover),
             "across_blocks": [list(row) for row in shown.carryover.across_blocks],
         },
+        **({"groups": groups} if groups else {}),
         "minutes_buy": [_precision_record(each) for each in precision_by_length(shown, model)],
+    }
+
+
+def _balance_record(carryover: CarryOver) -> dict[str, Any]:
+    return {
+        "balanced": carryover.balanced,
+        "imbalance": carryover.imbalance,
+        "promised": carryover.guaranteed,
     }
 
 

@@ -7,7 +7,7 @@ from typing import get_args
 
 from protocol.plan.trials import Trial
 from protocol.preview import preview
-from protocol.proof.trial_checks import balance_guaranteed, sequences
+from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.study_question import When
@@ -173,18 +173,21 @@ def _span(values: Sequence[float]) -> str:
 
 
 def _carryover_lines(shown: preview.Preview) -> Iterator[str]:
-    carryover, names = shown.carryover, shown.study.conditions
-    if carryover.balanced:
-        yield f"Carry-over  balanced over {_many(len(shown.plans), 'participant')}"
-    else:
-        why = f"counts differ by up to {carryover.imbalance}"
-        if not any(map(any, carryover.counts)):
-            why = "no condition directly follows another within a block"
-        many = _many(len(shown.plans), "participant")
-        size, advice = sequences(shown.study), "this design cannot balance it"
-        if balance_guaranteed(shown.study, size):
-            advice = f"use a multiple of {size} participants"
-        yield f"Carry-over  not balanced over {many} ({why}): {advice}"
+    carryover, names, heading = shown.carryover, shown.study.conditions, "Carry-over"
+    for group, plans in by_group(shown.plans).items():
+        found = carry_over(shown.study, plans)
+        many = _many(len(plans), "participant") + (f" of {group}" if group else "")
+        if found.balanced:
+            yield f"{heading:<11} balanced over {many}"
+        else:
+            why = f"counts differ by up to {found.imbalance}"
+            if not any(map(any, found.counts)):
+                why = "no condition directly follows another within a block"
+            size, advice = sequences(shown.study), "this design cannot balance it"
+            if balance_guaranteed(shown.study, size):
+                advice = f"use a multiple of {size} participants"
+            yield f"{heading:<11} not balanced over {many} ({why}): {advice}"
+        heading = ""
     yield "How often the condition of a column directly follows that of a row:"
     header = ("", *names)
     rows = [

@@ -6,7 +6,7 @@ Each check states one requirement of the study file anew, without regard to how 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 from math import isclose, pi
 
 from protocol.errors import Problem
@@ -344,12 +344,15 @@ def _beam_set(study: Study, touches: Sequence[Touch]) -> tuple[str | None, ...]:
 
 
 def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list[Problem]:
-    """Return every requirement that the plans of slots 0, 1, 2 and so on violate.
+    """Return every requirement that the plans of slots 0, 1, 2 and so on of each group violate.
 
     The slot that they begin with may also be the `first` of another `cycle`.
     """
     if not plans:
         return [_problem("there must be at least one plan", "none")]
+    if len(groups := by_group(plans)) > 1:
+        found = (cohort_problems(study, own, first) for own in groups.values())
+        return list(chain.from_iterable(found))
     problems = [problem for plan in plans for problem in plan_problems(study, plan)]
     slots = [plan.slot for plan in plans]
     if slots != list(range(first, first + len(plans))):
@@ -363,6 +366,14 @@ def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list
                 _problem("every condition must follow every other equally often", counts)
             )
     return problems
+
+
+def by_group(plans: Iterable[Plan]) -> dict[str | None, list[Plan]]:
+    """Return the plans of each group; all of them under None in a study without groups."""
+    groups: dict[str | None, list[Plan]] = {}
+    for plan in plans:
+        groups.setdefault(plan.group, []).append(plan)
+    return groups
 
 
 def _problem(rule: str, value: object) -> Problem:
@@ -394,7 +405,7 @@ class CarryOver:
 
     Scored trials of the same block are counted; catch trials between them are ignored.
     `across_blocks` counts the pairs on both sides of a block's end, which no design balances.
-    `guaranteed` says whether the design balances every cohort of this size.
+    `guaranteed` says whether the design balances every cohort of this size, or of such groups.
     """
 
     counts: Counts
@@ -422,7 +433,7 @@ def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
     return CarryOver(
         counts=_counts(study.conditions, _pairs(plans, within_blocks=True)),
         across_blocks=_counts(study.conditions, _pairs(plans, within_blocks=False)),
-        guaranteed=balance_guaranteed(study, len(plans)),
+        guaranteed=all(balance_guaranteed(study, len(own)) for own in by_group(plans).values()),
     )
 
 

@@ -1,7 +1,7 @@
 """Deviations of a study from its registration: all that was done otherwise, one line each."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import NamedTuple
 
@@ -48,6 +48,7 @@ class Conduct:
         sessions: those that are reported.
         amendments: in their order.
         participants: how many completed all their sessions.
+        groups: how many of them in each group, if there are groups.
         by_hand: what was excluded without a rule, and why.
         withdrawn: how many sessions were withdrawn and erased.
         withdrawn_completed: how many of these had been completed.
@@ -68,6 +69,7 @@ class Conduct:
     rung: str
     analysis: Mapping[str, Setting]
     touchbeam: str
+    groups: Mapping[str, int] = field(default_factory=dict)
     withdrawn: int = 0
     withdrawn_completed: int = 0
     later: str = ""
@@ -132,13 +134,13 @@ def _named(deviation: tuple[str, str], sessions: Sequence[str]) -> Iterator[Devi
 
 def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
     # More is a deviation, too: the data collection was then ended by another rule.
-    if conduct.participants != registered.participants:
-        less = "fewer" if conduct.participants < registered.participants else "more"
-        yield Deviation(
-            "participants",
-            f"{conduct.participants} completed, {less} than the {registered.participants} "
-            "registered",
-        )
+    counts = {"": (conduct.participants, registered.participants)}
+    counts |= {f"{of}: ": (conduct.groups.get(of, 0), n) for of, n in registered.groups.items()}
+    for of, (completed, wanted) in counts.items():
+        if completed != wanted:
+            less = "fewer" if completed < wanted else "more"
+            text = f"{of}{completed} completed, {less} than the {wanted} registered"
+            yield Deviation("participants", text)
     for left_out in conduct.by_hand:
         yield Deviation("exclusion", f"without a registered rule: {left_out}")
     if conduct.withdrawn:

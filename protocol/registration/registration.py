@@ -41,7 +41,8 @@ class Registration:
         law, rung: of the friction model that predicts.
         calibration: the rig's values that predictions take, and their `origin`, empty for the
             paper's.
-        participants, sessions: the stopping rule: how many participants, with how many sessions.
+        participants, sessions, groups: the stopping rule: how many participants, with how many
+            sessions, and how many of them in each group, if there are groups.
         exclusions: the rules on who and what is left out, in words.
         analysis: the settings of the analysis, by name.
         power: what a power analysis found, as texts by name; empty without one.
@@ -57,6 +58,7 @@ class Registration:
     calibration: Mapping[str, Setting] = field(default_factory=dict)
     participants: int
     sessions: int
+    groups: Mapping[str, int] = field(default_factory=dict)
     exclusions: tuple[str, ...] = ()
     analysis: Mapping[str, Setting] = field(default_factory=dict)
     power: Mapping[str, str] = field(default_factory=dict)
@@ -95,7 +97,11 @@ class Registration:
             "hypotheses": {"primary": self.primary, "secondary": self.secondary},
             "prediction": {"law": self.law, "rung": self.rung},
             "calibration": self.calibration,
-            "stopping": {"participants": self.participants, "sessions": self.sessions},
+            "stopping": {
+                "participants": self.participants,
+                "sessions": self.sessions,
+                **({"groups": self.groups} if self.groups else {}),
+            },
             "exclusions": {"rules": self.exclusions},
             "analysis": {"sha256": self.analysis_sha256, "settings": self.analysis},
             "power": self.power,
@@ -146,7 +152,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
 def _require_form(made: Registration, schema: object) -> None:
     """Raise TypeError unless the schema is this one, numbers are numbers, and texts are texts."""
     rig, power = made.calibration, made.power.values()
-    counts = (made.participants, made.sessions)
+    counts = (made.participants, made.sessions, *made.groups.values())
     numbers = [value for name, value in rig.items() if name != "origin"]
     texts = (
         *(made.study, made.study_sha256, made.law, made.rung, made.touchbeam, made.primary),

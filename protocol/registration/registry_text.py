@@ -33,7 +33,7 @@ def registry_text(study: Study, registered: Registration) -> str:
         # What the study file does not say is left to its author and never invented.
         ("Authors", [", ".join(study.publication.authors) or "(to be filled in)"]),
         ("Hypotheses", _hypotheses(study, registered)),
-        ("Study type", ["Experiment, within participants."]),
+        ("Study type", _study_type(study)),
         (
             "Blinding",
             [
@@ -87,6 +87,14 @@ def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."
+
+
+def _study_type(study: Study) -> Iterator[str]:
+    yield f"Experiment, within participants{' and between groups' * bool(study.group)}."
+    if study.group:
+        how = study.design.assign_groups.replace("answer", "answer to the operator")
+        groups = "; ".join(f"{group.name}, {group.size} participants" for group in study.group)
+        yield f"Groups: {groups}. They are assigned {how}."
 
 
 def _design(study: Study) -> Iterator[str]:

@@ -88,6 +88,7 @@ def rehearse(
         options = SessionOptions(
             folder=folder,
             participant="P01",
+            group=plan.group,
             device=SIMULATED,
             ratings="virtual",
             rehearsal=True,

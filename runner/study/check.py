@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +50,11 @@ def proved_study(text: str, source: str) -> Study:
     """
     study = validated_study(text, source)
     # One whole cycle, because the balance of carry-over can only be proved over all of its slots.
-    plans = [plan(study, slot) for slot in cycle(study, 0)]
+    plans = [
+        replace(plan(study.of_group(group), slot), group=group)
+        for group in study.groups or (None,)
+        for slot in cycle(study, 0)
+    ]
     require_proved(source, cohort_problems(study, plans))
     return study
 

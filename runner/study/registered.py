@@ -225,6 +225,7 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
         calibration=values if rig.origin else {},
         participants=participants,
         sessions=study.design.sessions,
+        groups={group.name: group.size for group in study.group},
         exclusions=tuple(choice.exclusions),
         analysis=choice.analysis,
         power=power_result(choice.power, text_digest(text)) if choice.power else {},

@@ -272,6 +272,7 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         sessions=lock.sessions,
         amendments=lock.amendments,
         participants=lock.completed,
+        groups=lock.groups,
         by_hand=[f"{place_of(entry)}: {entry.why}" for entry in left_out],
         withdrawn=found.loaded.sessions_withdrawn,
         withdrawn_completed=found.loaded.withdrawn_completed,

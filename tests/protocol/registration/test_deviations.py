@@ -35,6 +35,17 @@ def test_without_deviations_the_list_is_empty() -> None:
     assert deviations(REGISTERED, CONDUCT) == []
 
 
+def test_a_group_of_another_size_is_told() -> None:
+    grouped = replace(REGISTERED, groups={"young": 8, "old": 12})
+    conduct = replace(CONDUCT, sessions=[replace(RUN, registration=grouped.digest)])
+    assert deviations(grouped, replace(conduct, groups={"young": 8, "old": 12})) == []
+    found = deviations(grouped, replace(conduct, groups={"old": 13}))
+    assert [text for _, text in found] == [
+        "young: 0 completed, fewer than the 8 registered",
+        "old: 13 completed, more than the 12 registered",
+    ]
+
+
 @pytest.mark.parametrize(
     ("change", "kind", "told"),
     [

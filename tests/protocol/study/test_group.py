@@ -1,8 +1,15 @@
 """Groups of participants: what a study file says of them, and the streams that they draw from."""
 
+from collections import Counter
+from dataclasses import replace
+
 import pytest
 
-from protocol.plan.plan import plan
+from protocol.assertions import assert_balanced
+from protocol.plan.plan import cohort_plans, plan
+from protocol.preview.preview import Prediction, preview, preview_record
+from protocol.preview.text import preview_lines
+from protocol.proof.trial_checks import by_group, cohort_problems
 from protocol.study_file.loading import StudyError, parsed_study, template
 
 GROUPS = """
@@ -82,3 +89,58 @@ text = { en = "Which group?", zh = "\u54ea\u4e00\u7ec4\uff1f" }
     parsed_study(STUDY + asked)
     with pytest.raises(StudyError, match="a question must have a name of its own"):
         parsed_study(STUDY + asked + GROUPS)
+
+
+@pytest.mark.parametrize("number", [2, 3, 4, 5])
+@pytest.mark.parametrize("conditions", [4, 5])
+def test_orders_are_balanced_within_each_of_2_to_5_groups(number: int, conditions: int) -> None:
+    """Each condition follows every other equally often, and comes equally often at each place."""
+    cycle = conditions if conditions % 2 == 0 else 2 * conditions
+    sizes = [cycle * (1 + group % 3) for group in range(number)]
+    groups = "".join(
+        f'[[group]]\nname = "{group}"\nsize = {size}\n' for group, size in enumerate(sizes)
+    )
+    *_, last = STUDY.rpartition("[[condition]]")
+    text = STUDY if conditions == 5 else STUDY.removesuffix(f"[[condition]]{last}")
+    study = parsed_study(text + groups)
+    plans = cohort_plans(study, sum(sizes))
+    assert cohort_problems(study, plans) == []
+    assert_balanced(study, plans)
+    found = by_group(plans)
+    assert [len(found[group]) for group in study.groups] == sizes
+    for group, size in zip(study.groups, sizes, strict=True):
+        own = found[group]
+        assert {each.slot for each in own} == set(range(size))
+        for place in range(conditions):
+            at_place = Counter(each.sequence[place] for each in own)
+            assert set(at_place.values()) == {size // conditions}
+    # A row that the proof counts for another group leaves both unbalanced.
+    (first, *_), *others = found.values()
+    moved = replace(first, group=others[0][0].group)
+    assert cohort_problems(study, [moved if each is first else each for each in plans])
+
+
+def test_a_preview_shows_the_balance_of_each_group() -> None:
+    study = parsed_study(STUDY + GROUPS)
+    model = Prediction(law="consistent", rung="none", contrast=lambda _: None)
+    shown = preview(study, 18)
+    lines = list(preview_lines(shown, model))
+    first = next(number for number, line in enumerate(lines) if line.startswith("Carry-over"))
+    counts = "counts differ by up to 1"
+    advice = "use a multiple of 10 participants"
+    assert lines[first] == (
+        f"Carry-over  not balanced over 8 participants of young ({counts}): {advice}"
+    )
+    assert lines[first + 1] == "            balanced over 10 participants of old"
+    record = preview_record(shown, model)
+    assert [(each["name"], each["participants"]) for each in record["groups"]] == [
+        ("young", 8),
+        ("old", 10),
+    ]
+    assert [each["promised"] for each in record["groups"]] == [False, True]
+    assert not record["carryover"]["promised"]
+    assert [each["id"] for each in record["participants"]] == [f"P{n:02d}" for n in range(1, 19)]
+    assert {each["group"] for each in record["participants"]} == {"young", "old"}
+    alone = preview_record(preview(parsed_study(STUDY), 2), model)
+    assert "groups" not in alone
+    assert "group" not in alone["participants"][0]

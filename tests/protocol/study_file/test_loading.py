@@ -409,7 +409,7 @@ def test_whatever_is_broken_the_rest_is_still_looked_at(
         holder: Any = document
         for part in place[:-1]:
             inside = isinstance(holder, dict) and part in holder
-            inside = inside or (isinstance(holder, list) and part < len(holder))
+            inside = inside or (isinstance(holder, list) and part in range(len(holder)))
             holder = holder[part] if inside else None
         if isinstance(holder, dict):
             holder[place[-1]] = junk

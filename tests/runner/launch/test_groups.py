@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from analysis.loading.study_data import load_study_data
+from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from protocol.errors import BadInput
 from protocol.journal.events import RigDescribed, SessionOpened
 from protocol.plan.blocks import arrivals
+from protocol.registration.registration import FILE, order_problem, registration_in
 from protocol.study_file.loading import parsed_study
 from runner.journal.cohort import states
 from runner.journal.opening import open_journal
@@ -199,3 +202,33 @@ def test_a_study_without_groups_has_none_to_give(tmp_path: Path) -> None:
     run_session(tmp_path, "P01")
     with open_journal(tmp_path / "study.db") as journal:
         assert "group" not in journal.events("P01/1")[0].payload
+
+
+def test_a_registration_locks_the_groups_and_seeds_the_orders_of_each(tmp_path: Path) -> None:
+    grouped_in(tmp_path, CHANCE)
+    assert typed("register", tmp_path) == 0
+    registered = registration_in((tmp_path / FILE).read_text())
+    assert (registered.participants, registered.groups) == (6, {"young": 2, "old": 4})
+    text = (tmp_path / "registration.txt").read_text()
+    assert "Groups: young, 2 participants; old, 4 participants. They are assigned at rand" in text
+    for number in range(1, 4):
+        run_session(tmp_path, f"P0{number}")
+    assert typed("verify", tmp_path) == 0
+    run_session(tmp_path, "P01", number=2)
+    drawn, _ = groups_in(tmp_path)["P01/1"]
+    with open_journal(tmp_path / "study.db") as journal:
+        opened = [state.opened for state in states(journal).values()]
+        chains = [journal.events(name) for name in journal.sessions()]
+    for event in opened:
+        assert isinstance(event, SessionOpened)
+        other = "old" if event.group == "young" else "young"
+        assert order_problem(event, event) == ""
+        assert "does not follow from the reg" in order_problem(replace(event, group=other), event)
+    data = load_study_data(chains, rehearsals=False)
+    study = StudyFolder(path=tmp_path).study()
+    as_run = order_as_run(data, study)
+    assert isinstance(as_run, OrderAsRun)
+    assert as_run.problems == ()
+    assert data.lock is not None
+    assert data.lock.groups == {drawn: 1}, "one person has had both sessions"
+    assert set(data.trials["group"]) == {"young", "old"}

@@ -16,16 +16,18 @@ if TYPE_CHECKING:
     from touchbeam.model import friction, predict
     from touchbeam.rig import OpenRig, open_rig
     from touchbeam.study import Study, load
+    from touchbeam.thresholds import fit
 
     __version__: str
 
-__all__ = ["OpenRig", "Study", "__version__", "friction", "load", "open_rig", "predict"]
+__all__ = ["OpenRig", "Study", "__version__", "fit", "friction", "load", "open_rig", "predict"]
 
 _HOME = {
     "Study": "study",
     "load": "study",
     "friction": "model",
     "predict": "model",
+    "fit": "thresholds",
     "OpenRig": "rig",
     "open_rig": "rig",
 }

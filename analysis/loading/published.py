@@ -94,7 +94,7 @@ def unpredicted_note(conditions: Sequence[str]) -> str | None:
 
 SCALE = (float(PAPERS_SCALE.minimum), float(PAPERS_SCALE.maximum))
 # `float` alone would also take "nan", "inf" and "1_0".
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 
 
 class TableError(BadInput):
@@ -121,10 +121,10 @@ def published_table(
             line, column, value and rule.
     """
     # Spreadsheets put a byte order mark before UTF-8.
-    (start, first), *rows = _rows(text.removeprefix("\ufeff"), source)
+    (start, first), *rows = csv_rows(text.removeprefix("\ufeff"), source)
     at_header = f"{source}, line {start}"
     # First, so that the message names the cause instead of one of its consequences.
-    _require_commas(first, at_header)
+    require_commas(first, at_header)
     if len(first) > MOST_CONDITIONS + 1:
         raise TableError(
             f"{at_header}: must have at most {MOST_CONDITIONS} conditions, got {len(first) - 1}; "
@@ -155,7 +155,7 @@ def published_table(
 
 
 def _header(cells: list[str], at_header: str) -> list[str]:
-    header = [condition_name(_name(cell, at_header)) for cell in cells]
+    header = [condition_name(cell_name(cell, at_header)) for cell in cells]
     if header[0].casefold() not in {"subject", "subjects", "participant"}:
         raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
     if not all(header):
@@ -165,8 +165,14 @@ def _header(cells: list[str], at_header: str) -> list[str]:
     return header
 
 
-def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
-    """Return the rows that are not blank, at least one, each with its line in the file."""
+def csv_rows(
+    text: str, source: str, *, most: int = MOST_SUBJECTS, of: str = "subjects", do: str = "import"
+) -> list[tuple[int, list[str]]]:
+    """Return the rows that are not blank, at least one, each with its line in the file.
+
+    Raises:
+        TableError: there is none, there are more than a header and `most`, or it is no CSV.
+    """
     # Strict, because a stray quotation mark would otherwise silently join cells.
     reader = csv.reader(io.StringIO(text, newline=None), strict=True)
     rows, line = [], 1
@@ -175,10 +181,9 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
             if any(row):
                 rows.append((reader.line_num, row))
                 # A header and a row per subject, before more of them fill the memory.
-                if len(rows) > MOST_SUBJECTS + 1:
+                if len(rows) > most + 1:
                     raise TableError(
-                        f"{source}: must have at most {MOST_SUBJECTS} subjects, got more; "
-                        "import them in parts"
+                        f"{source}: must have at most {most} {of}, got more; {do} them in parts"
                     )
             line = reader.line_num + 1
     except csv.Error as error:
@@ -193,7 +198,7 @@ def _rows(text: str, source: str) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _require_commas(header: Sequence[str], where: str) -> None:
+def require_commas(header: Sequence[str], where: str) -> None:
     """Refuse a table whose cells something else separates."""
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
@@ -203,7 +208,8 @@ def _require_commas(header: Sequence[str], where: str) -> None:
             )
 
 
-def _name(cell: str, where: str) -> str:
+def cell_name(cell: str, where: str) -> str:
+    """Return the name in a cell, which may be blank; refuse one that is too long or hides marks."""
     name = unguarded(cell.strip())
     if len(name) > LONGEST_NAME:
         raise TableError(
@@ -217,7 +223,7 @@ def _name(cell: str, where: str) -> str:
 
 
 def _subject(cell: str, where: str) -> str:
-    name = _name(cell, where)
+    name = cell_name(cell, where)
     if not name:
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
     if named_as_mean(name):
@@ -246,7 +252,7 @@ def _require_no_means(table: ScoreTable, source: str, lines: Sequence[int]) -> N
 def _score(cell: str, where: str) -> float:
     if not cell:
         return float("nan")
-    if not _NUMBER.fullmatch(cell):
+    if not NUMBER.fullmatch(cell):
         raise TableError(f"{where}: a score must be a number or blank, got {cell[:40]!r}")
     value = float(cell)
     if not SCALE[0] <= value <= SCALE[1]:

@@ -36,6 +36,8 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "law": lambda: _named("device.friction.laws", "LAWS"),
     "eq15_overlap": lambda: get_args(_named("device.beam.eq15", "Overlap")),
     "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
+    "task": lambda: _named("analysis.thresholds.psychometric", "CHANCE"),
+    "shape": lambda: get_args(_named("analysis.thresholds.curve_posterior", "Shape")),
     "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }
 """Choices by parameter. A look-up imports the module that defines them."""
@@ -153,6 +155,15 @@ RatingsOption = Annotated[
     AnswerSource,
     typer.Option(
         parser=_one_of("ratings"), help="Where the participant answers; virtual: a program does."
+    ),
+]
+TaskOption = Annotated[
+    str, typer.Option(parser=_one_of("task"), help="What was asked. In yes or no, correct is yes.")
+]
+ShapeOption = Annotated[
+    str,
+    typer.Option(
+        parser=_one_of("shape"), help="The curve: normal in levels, weibull in their logarithm."
     ),
 ]
 FormatOption = Annotated[

@@ -1,4 +1,4 @@
-"""Commands for results: report, predict, ladder, claims."""
+"""Commands for results: report, predict, fit, ladder, claims."""
 
 import sys
 from collections.abc import Sequence
@@ -17,7 +17,9 @@ from touchbeam.cli.options import (
     LawOption,
     OverlapOption,
     RehearsalsOption,
+    ShapeOption,
     StudyArgument,
+    TaskOption,
     named_folder,
     study_folder,
 )
@@ -115,6 +117,57 @@ def predict(
         own = f" on the rig with {rig}" if rig.origin else ""
         told = f"{counted(text.count(chr(10)) - 1, 'scene')} predicted{own}: {out}"
         (complain if streamed else say)(told)
+
+
+@app.command(cls=Choosing)
+def fit(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TABLE.csv",
+            help="Columns participant, track, level, trials, correct; or without trials.",
+        ),
+    ],
+    task: TaskOption = "two intervals",
+    shape: ShapeOption = "weibull",
+    threshold_at: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="Share correct that defines the threshold. [default: the curve's midpoint]",
+        ),
+    ] = None,
+    lapse: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=0.49,
+            metavar="RATE",
+            help="The lapse rate, if it is known. [default: estimated]",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit thresholds to a table of answers, without a study.
+
+    Prints threshold, slope and lapse rate of each participant and track, with 95% intervals. A
+    row has the answers at one level, or, without the column trials, one trial.
+    """
+    from analysis.thresholds.answer_table import COLUMNS, MOST_BYTES, fits_of, lines_of, tracks_in
+    from runner.study.files import bytes_of, text_of
+
+    source = str(table)
+    tracks = tracks_in(text_of(bytes_of(table, most=MOST_BYTES), table), source, shape)
+    options = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
+    fits = fits_of(tracks, source, **options)
+    found = list(followed("tracks", fits, len(tracks), alone=as_json))
+    if as_json:
+        records = [track.record(threshold) for track, threshold in found]
+        print_json({"task": task, "shape": shape, "tracks": records})
+        return
+    at = found[0][1].threshold_at
+    what = "of the curve" if task == "yes or no" else "correct"
+    print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(found), [""] * len(COLUMNS)])
 
 
 @app.command()

@@ -1,0 +1,100 @@
+"""Tables of answers: published data, rows per level and per trial, messages."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import touchbeam
+from analysis.loading.published import TableError
+from analysis.thresholds.answer_table import Track, tracks_in
+
+DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
+"""Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
+than 8.5 cm/s? Dallmann, Ernst and Moscatelli, Journal of Neurophysiology 114, 2015."""
+HEADER = "participant,track,level,trials,correct\n"
+
+
+def means(found: pd.DataFrame) -> list[float]:
+    """Midpoint and JND with vibration, then without."""
+    by_track = found.groupby("track")[["threshold", "jnd"]].mean()
+    return [float(value) for value in by_track.to_numpy().ravel()]
+
+
+def test_speed_with_and_without_vibration() -> None:
+    """The means are those of probit regressions, which know no lapses and no false alarms."""
+    answers = pd.read_csv(DATA)
+    found = touchbeam.fit(answers, task="yes or no", shape="normal", lapse=0.0)
+    assert means(found) == pytest.approx([8.41, 3.62, 8.57, 2.93], abs=0.03)
+
+
+def test_lapses_and_false_alarms_make_the_difference_limen_smaller() -> None:
+    """Own figures: psignifit 4.3 gives 8.22, 2.49 and 8.68, 3.35, with overdispersion in it."""
+    found = touchbeam.fit(pd.read_csv(DATA), task="yes or no", shape="normal")
+    assert means(found) == pytest.approx([8.675, 3.354, 8.206, 2.478], abs=0.005)
+
+
+def test_a_row_per_trial_and_other_columns() -> None:
+    text = (
+        "Correct,note,track,level,participant\n1,a,T,2.5,P01\nfalse,,T,1,P01\n\n0,,U,1e1,P01\n"
+        "True,,T,1,P01\n"
+    )
+    assert tracks_in(text, "answers.csv", "weibull") == [
+        Track("P01", "T", [2.5, 1.0, 1.0], [1, 1, 1], [1, 0, 1]),
+        Track("P01", "U", [10.0], [1], [0]),
+    ]
+
+
+def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
+    (track,) = tracks_in(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
+    assert track.participant == "=1+1"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "must have a header"),
+        (HEADER, "must have a row of answers below the header, got none"),
+        ("participant,track,level\nP,T,1\n", "line 1: must have the column correct; columns are"),
+        (HEADER.replace(",", ";"), "line 1: the cells are separated by semicolons; save the table"),
+        (
+            "participant,track,level,level,correct\n",
+            "line 1: the column level must stand once; rename the others",
+        ),
+        (f"{HEADER}P,T,1,2\n", "line 2: must have 5 cells as the header, got 4"),
+        (f"{HEADER}P,T,1,2,1\n,T,1,2,1\n", "line 3, column participant: must have a name, got non"),
+        (f"{HEADER}P,T,1 V,2,1\n", "line 2, column level: a level must be a finite number, got '1"),
+        (f"{HEADER}P,T,inf,2,1\n", "line 2, column level: a level must be a finite number, got 'i"),
+        (f"{HEADER}P,T,-1,2,1\n", "at least 0 for the shape weibull, .* got -1; use --shape norma"),
+        (f"{HEADER}P,T,1,2,3\n", "line 2, column correct: must be at most the 2 trials, got 3"),
+        (f"{HEADER}P,T,1,2.5,1\n", "column trials: must be a whole number from 0 to 10+, got '2.5"),
+        (f"{HEADER}P,T,1,1e99,1\n", "column trials: must be a whole number from 0 to 10+, got '1e"),
+        (f"{HEADER}P,T,1,2,=1\n", "column correct: must be a whole number from 0 to 10+, got '=1'"),
+        (
+            "participant,track,level,correct\nP,T,1,7\n",
+            "line 2, column correct: must be 1 or 0 in a row per trial, got '7'; add the column tr",
+        ),
+        (f'{HEADER}"P,T,1,2,1\n', "line 2: a quotation mark is opened and never closed; close it"),
+    ],
+)
+def test_wrong_tables(text: str, message: str) -> None:
+    with pytest.raises(TableError, match=message) as error:
+        tracks_in(text, "answers.csv", "weibull")
+    assert str(error.value).startswith("answers.csv")
+    assert "\n" not in str(error.value)
+
+
+def test_answers_that_cannot_be_fitted_say_whose_they_are() -> None:
+    table = pd.DataFrame(
+        {"participant": "P01", "track": "T", "level": [1.0, 2.0], "trials": 0, "correct": 0}
+    )
+    with pytest.raises(ValueError, match="answers, participant P01, track T: there must be at lea"):
+        touchbeam.fit(table)
+
+
+def test_one_level_alone_gives_no_threshold() -> None:
+    table = pd.DataFrame({"participant": "P01", "track": "T", "level": [1.0], "correct": [1]})
+    (record,) = touchbeam.fit(table).to_dict("records")
+    assert np.isnan([record["threshold"], *record["threshold_ci"]]).all()
+    assert record["flags"] == ("all answers at one level",)

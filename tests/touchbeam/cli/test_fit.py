@@ -1,0 +1,71 @@
+"""`touchbeam fit`: its JSON, its table, and its exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.runner.command_line import typed
+
+DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
+ASKED = ("--task", "yes or no", "--shape", "normal")
+
+
+def test_the_json_of_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("fit", DATA, *ASKED, "--json") == 0
+    tracks = json.loads(capsys.readouterr().out)["tracks"]
+    assert len(tracks) == 18
+    for track in tracks:
+        assert track["threshold_ci"][0] < track["threshold"] < track["threshold_ci"][1]
+        assert track["slope_ci"][0] < track["slope"] < track["slope_ci"][1]
+        assert track["lapse_ci"][0] < track["lapse"] < track["lapse_ci"][1]
+        assert track["jnd"] == pytest.approx(0.67449 / track["slope"], rel=1e-4)
+        assert 0 <= track["deviance_p"] <= 1
+        assert track["flags"] == []
+    assert typed("fit", DATA, *ASKED, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["tracks"] == tracks
+
+
+def test_what_cannot_be_estimated_is_null(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "one.csv"
+    table.write_text("participant,track,level,correct\nP01,T,1,1\n")
+    assert typed("fit", table, "--json") == 0
+    (track,) = json.loads(capsys.readouterr().out)["tracks"]
+    assert (track["threshold"], track["threshold_ci"]) == (None, [None, None])
+
+
+def test_the_table_says_which_share_defines_the_threshold(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert typed("fit", DATA, "--threshold-at", "0.8") == 0
+    shown = capsys.readouterr().out
+    assert "Thresholds at 0.8 correct" in shown
+    assert "does not rise" not in shown
+    assert typed("fit", DATA, *ASKED) == 0
+    assert "Thresholds at 0.5 of the curve" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--threshold-at", "0.4"), "must lie above 0.5, which is chance in two intervals"),
+        (("--task", "four"), "'four' is not one of 'yes or no', 'two intervals'"),
+        (("--lapse", "0.6"), "Invalid value for '--lapse'"),
+    ],
+)
+def test_wrong_options(
+    arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("fit", DATA, *arguments) == 2
+    shown = capsys.readouterr().err
+    assert message in shown
+    assert shown.count("\n") == 1
+
+
+def test_a_table_that_is_missing_or_a_device(capsys: pytest.CaptureFixture[str]) -> None:
+    assert typed("fit", "none.csv") == 2
+    assert "none.csv: no such file" in capsys.readouterr().err
+    assert typed("fit", "/dev/zero") == 2
+    assert "must be a file, got a pipe or a device" in capsys.readouterr().err

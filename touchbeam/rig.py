@@ -191,13 +191,8 @@ class OpenRig:
         Raises:
             ValueError: the output would be on for longer than the study's `rig.max_drive_s`.
         """
-        device, clock = self._open(), self._rig.clock
-        end_s, most_s = clock.monotonic_s() + seconds, self._settings.max_drive_s
-        if self._began_s is not None and end_s - self._began_s > most_s:
-            raise LimitExceeded(
-                f"a drive must not last longer than rig.max_drive_s = {most_s:g} s, got "
-                f"{end_s - self._began_s:.3g} s; turn the output off in between"
-            )
+        device, clock = self._open(seconds), self._rig.clock
+        end_s = clock.monotonic_s() + seconds
         device.beat()
         while (left_s := end_s - clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             clock.sleep(min(TICK_S, left_s))
@@ -208,7 +203,11 @@ class OpenRig:
 
         Raise RuntimeError if the device does not confirm it.
         """
-        device, ended_s = self._open(), self._rig.clock.monotonic_s()
+        self._require_open()
+        self._turn_off()
+
+    def _turn_off(self) -> None:
+        device, ended_s = self._rig.device, self._rig.clock.monotonic_s()
         device.off()
         if self._began_s is None:
             return
@@ -234,9 +233,22 @@ class OpenRig:
         )
         return found.frequency_hz
 
-    def _open(self) -> Rig:
+    def _require_open(self) -> None:
         if not self._end.alive:
             raise WorkFailed("the rig is closed; touchbeam.open_rig opens it anew")
+
+    def _open(self, seconds: float = 0.0) -> Rig:
+        self._require_open()
+        if self._began_s is not None:
+            lasts_s = self._rig.clock.monotonic_s() + seconds - self._began_s
+            most_s = self._settings.max_drive_s
+            if lasts_s > most_s:
+                # Off also where the program goes on all the same.
+                self._turn_off()
+                raise LimitExceeded(
+                    f"a drive must not last longer than rig.max_drive_s = {most_s:g} s, got "
+                    f"{lasts_s:.3g} s; the output is off now: turn it off in between"
+                )
         return self._rig.device
 
     def _begin(self, identity: Identity, address: str) -> None:

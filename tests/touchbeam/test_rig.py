@@ -6,6 +6,7 @@ import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -138,11 +139,22 @@ def test_a_drive_has_its_longest_time(rig: touchbeam.OpenRig) -> None:
     rig.wait(100)
     rig.drive(50, HZ)
     rig.wait(4)
-    with pytest.raises(ValueError, match=r"rig\.max_drive_s = 10 s, got 11 s; turn the output"):
+    with pytest.raises(ValueError, match=r"rig\.max_drive_s = 10 s, got 11 s; the output is off"):
         rig.wait(7)
-    rig.off()
+    assert hand_on(rig).state()["output"] is False
     rig.drive(50, HZ)
     rig.wait(4)
+
+
+def test_a_program_that_never_waits_has_no_longer_drives(rig: touchbeam.OpenRig) -> None:
+    def drives_on() -> None:
+        for volts in cycle((20, 120)):
+            rig.drive(volts, HZ)
+            rig._rig.clock.sleep(0.2)
+
+    with pytest.raises(ValueError, match=r"rig\.max_drive_s = 10 s"):
+        drives_on()
+    assert hand_on(rig).state()["output"] is False
 
 
 @pytest.mark.parametrize("error", [ValueError("mine"), KeyboardInterrupt(), SystemExit(3)])

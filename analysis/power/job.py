@@ -111,7 +111,7 @@ def designed(study: Study, design: Design) -> Study:
     return made
 
 
-FORM = 1
+FORM = 2
 """Of the numbers in a chunk; a new form makes the kept chunks of earlier ones unused."""
 FITTED_AT_ONCE, TESTED_AT_ONCE = 4, 500
 """Studies in a task: a second or two of work, so that little is lost and progress is seen."""

@@ -49,7 +49,7 @@ def power_record(found: Sequence[Findings], study: Study, study_sha256: str, see
         "study_sha256": study_sha256,
         **designs[0],
         "answer": answer(found),
-        "warnings": warnings(found, study),
+        "warnings": warnings(found),
         "family": FAMILY,
         "designs": designs,
     }
@@ -145,13 +145,10 @@ def answer(found: Sequence[Findings]) -> str:
     )
 
 
-def warnings(found: Sequence[Findings], study: Study) -> list[str]:
-    """Return what a report of the study would promise and not keep, and what is not simulated."""
+def warnings(found: Sequence[Findings]) -> list[str]:
+    """Return what a report of the study would promise and not keep."""
     # A number of people or a claim that does not hold must not look like an answer.
-    broken = [line for each in found for line in (*_false_claims(each), *_narrow(each))]
-    sessions = study.design.sessions
-    first = f"only the first of {sessions} sessions of each participant is simulated"
-    return [*broken, *([first] if sessions > 1 else [])]
+    return [line for each in found for line in (*_false_claims(each), *_narrow(each))]
 
 
 def _false_claims(found: Findings) -> list[str]:

@@ -2,7 +2,8 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -47,12 +48,15 @@ class TrialKind:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedTrials:
-    """The trials of the slots of a study, drawn once each, for one number of the session."""
+    """The trials of the slots of a study, drawn once each, for one number of the session.
+
+    `replace` with another session shares the `kinds`, so that trials of several can be joined.
+    """
 
     study: Study
     session: int = 1
-    kinds: list[TrialKind] = field(default_factory=list, init=False)
-    _numbers: dict[object, int] = field(default_factory=dict, init=False)
+    kinds: list[TrialKind] = field(default_factory=list)
+    _numbers: dict[object, int] = field(default_factory=dict)
     _plans: dict[int, Plan] = field(default_factory=dict, init=False)
     _rows: dict[int, IntArray] = field(default_factory=dict, init=False)
 
@@ -140,6 +144,8 @@ def cohort(
     force_n = np.full(u.shape[:2], np.nan)
     for number, kind in enumerate(planned.kinds):
         who, trial = np.nonzero(kinds == number)
+        if not who.size:  # of another session
+            continue
         for touch in range(len(kind.marks)):
             at = first_touch[who, trial] + touch
             force_n[who, at] = feeling.touch(number, touch, who, trial, u[who, at])
@@ -156,6 +162,25 @@ def cohort(
     )
     _answer(made, planned, names, feeling.contrasts(kinds.shape))
     return made
+
+
+def joined(sessions: Sequence[Cohort]) -> Cohort:
+    """Return the sessions of the same people as one, the trials of each after those before."""
+    if len(sessions) == 1:
+        return sessions[0]
+
+    def beside(name: str) -> Any:
+        return np.concatenate([getattr(each, name) for each in sessions], axis=1)
+
+    forces_n = beside("force_n")
+    # Who touches less often in a session than others has no forces at its end.
+    in_order = np.argsort(np.isnan(forces_n), axis=1, kind="stable")
+    names = ("kinds", "answered", "change", "reaction_s", "score", "score_reaction_s")
+    return replace(
+        sessions[0],
+        force_n=np.take_along_axis(forces_n, in_order, axis=1),
+        **{name: beside(name) for name in names},
+    )
 
 
 class _Feeling:

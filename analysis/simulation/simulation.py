@@ -1,7 +1,7 @@
 """A study simulated with virtual people: its trials as after loading, or only its score tables."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
 from analysis.loading.study_data import StudyData, broken_rules, study_data
-from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort
+from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort, joined
 from device.people.answering import SAME, answer_of
 from device.people.person import (
     DEFAULT,
@@ -28,25 +28,26 @@ from protocol.study.study import Study
 
 
 def loaded_sessions(
-    planned: PlannedTrials, made: Cohort, names: list[str], seed: int | str, world: World
+    made: Sequence[tuple[PlannedTrials, Cohort]], names: list[str], seed: int | str, world: World
 ) -> Sessions:
-    """Return the sessions of a cohort as if they had been read from a journal."""
+    """Return each person's sessions, in order, as if they had been read from a journal."""
     rows = Rows()
     for person, name in enumerate(names):
-        rows.sessions.append(
-            SessionRow(
-                participant=name,
-                session=planned.session,
-                # Virtual answers must never pass for those of people.
-                session_kind="rehearsal",
-                conditions=planned.study.conditions,
-                session_completed=bool(made.answered[person].all()),
-                slot=int(made.slots[person]),
-                seed=seed,
-                virtual=truth_of(made.people[person], world),
+        for planned, of in made:
+            rows.sessions.append(
+                SessionRow(
+                    participant=name,
+                    session=planned.session,
+                    # Virtual answers must never pass for those of people.
+                    session_kind="rehearsal",
+                    conditions=planned.study.conditions,
+                    session_completed=bool(of.answered[person].all()),
+                    slot=int(of.slots[person]),
+                    seed=seed,
+                    virtual=truth_of(of.people[person], world),
+                )
             )
-        )
-        _add_trials(rows, planned, made, person)
+            _add_trials(rows, planned, of, person)
     return sessions_of(rows)
 
 
@@ -193,15 +194,13 @@ class Simulation:
             seed: a number, or any text that is a spawn key.
         """
         names = names_of(participants)
-        made = self.cohort(participants, seed)
-        found = loaded_sessions(self.planned, made, names, seed, self.world)
+        made = list(zip(self._planned, self._sessions(self._who(participants, seed)), strict=True))
+        found = loaded_sessions(made, names, seed, self.world)
         return study_data(found, rehearsals=True, rules=self.study.exclusions)
 
     def cohort(self, participants: int, seed: int | str) -> Cohort:
         """Return the same sessions as arrays, in a tenth of the time; `planned` has the trials."""
-        return self._cohort(
-            [(seed, name, slot) for slot, name in enumerate(names_of(participants))]
-        )
+        return joined(self._sessions(self._who(participants, seed)))
 
     def score_tables(self, participants: int, seeds: Sequence[int | str]) -> FloatArray:
         """Return the table of scores of each seed's cohort, NaN where a score is missing.
@@ -209,22 +208,38 @@ class Simulation:
         Shape (seeds, participants, conditions); the row of a participant whom the study's rules
         leave out is empty.
         """
-        names = names_of(participants)
-        who = [(seed, name, slot) for seed in seeds for slot, name in enumerate(names)]
+        who = [one for seed in seeds for one in self._who(participants, seed)]
         parts = [
-            score_tables(self.planned, self._cohort(who[begin : begin + _AT_ONCE]))
+            score_tables(self.planned, joined(self._sessions(who[begin : begin + _AT_ONCE])))
             for begin in range(0, len(who), _AT_ONCE)
         ]
         shape = (len(seeds), participants, len(self.study.conditions))
         return np.concatenate(parts).reshape(shape) if parts else np.empty(shape)
 
-    @cached_property
+    @property
     def planned(self) -> PlannedTrials:
-        """The trials of the study, drawn once."""
-        return PlannedTrials(study=self.study)
+        """The trials of the study, drawn once; the kinds of trial are those of all sessions."""
+        return self._planned[0]
 
-    def _cohort(self, who: Sequence[tuple[int | str, str, int]]) -> Cohort:
+    @cached_property
+    def _planned(self) -> list[PlannedTrials]:
+        first = PlannedTrials(study=self.study)
+        later = range(2, self.study.design.sessions + 1)
+        return [first, *(replace(first, session=session) for session in later)]
+
+    def _who(self, participants: int, seed: int | str) -> list[tuple[int | str, str, int]]:
+        return [(seed, name, slot) for slot, name in enumerate(names_of(participants))]
+
+    def _sessions(self, who: Sequence[tuple[int | str, str, int]]) -> list[Cohort]:
         people = people_of(self.population, [person_name(seed, name) for seed, name, _ in who])
-        sessions = [session_name(seed, name, 1) for seed, name, _ in who]
         slots = np.array([slot for *_, slot in who], dtype=np.int64)
-        return cohort(self.planned, people, sessions, slots, self.world)
+        return [
+            cohort(
+                planned,
+                people,
+                [session_name(seed, name, planned.session) for seed, name, _ in who],
+                slots,
+                self.world,
+            )
+            for planned in self._planned
+        ]

@@ -31,13 +31,15 @@ CARELESS = replace(
 RIG = Calibration(damping_ratio=0.007, gain=0.8, body_height_m=2e-5, origin="a test")
 
 
-@pytest.mark.parametrize("name", ["paper", "extended"])
+@pytest.mark.parametrize(("name", "sessions"), [("paper", 1), ("extended", 1), ("extended", 3)])
 @pytest.mark.parametrize("people", [DEFAULT, CARELESS])
 @pytest.mark.parametrize("rules", [NO_RULES, RULES])
 def test_a_cohort_is_what_a_report_makes_of_its_sessions(
-    name: str, people: Population, rules: Exclusions
+    name: str, sessions: int, people: Population, rules: Exclusions
 ) -> None:
     study = parsed_study(template(name)).model_copy(update={"exclusions": rules})
+    design = study.design.model_copy(update={"sessions": sessions})
+    study = study.model_copy(update={"design": design})
     made = PeopleCohorts(study=study, participants=6, population=people, rig=RIG)
     for key in ("a", "b"):
         found = made.cohort(key)

@@ -168,9 +168,15 @@ LABELS = {
     Why.NOT_REACHED: "not reached",
 }
 
+WITHHELD_AS = {
+    "agrees": "the answer disagreed with the expectation",
+    "noticed": "nothing was noticed",
+    # Only the scores of a study whose rule was amended.
+    "always": "the answer disagreed with the expectation",
+}
+"""Why a score was not given, by `rating.score_when`."""
 _READ = frozenset({Why.WITHHELD, Why.BLANK})
 _TOLD = {
-    Why.WITHHELD: "not given, as the answer disagreed with the expectation",
     Why.BLANK: "blank in the published table",
     Why.EXCLUDED: "without a score, as the trials are excluded",
     Why.NOT_REACHED: "without a trial, as the session did not get there",
@@ -222,7 +228,8 @@ def readings(table: ScoreTable, trials: pd.DataFrame, least: float = 0.0) -> dic
 
     "zero" is the `least` score of the scale, which is 0 in the paper.
 
-    A score is withheld when the answer disagrees with the expectation (paper, section 5.2). This
+    A score is withheld when the answer disagrees with the expectation (paper, section 5.2), or by
+    `rating.score_when` when nothing was noticed. This
     can mean nothing, none at all, or an effect no stronger than the weakest reported. A cell
     with other scores is the mean of all, those that were withheld among them; one that is empty
     for another reason stays missing. A complete table without withheld scores, and one without any
@@ -270,13 +277,16 @@ def withheld_beside_scores(trials: pd.DataFrame, least: float = 0.0) -> list[str
     ]
 
 
-def notes(table: ScoreTable, empty: EmptyCells, least: float = 0.0) -> list[str]:
+def notes(
+    table: ScoreTable, empty: EmptyCells, least: float = 0.0, score_when: str = "agrees"
+) -> list[str]:
     """Return what stands under Table 4: each mark, how often, and who or what has no score."""
     causes = Counter(empty.values())
     readable = _READ if table.given.any() else frozenset()
     read = f"also read as {least:g} and as the lowest score."
+    told = {**_TOLD, Why.WITHHELD: f"not given, as {WITHHELD_AS[score_when]}"}
     said = [
-        f"{MARKS[why]} {_TOLD[why]}: {causes[why]} cell{'s' * (causes[why] != 1)}, "
+        f"{MARKS[why]} {told[why]}: {causes[why]} cell{'s' * (causes[why] != 1)}, "
         f"{read if why in readable else 'missing throughout.'}"
         for why in Why
         if causes[why]

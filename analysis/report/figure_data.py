@@ -420,6 +420,28 @@ def levels_figure(data: Sequence[ByLevel], scale: Scale, words: plot.Words) -> p
     return plot.grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
 
 
+def noticed_figure(
+    names: tuple[str, ...], series: Mapping[str, FloatArray], words: plot.Words
+) -> plot.Drawing:
+    """Return shares with their intervals, (names, 3) for each of `series`, side by side."""
+
+    def draw(axes: plot.Axes) -> None:
+        for number, (label, shares) in enumerate(series.items()):
+            # A group without such trials has no share.
+            known = ~np.isnan(shares[:, 0])
+            offset = 0.6 * ((number + 0.5) / len(series) - 0.5)
+            places = np.arange(len(names), dtype=np.float64)[known] + offset
+            plot.intervals(axes, places, shares[known, 0], shares[known, 1:], number, label)
+        # What is no signal stands apart from what is one.
+        axes.axvline(0.5, color=plot.GREY, linewidth=0.8, linestyle="--")
+        axes.set(ylim=(-0.03, 1.03), ylabel="share of trials with a reported change")
+        plot.name_places(axes, plot.labels_of(names, "condition"))
+        if len(series) > 1:
+            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=4, frameon=False)
+
+    return plot.drawing(words, draw)
+
+
 def people_figure(data: People, words: plot.Words) -> plot.Drawing:
     """Return a small panel for each participant: scores by condition, and the group's means."""
 

@@ -170,7 +170,7 @@ class Findings:
         """Notes below Table 4."""
         loaded = self.loaded
         return [
-            *notes(loaded.table, loaded.empty, self.scale.lowest),
+            *notes(loaded.table, loaded.empty, self.scale.lowest, self.rating.score_when),
             *withheld_beside_scores(loaded.trials, self.scale.lowest),
         ]
 

@@ -12,6 +12,7 @@ from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
+    detection,
     differences,
     effects,
     groups,
@@ -133,6 +134,7 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
         "registration": registration.section,
         "tests": differences.section,
         "groups": groups.section,
+        "detection": detection.section,
         "agreement": effects.section,
         "sensitivity": sensitivity.section,
         "measured": measured.section,

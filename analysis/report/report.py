@@ -82,7 +82,7 @@ class Report(Findings):
 
 FIGURES = (
     *("scores", "people", "relative-gains", "sensitivity", "model", "levels", "course"),
-    *("reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
+    *("noticed", "reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
     *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
 )
 """The names of all figures that a report may have."""

@@ -25,9 +25,11 @@ from analysis.statistics.groups import (
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
+from analysis.trials.trial_statistics import Detected
 from device.friction.changes import LAW
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
+NOTICE = "Are the changes noticed?"
 DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
 GROUPS = "Do the groups differ?"
@@ -40,6 +42,8 @@ MOST_PAIRS = 3
 def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions that these data can answer, each with its answer."""
     main = found.table.main
+    if found.trials.noticed:
+        yield NOTICE, _noticed(found.trials.noticed)
     yield DIFFER, f"{_who(found)} {_omnibus(main)}"
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
@@ -57,6 +61,33 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     elif isinstance(found.trials.m2, OrdinalSensitivity):
         yield from _spread(found.trials.m2.lines, _SKIN)
     yield from _ranking(found)
+
+
+def _noticed(detected: Sequence[Detected]) -> str:
+    """Tell how often changes were reported, and of which conditions more than on catch trials."""
+    *conditions, whole = detected
+    all_together = whole.found
+    if isinstance(all_together, NotEstimable):
+        return f"Not known: {all_together.reason}."
+    hits, alarms = (
+        f"{rate.share:.0%} of {rate.trials:,}"
+        for rate in (all_together.hits, all_together.false_alarms)
+    )
+    more = [each.of["condition"] for each in conditions if each.noticed]
+    others = [each.of["condition"] for each in conditions if not each.noticed]
+    told = (
+        f"Noticed more often than catch trials: {', '.join(more)} (exact tests within people, "
+        "Holm's correction)"
+        if more
+        else "No condition was noticed significantly more often than catch trials (exact tests "
+        "within people, Holm's correction), which does not show that none is"
+    )
+    rest = f"; this is not shown of {', '.join(others)}" if more and others else ""
+    return (
+        f"A change was reported on {hits} trials with a change and on {alarms} catch trials, "
+        f"{p_equals(all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
+        f"{_ci(all_together.d_prime_interval)}. {told}{rest}."
+    )
 
 
 def _who(found: Findings) -> str:

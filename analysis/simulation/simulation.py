@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimates import BoolArray, FloatArray
+from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
@@ -140,11 +141,46 @@ def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
     return table
 
 
+def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
+    """Return reported changes and trials by condition, and of catch trials in the last row.
+
+    Shape (people, conditions + 1, 2). Trials that expect no change are neither, as in the report;
+    those whom the rules leave out have none.
+    """
+    names, counted = planned.study.conditions, _judged(planned, made)
+    row = [
+        len(names)
+        if kind.trial.kind == "catch"
+        else names.index(kind.trial.condition)
+        if kind.trial.condition in names and kind.expected not in {None, SAME}
+        else -1
+        for kind in planned.kinds
+    ]
+    rows = np.array(row)[made.kinds]
+    asked = (counted.scored | counted.catch) & ~counted.out[:, None]
+    reported = made.change != SAME
+    each = [asked & (rows == number) for number in range(len(names) + 1)]
+    return np.array([[(some & reported).sum(1), some.sum(1)] for some in each]).transpose(2, 0, 1)
+
+
 def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray]:
     """Return which trials with a score or without it count, and whom the rules leave out.
 
     Shapes (people, trials) and (people,); the trials of those who are left out may be among them.
     """
+    judged = _judged(planned, made)
+    return judged.scored, judged.out
+
+
+class _Judged(NamedTuple):
+    """Which scored and which catch trials count, and whom the rules leave out."""
+
+    scored: BoolArray
+    catch: BoolArray
+    out: BoolArray
+
+
+def _judged(planned: PlannedTrials, made: Cohort) -> _Judged:
     of = planned.kinds
     scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
     catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
@@ -160,7 +196,11 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
     numbers = {name: some.sum(axis=1) for name, some in counted.items()}
     broken = broken_rules(planned.study.exclusions, "participant", numbers)
     out = np.zeros(made.people.size, dtype=np.bool_)
-    return kept & scored, np.logical_or.reduce([out, *broken.values()])
+    return _Judged(
+        scored=counted["scored"],
+        catch=counted["catches"],
+        out=np.logical_or.reduce([out, *broken.values()]),
+    )
 
 
 _AT_ONCE = 2_000

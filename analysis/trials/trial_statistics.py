@@ -1,7 +1,7 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -24,7 +24,9 @@ from analysis.sensitivity.predictive_checks import (
     checked_two_stage,
 )
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
+from analysis.statistics.detection import Detection, detection
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.signed_rank import LEVEL, holm
 from analysis.statistics.summary import table4
 from analysis.trials.contrasts import (
     ContrastRange,
@@ -73,17 +75,9 @@ class CatchAnswers:
 
 
 def catch_answers(trials: pd.DataFrame) -> CatchAnswers:
-    """Return how often a change was reported with a signal (hits) and without (false alarms).
-
-    Both rates count the same event, any answer but `same` or `not swapped`: a hit need not be in
-    the expected direction, as a false alarm has none. A scored trial whose condition expects no
-    change is neither.
-    """
-    asked = trials[trials["change"].notna()]
-    reported = ~asked["change"].isin(_NO_CHANGE)
-    signal = asked["trial_kind"].eq("trial") & ~asked["expected"].isin(_NO_CHANGE)
-    hits = _counted(reported[signal], asked["participant"])
-    alarms = _counted(reported[asked["trial_kind"].eq("catch")], asked["participant"])
+    """Return how often a change was reported with a signal (hits) and without (false alarms)."""
+    signal, catch = _signal_and_catch(trials)
+    hits, alarms = _counted(signal), _counted(catch)
     people = len(hits.keys() | alarms.keys())
     return CatchAnswers(
         overall=discrimination(_pooled(hits), _pooled(alarms), people=people),
@@ -91,16 +85,73 @@ def catch_answers(trials: pd.DataFrame) -> CatchAnswers:
     )
 
 
-def _counted(
-    reported: "pd.Series[bool]", participant: "pd.Series[str]"
-) -> dict[str, tuple[int, int]]:
+def _signal_and_catch(trials: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the trials with a signal and the catch trials; `reported` is whether a change was.
+
+    Both count the same event, any answer but `same` or `not swapped`: a hit need not be in the
+    expected direction, as a false alarm has none. A scored trial whose condition expects no
+    change is neither.
+    """
+    asked = trials[trials["change"].notna()]
+    asked = asked.assign(reported=~asked["change"].isin(_NO_CHANGE))
+    signal = asked["trial_kind"].eq("trial") & ~asked["expected"].isin(_NO_CHANGE)
+    return asked[signal], asked[asked["trial_kind"].eq("catch")]
+
+
+def _counted(trials: pd.DataFrame) -> dict[str, tuple[int, int]]:
     """Return the number of reported changes and of trials, by participant."""
-    counts = reported.groupby(participant, sort=False).agg(["sum", "count"])
-    return {who: (told, trials) for who, told, trials in counts.itertuples(name=None)}
+    counts = trials["reported"].groupby(trials["participant"], sort=False).agg(["sum", "count"])
+    return {who: (told, asked) for who, told, asked in counts.itertuples(name=None)}
 
 
 def _pooled(counts: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
     return sum(told for told, _ in counts.values()), sum(trials for _, trials in counts.values())
+
+
+OF_PEOPLE = ("participant", "group")
+"""Columns that tell people apart, so that they choose the catch trials, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detected:
+    """How well a change was noticed in some trials.
+
+    `of` says in which, by the name of a column: empty for all. `p_holm` is corrected over the
+    conditions, None in trials that are no condition's.
+    """
+
+    of: Mapping[str, Any]
+    found: Detection | NotEstimable
+    p_holm: float | None = None
+
+    @property
+    def noticed(self) -> bool:
+        """Whether more changes were reported than on catch trials, corrected over conditions."""
+        return self.p_holm is not None and self.p_holm < LEVEL
+
+
+def detected_by(trials: pd.DataFrame, *names: str) -> tuple[Detected, ...]:
+    """Return what was noticed in each part of the trials with a signal, as the columns part them.
+
+    The catch trials beside it are those of the same people.
+    """
+    signal, catch = _signal_and_catch(trials)
+    if not names:
+        return (Detected(of={}, found=_detection(signal, catch)),)
+    made = []
+    for key, own in signal.groupby(list(names), sort=False):
+        of: dict[str, Any] = dict(zip(names, key, strict=True))
+        same = [catch[name].eq(of[name]) for name in names if name in OF_PEOPLE]
+        beside = catch[np.logical_and.reduce(same)] if same else catch
+        made.append(Detected(of=of, found=_detection(own, beside)))
+    return tuple(made)
+
+
+def _detection(signal: pd.DataFrame, catch: pd.DataFrame) -> Detection | NotEstimable:
+    hits, alarms = _counted(signal), _counted(catch)
+    people = [*dict.fromkeys([*hits, *alarms])]
+    counts = [[told.get(who, (0, 0)) for who in people] for told in (hits, alarms)]
+    return detection(*np.array(counts, np.int64).reshape(2, -1, 2))
 
 
 PAPERS_RANKING = "paper's ranking"
@@ -278,6 +329,22 @@ class TrialStatistics:
     def catch(self) -> CatchAnswers:
         """Answers to catch trials."""
         return catch_answers(self.data.trials)
+
+    @cached_property
+    def noticed(self) -> tuple[Detected, ...]:
+        """What was noticed of each condition, and then of all; nothing without catch trials."""
+        trials = self.data.trials
+        if not trials["trial_kind"].eq("catch").any():
+            return ()
+        by_name = {each.of["condition"]: each for each in detected_by(trials, "condition")}
+        names = [name for name in self.data.table.conditions if name in by_name]
+        found = [by_name[name] for name in names]
+        p = [at.p if isinstance(at := each.found, Detection) else np.nan for each in found]
+        corrected = zip(found, holm(p), strict=True)
+        return (
+            *(replace(each, p_holm=None if np.isnan(p) else p) for each, p in corrected),
+            *detected_by(trials),
+        )
 
     @cached_property
     def signal(self) -> SignalAnswers:

@@ -3,7 +3,7 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
@@ -229,6 +229,8 @@ GAINS = "gains differ"
 FOLLOWS = "ratings follow the prediction"
 ORDER = "order of conditions as predicted"
 """Names of the hypotheses that every study has, beside one for each ordered pair of conditions."""
+NOTICED = "noticed more than catch trials"
+"""Name of a hypothesis of a study with catch trials; with a condition before it, of that one."""
 
 
 def above(higher: str, lower: str) -> str:
@@ -241,7 +243,9 @@ def between(higher: str, lower: str) -> str:
     return f"{above(higher, lower)} between groups"
 
 
-def hypotheses(conditions: Iterable[str], groups: Iterable[str] = ()) -> dict[str, str]:
+def hypotheses(
+    conditions: Sequence[str], groups: Iterable[str] = (), *, catch_trials: int = 0
+) -> dict[str, str]:
     """Return the test of each hypothesis of a study with these conditions and groups, by name.
 
     >>> list(hypotheses(["a", "b"]))[1:3]
@@ -266,7 +270,14 @@ def hypotheses(conditions: Iterable[str], groups: Iterable[str] = ()) -> dict[st
             "Hodges-Lehmann shift above 0"
             for higher, lower in permutations(groups, 2)
         },
+        **(_of_noticing(conditions) if catch_trials else {}),
     }
+
+
+def _of_noticing(conditions: Iterable[str]) -> dict[str, str]:
+    exact = "exact test within people of reported changes against those on catch trials, one-sided"
+    holm = f"{exact}, corrected by Holm's method over all conditions; p < .05"
+    return {NOTICED: f"{exact}; p < .05"} | {f"{name} {NOTICED}": holm for name in conditions}
 
 
 def require_known(name: str, known: Iterable[str]) -> None:

@@ -83,7 +83,7 @@ def registry_text(study: Study, registered: Registration) -> str:
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
-    tests = hypotheses(study.conditions, study.groups)
+    tests = hypotheses(study.conditions, study.groups, catch_trials=study.design.catch_trials)
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."

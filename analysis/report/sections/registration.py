@@ -12,7 +12,16 @@ from analysis.loading.sessions import is_scored
 from analysis.loading.study_lock import StudyLock
 from analysis.report.blocks import Block, Column, Items, Section, Table, at, columns
 from analysis.report.findings import Findings
-from analysis.report.results import DIFFER, FOLLOW, GROUPS, ORDERED, WHICH, omnibus_p, paragraphs
+from analysis.report.results import (
+    DIFFER,
+    FOLLOW,
+    GROUPS,
+    NOTICE,
+    ORDERED,
+    WHICH,
+    omnibus_p,
+    paragraphs,
+)
 from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
@@ -22,7 +31,15 @@ from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
-from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, ORDER, above, between
+from protocol.registration.registration import (
+    FOLLOWS,
+    GAINS,
+    NOTICED,
+    OMNIBUS,
+    ORDER,
+    above,
+    between,
+)
 
 # The settings of the analysis that a registration fixes beside the study file.
 
@@ -121,6 +138,8 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEst
         return _gain(found)
     if name == ORDER:
         return _order(found, lock.registration.law)
+    if name.endswith(NOTICED):
+        return _noticed(found, name.removesuffix(NOTICED).strip())
     return _of_groups(found, name) or _pair(found, name)
 
 
@@ -150,6 +169,19 @@ def _order(found: Findings, law: str) -> _Computed | NotEstimable:
         return p
     # Two-sided p, so that an order against the law must not count for it.
     return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
+
+
+def _noticed(found: Findings, condition: str) -> _Computed | NotEstimable:
+    """Return the test of a condition, or of all together if it has no name."""
+    for each in found.trials.noticed:
+        if each.of.get("condition", "") == condition:
+            if isinstance(each.found, NotEstimable):
+                return each.found
+            # That of all conditions needs no correction.
+            p = each.found.p if each.p_holm is None else each.p_holm
+            told = f"d′ = {number(each.found.d_prime, 2)}, {p_equals(p)}"
+            return f"{told}{' (Holm)' * bool(condition)}", p, p < LEVEL
+    return NotEstimable("there are no such trials to compare with catch trials")
 
 
 def _pair(found: Findings, name: str) -> _Computed | NotEstimable:
@@ -192,6 +224,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     # Every other hypothesis is of a pair of conditions; no paragraph answers that on gains.
     asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
     asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
+    asked |= {name: NOTICE for name in names if name.endswith(NOTICED)}
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",

@@ -5,7 +5,7 @@ from typing import Any
 
 from analysis.estimates import Json, plain
 from analysis.loading.sessions import SCORED_KINDS
-from analysis.loading.study_data import LABELS, marks, unscored, withheld
+from analysis.loading.study_data import LABELS, WITHHELD_AS, marks, unscored, withheld
 from analysis.report import blocks
 from analysis.report.as_json import friedman_json, pair_json
 from analysis.report.findings import Findings
@@ -153,8 +153,9 @@ def _readings_table(found: Findings) -> blocks.Table | None:
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")
     return blocks.Table(
         name="readings",
-        caption="Sensitivity of the results to scores withheld because the answer disagreed with "
-        "the expectation: condition means and omnibus test with these scores left missing, read "
+        caption="Sensitivity of the results to scores withheld because "
+        f"{WITHHELD_AS[found.rating.score_when]}: condition means and omnibus test with these "
+        "scores left missing, read "
         f"{least}, or read as the lowest observed score. Blank cells of a published table "
         "count as withheld; cells whose trials were excluded or never reached stay missing.",
         columns=[

@@ -114,6 +114,8 @@ def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     lacking = FIGURE_FILES - report_files(plain_report(), figures=True).keys()
     missing = {Path(path).name.split(".")[0].removesuffix("-column") for path in lacking}
     multiverse = {name for name in missing if name.startswith("multiverse-")}
-    others = {*("course", "forces", "levels", "places", "predictive-m3", "reaction-times")}
+    others = {
+        *("course", "forces", "levels", "noticed", "places", "predictive-m3", "reaction-times")
+    }
     assert missing - multiverse == others
     assert multiverse, "it is made only when asked for"

@@ -1,0 +1,123 @@
+"""The section on detection: shares by condition, level, group and subject; its hypotheses."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+
+import pytest
+
+from analysis.loading.study_data import StudyData
+from analysis.loading.study_lock import StudyLock
+from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.sections.registration import NamedResult, named_results
+from analysis.simulation.simulation import Simulation
+from protocol.registration.registration import NOTICED, hypotheses
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
+from tests.analysis.report.sections.test_registered import REGISTERED
+from tests.analysis.reports import EXTENDED, ORIGIN, PAPER, plain_report
+
+STUDIES = {
+    "agrees": EXTENDED,
+    "noticed": parsed_study(
+        template("extended").replace('score_when = "agrees"', 'score_when = "noticed"')
+    ),
+    "paper": PAPER,
+}
+
+
+@cache
+def simulated(study: str = "agrees") -> StudyData:
+    return Simulation(study=STUDIES[study]).data(6, 1)
+
+
+def made(data: StudyData, study: Study = EXTENDED) -> Report:
+    return report("a study", data, study, replace(ORIGIN, alone=True), shown=("detection",))
+
+
+def test_its_counts_are_those_of_the_trials() -> None:
+    trials = simulated().trials
+    found = report_json(made(simulated()))["detection"]
+    told = trials[trials["trial_kind"].eq("trial") & trials["condition"].eq("voltage")]
+    voltage = next(each for each in found["conditions"] if each["condition"] == "voltage")
+    assert voltage["hits"]["reported"] == told["change"].ne("same").sum()
+    assert voltage["hits"]["trials"] == len(told)
+    catch = trials[trials["trial_kind"].eq("catch")]
+    assert voltage["false_alarms"]["trials"] == found["overall"]["false_alarms"]["trials"]
+    assert voltage["false_alarms"]["trials"] == len(catch)
+    assert sum(e["hits"]["trials"] for e in found["levels"] if e["condition"] == "voltage") == len(
+        told
+    )
+    assert [each["participant"] for each in found["subjects"]] == list(
+        trials["participant"].unique()
+    )
+    assert all(each["p"] <= each["p_holm"] for each in found["conditions"])
+    assert found["groups"] == []
+
+
+def test_groups_are_compared_with_their_own_catch_trials() -> None:
+    trials = simulated().trials
+    old = trials["participant"].isin(["P01", "P02", "P03"])
+    group = old.map({True: "old", False: "young"})
+    result = made(replace(simulated(), trials=trials.assign(group=group)))
+    found = report_json(result)["detection"]["groups"]
+    whole = [each for each in found if "condition" not in each]
+    assert [each["group"] for each in whole] == ["old", "young"]
+    catch = trials["trial_kind"].eq("catch")
+    assert [each["false_alarms"]["trials"] for each in whole] == [
+        (catch & old).sum(),
+        (catch & ~old).sum(),
+    ]
+    page = report_html(result)
+    assert '<th scope="row">voltage, old</th>' in page
+    assert '<th scope="row">catch trials, young</th>' in page
+
+
+def test_without_catch_trials_there_is_no_section() -> None:
+    assert "detection" not in report_json(plain_report())
+    result = made(simulated("paper"), PAPER)
+    assert "detection" not in report_json(result)
+    assert "Are the changes noticed?" not in report_html(result)
+
+
+@pytest.mark.parametrize(
+    ("study", "why"),
+    [
+        ("agrees", "the answer disagreed with the expectation"),
+        ("noticed", "nothing was noticed"),
+    ],
+)
+def test_the_page_says_why_scores_are_missing_and_what_that_does(study: str, why: str) -> None:
+    page = report_html(made(simulated(study), STUDIES[study]))
+    assert "Are the changes noticed?" in page
+    assert f"have no score, as {why}, most of all of" in page
+    assert f"not given, as {why}: " in page
+    other = {"nothing was noticed", "the answer disagreed with the expectation"} - {why}
+    assert other.pop() not in page
+
+
+def test_hypotheses_on_noticing_are_those_of_studies_with_catch_trials() -> None:
+    assert not any(NOTICED in name for name in hypotheses(("a", "b")))
+    assert [name for name in hypotheses(("a", "b"), catch_trials=4) if NOTICED in name] == [
+        NOTICED,
+        f"a {NOTICED}",
+        f"b {NOTICED}",
+    ]
+
+
+def registered(*names: str) -> list[NamedResult]:
+    first, *others = names
+    settled = replace(REGISTERED, primary=first, secondary=tuple(others))
+    when = datetime(2026, 5, 1, tzinfo=UTC)
+    lock = StudyLock(registration=settled, utc=when, amendments=(), sessions=(), completed=6)
+    return named_results(made(simulated()), lock)
+
+
+def test_a_registered_hypothesis_takes_the_p_of_the_section() -> None:
+    found = report_json(made(simulated()))["detection"]
+    whole, *own = registered(NOTICED, *(f"{name} {NOTICED}" for name in EXTENDED.conditions))
+    assert (whole.p, whole.supported) == (found["overall"]["p"], found["overall"]["p"] < 0.05)
+    assert [each.p for each in own] == [each["p_holm"] for each in found["conditions"]]
+    assert "d′ = " in whole.found
+    (nothing,) = registered(f"nothing {NOTICED}")
+    assert nothing.supported is None

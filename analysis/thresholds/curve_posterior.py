@@ -22,7 +22,7 @@ MOST_PASSES = 8
 AROUND = (7, 7, 5, 5)
 """Cells in which the mode is looked for, each time around the highest one."""
 MODE_PASSES = 6
-AT_ONCE = 2**16
+AT_ONCE = 2**14
 """Numbers in a step: they fit into a processor's cache, and many levels into the memory."""
 MOST_RATE = 0.5
 RATE_PRIOR = 9.0
@@ -193,21 +193,21 @@ def _closer(box: Box, log_density: FloatArray) -> Box:
 
 def _log_density(axes: Sequence[FloatArray], answers: Answers, curve: Curve) -> FloatArray:
     """Return log prior plus log likelihood, (4) and (5), at the points of a grid."""
-    parameters = np.ix_(*axes)
-    threshold, log_width, lapse, guess = parameters
+    threshold, log_width, lapse, guess = np.ix_(*axes)
     width = np.exp(log_width)
     with np.errstate(divide="ignore"):
         prior = np.log(_flat_within(threshold - curve.below * width, 0.0, 1.0, 0.5, 0.5)) + np.log(
             _flat_within(width, 2 * answers.step, 1.0, answers.step, 2.0)
         )
     total: FloatArray = prior + RATE_PRIOR * (np.log1p(-lapse) + np.log1p(-guess))
-    at_once = max(1, AT_ONCE // total.size)
-    for first in range(0, answers.at.size, at_once):
+    at = answers.at.reshape(-1, 1, 1, 1, 1)
+    wrong = answers.trials - answers.correct
+    at_once = max(1, AT_ONCE * len(threshold) // (at.size * total.size))
+    for first in range(0, len(threshold), at_once):
         part = slice(first, first + at_once)
-        at = answers.at[part].reshape(-1, 1, 1, 1, 1)
-        p = curve.share_correct(at, parameters)
-        right, wrong = answers.correct[part], (answers.trials - answers.correct)[part]
-        total = total + np.tensordot(right, np.log(p), 1) + np.tensordot(wrong, np.log1p(-p), 1)
+        p = curve.share_correct(at, (threshold[part], log_width, lapse, guess))
+        total[part] += np.tensordot(answers.correct, np.log(p), 1)
+        total[part] += np.tensordot(wrong, np.log1p(-p), 1)
     return total
 
 

@@ -12,7 +12,8 @@
     number_step = { values = [1, 2], shares = [0.9, 0.1] }
 
 A file without `[population]` describes one person. What is given nowhere is as in the default
-population, or, in a file of one person, as in `Person`.
+population, or, in a file of one person, as in `Person`. `[group.NAME.person]` and
+`[group.NAME.population]` give what is otherwise in a group of the study.
 """
 
 import math
@@ -60,6 +61,27 @@ def people_in(text: str, source: str = "people.toml") -> Population:
         raise PeopleError(source, [document])
     if problems := list(_problems(document)):
         raise PeopleError(source, located(text, problems))
+    return replace(
+        _population(document),
+        groups={
+            name: _population(_with_group(document, own))
+            for name, own in document.get("group", {}).items()
+        },
+    )
+
+
+def _with_group(document: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a group has: its own values, and those of all others."""
+    person = own.get("person", {})
+    varied = {key: how for key, how in document.get("population", {}).items() if key not in person}
+    merged = {
+        "person": document.get("person", {}) | person,
+        "population": varied | own.get("population", {}),
+    }
+    return merged if {"population"} & {*document, *own} else {"person": merged["person"]}
+
+
+def _population(document: Mapping[str, Any]) -> Population:
     person = {name: float(value) for name, value in document.get("person", {}).items()}
     if "population" not in document:
         return Population(typical=Person(**person))
@@ -70,25 +92,32 @@ def people_in(text: str, source: str = "people.toml") -> Population:
     return Population(typical=replace(DEFAULT.typical, **person), varied=varied)
 
 
-def _problems(document: Mapping[str, Any]) -> Iterator[Problem]:
+def _problems(document: Mapping[str, Any], within: Path = ()) -> Iterator[Problem]:
+    known = _TABLES if within else (*_TABLES, "group")
     for table, entries in document.items():
-        if table not in _TABLES:
-            yield _unknown((table,), _TABLES)
+        path = (*within, table)
+        if table not in known:
+            yield _unknown(path, known)
         elif not isinstance(entries, dict):
-            yield _problem((table,), "must be a table", entries)
+            yield _problem(path, "must be a table", entries)
         else:
             for name, value in entries.items():
-                yield from _entry_problems((table, name), value)
+                if table != "group":
+                    yield from _entry_problems((*path, name), value)
+                elif isinstance(value, dict) and value:
+                    yield from _problems(value, (*path, name))
+                else:
+                    yield _problem((*path, name), "must have person or population", value)
     if not document:
         rule = "must have [person] or [population]"
         yield Problem(where="file", rule=rule, value="neither", path=())
 
 
 def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
-    limits = PARAMETERS.get(str(path[1]))
+    limits = PARAMETERS.get(str(path[-1]))
     if limits is None:
         yield _unknown(path, PARAMETERS)
-    elif path[0] == "person":
+    elif path[-2] == "person":
         yield from _number_problems(path, value, limits.low, limits.high)
     elif not isinstance(value, dict) or tuple(sorted(value)) not in map(tuple, map(sorted, _FORMS)):
         hint = "give what all share in [person]" if isinstance(value, int | float) else ""

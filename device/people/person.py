@@ -345,10 +345,18 @@ class OneOf:
 
 @dataclass(frozen=True, kw_only=True)
 class Population:
-    """Persons to draw: a typical one, and the distributions of what differs between them."""
+    """Persons to draw: a typical one, and the distributions of what differs between them.
+
+    Those of some of a study's `groups` may be drawn from populations of their own.
+    """
 
     typical: Person = field(default_factory=Person)
     varied: Mapping[str, Distribution] = field(default_factory=dict)
+    groups: Mapping[str, "Population"] = field(default_factory=dict)
+
+    def of_group(self, name: str | None) -> "Population":
+        """Return the population of a group: this one unless it has one of its own."""
+        return self.groups.get(name or "", self)
 
 
 def people_of(population: Population, names: Sequence[str]) -> People:

@@ -30,10 +30,11 @@ class SessionSummary:
     answered: int
     planned: int
     excluded_trials: int
+    group: str | None
 
     def record(self) -> dict[str, Any]:
         """Return the summary for programs."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "group" or value}
 
 
 def states(journal: Journal) -> dict[str, SessionState]:
@@ -67,6 +68,7 @@ def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSumma
                 answered=len(state.answered),
                 planned=len(state.planned),
                 excluded_trials=len(state.excluded),
+                group=None if opened is None else opened.group,
             )
         )
     return summaries

@@ -133,7 +133,7 @@ def requested(options: SessionOptions) -> Request:
         text=text,
         wording=_wording(study, options.language or study.session.language),
         url=url,
-        pace=_pace(options, url),
+        pace=_pace(options, study, url),
         kind=_kind(options, study, url),
         registration=registration_of(options.folder.path),
     )
@@ -145,13 +145,15 @@ def requested(options: SessionOptions) -> Request:
     return request
 
 
-def _pace(options: SessionOptions, url: str) -> Pace:
+def _pace(options: SessionOptions, study: Study, url: str) -> Pace:
     """Return the pace; raises `BadInput` if options do not go together."""
     simulated = url == SIMULATED
     if not simulated and (options.law or options.rung or options.damping is not None):
         raise BadInput(f"--law, --rung and --damping are for --device sim, got {url}")
     if options.people is not None and options.ratings != "virtual":
         raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
+    if unknown := {*(options.people.groups if options.people else ())}.difference(study.groups):
+        raise BadInput(f"--people: the study has no group {', '.join(sorted(unknown))}")
     if options.at_window and options.ratings != "virtual":
         raise BadInput(f"--at-window is for --ratings virtual, got {options.ratings}")
     unattended = simulated and options.ratings == "virtual" and not options.at_window

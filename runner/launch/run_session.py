@@ -238,7 +238,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             group=group,
             noted=options.noted,
             seed=request.seed,
-            virtual=_virtual_truth(request, sessions.get(chain)),
+            virtual=_virtual_truth(request, sessions.get(chain), group),
             override=options.override,
             told=told_before(sessions, options.participant, request.kind, chain),
             registration=digest,
@@ -306,7 +306,9 @@ def _begun(request: Request) -> SessionOpened | None:
     return next((it for it in records if isinstance(it, SessionOpened)), None)
 
 
-def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTruth | None:
+def _virtual_truth(
+    request: Request, before: SessionState | None, group: str | None
+) -> VirtualTruth | None:
     """Return the true parameters of a virtual participant; None for a person or a block.
 
     Those of the beam are known if it is simulated. `before` is the state of a resumed session.
@@ -316,7 +318,7 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
         return None
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 
-    person = _person(request, before)
+    person = _person(request, before, group)
     if request.url != SIMULATED:
         return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
     chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
@@ -324,7 +326,7 @@ def _virtual_truth(request: Request, before: SessionState | None) -> VirtualTrut
     return truth_of(person, SimulatedBeam(request.seed, **given).world)
 
 
-def _person(request: Request, before: SessionState | None) -> Person:
+def _person(request: Request, before: SessionState | None, group: str | None) -> Person:
     """Return a virtual participant: the same one in each of the study's sessions.
 
     A session is resumed by the person who began it, whom the journal describes. Raises `BadInput`
@@ -332,7 +334,7 @@ def _person(request: Request, before: SessionState | None) -> Person:
     """
     options = request.options
     name = person_name(request.seed, options.participant)
-    person = drawn_person(options.people or DEFAULT, name)
+    person = drawn_person((options.people or DEFAULT).of_group(group), name)
     begun = before.opened if before else None
     if not isinstance(begun, SessionOpened) or begun.virtual is None:
         return person

@@ -42,9 +42,27 @@ class Progress:
     """As it is typed here."""
 
     @property
-    def next_slot(self) -> int:
-        """The slot of the design that the next participant gets."""
-        return slot_for(self.sessions, "", "participant")
+    def next_slot(self) -> int | None:
+        """The slot of the design that the next participant gets; with groups there are several."""
+        grouped = self.study is not None and self.study.group
+        return None if grouped else slot_for(self.sessions, "", "participant")
+
+    @property
+    def groups(self) -> list[dict[str, str | int]]:
+        """Each group of the study: its size, how many of it are done, and its next slot."""
+        return [
+            {
+                "name": group.name,
+                "planned": group.size,
+                "done": sum(
+                    self._completed(who) >= self._each
+                    and any(it.group == group.name for it in self._had_by(who))
+                    for who in self.participants
+                ),
+                "next_slot": slot_for(self.sessions, "", "participant", group=group.name),
+            }
+            for group in (self.study.group if self.study is not None else ())
+        ]
 
     @property
     def participants(self) -> list[str]:
@@ -100,9 +118,10 @@ class Progress:
             unit = "passes" if summary.participant == SLIDE else "trials"
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
             noted = f"; noted: {state.noted}" if state.described else ""
+            of = f" of {summary.group}" if summary.group else ""
             done = f"  {summary.answered} of {summary.planned} {unit}" * (summary.kind != SCRIPT)
             yield (
-                f"{name}  {summary.kind}  {now}{done}{excluded}{noted}"
+                f"{name}  {summary.kind}{of}  {now}{done}{excluded}{noted}"
                 f"{self._advice(chain, state)}{self._following(summary, state)}"
             )
         yield self._cohort()
@@ -151,9 +170,18 @@ class Progress:
         done = (
             f"Done: {self.done}{of} participant{'' if (self.planned or self.done) == 1 else 's'}."
         )
-        if self.planned is not None and self.done >= self.planned:
+        counted = [f"{it['name']} {it['done']} of {it['planned']}" for it in self.groups]
+        done += f" Groups: {'; '.join(counted)}." * bool(counted)
+        missing = {str(it["name"]): int(it["planned"]) - int(it["done"]) for it in self.groups}
+        # A group that is too large leaves another one too small.
+        enough = self.planned is not None and self.done >= self.planned
+        if enough and max(missing.values(), default=0) <= 0:
             return f"{done} Next: {self._command('report')}"
-        command = self._command("run", "--participant", self.next_participant)
+        told = self.study is not None and self.study.design.assign_groups == "by the operator"
+        group = ["--group", max(missing, key=missing.__getitem__)] if missing and told else []
+        command = self._command("run", "--participant", self.next_participant, *group)
+        if missing:
+            return f"{done} The next participant, for example: {command}"
         return (
             f"{done} The next participant gets slot {self.next_slot} of the design, "
             f"for example: {command}"

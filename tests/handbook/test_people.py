@@ -15,7 +15,8 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_the_files_on_the_page_can_be_used() -> None:
     files = [part.partition("```")[0] for part in PAGE.split("```toml\n")[1:]]
-    one, population = map(people_in, files)
+    one, population, grouped = map(people_in, files)
+    assert grouped.of_group("old").typical.felt_noise == 0.2
     assert (one.typical.gain, one.varied) == (5.0, {})
     assert set(population.varied) == set(DEFAULT.varied)
     assert people_in("[population]\n") == DEFAULT

@@ -72,6 +72,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
             ],
             "next_slot": progress.next_slot,
             "next_participant": progress.next_participant,
+            **({"groups": progress.groups} if progress.groups else {}),
             "done": progress.done,
             "planned": progress.planned,
         }

@@ -34,9 +34,30 @@ def test_a_population_has_what_the_file_says_and_the_rest_of_the_default_one() -
     }
 
 
+def test_a_group_has_what_the_file_says_of_it_and_shares_the_rest() -> None:
+    people = people_in(
+        "[person]\nlapse = 0.02\n[population]\ngain = { mean = 4.0, sd = 1.5 }\n"
+        "[group.old.person]\ngain = 2\nfelt_noise = 0.2\n"
+        "[group.gloves.population]\nskin = { low = 0.1, high = 0.2 }\n"
+    )
+    assert people.of_group(None) is people is people.of_group("young")
+    old, gloves = map(people.of_group, ("old", "gloves"))
+    assert (old.typical.gain, old.typical.felt_noise, old.typical.lapse) == (2.0, 0.2, 0.02)
+    assert "gain" not in old.varied
+    assert gloves.varied == {**people.varied, "skin": Uniform(low=0.1, high=0.2)}
+    assert drawn_person(gloves, "1/P01").gain == drawn_person(people, "1/P01").gain
+    one = people_in("[group.old.person]\ngain = 2\n")
+    assert one.of_group("old").varied == {}
+    assert drawn_person(one.of_group("old"), "1/P01") == Person(gain=2.0)
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
+        ("[group.old]\n", "1: group.old: must have person or population, got {}"),
+        ("[group.old.person]\ngian = 3\n", "2: group.old.person.gian: unknown key, got 'gian'"),
+        ("[group.old.group]\na = 3\n", "group.old.group: unknown key, got 'group'"),
+        ("[group.old.population]\nskin = 3\n", "2: group.old.population.skin: must be one of"),
         ("", "people.toml: file: must have [person] or [population], got neither"),
         (
             "[persons]\n",

@@ -232,3 +232,21 @@ def test_a_registration_locks_the_groups_and_seeds_the_orders_of_each(tmp_path: 
     assert data.lock is not None
     assert data.lock.groups == {drawn: 1}, "one person has had both sessions"
     assert set(data.trials["group"]) == {"young", "old"}
+
+
+def test_virtual_people_are_those_of_their_group(tmp_path: Path) -> None:
+    place, people = grouped_in(tmp_path / "study", OPERATOR), tmp_path / "people.toml"
+    people.write_text("[person]\ngain = 5\n[group.old.person]\ngain = 2\n")
+    virtual = ("--ratings", "virtual", "--people", people)
+    for number in range(1, 4):
+        assert typed("run", place, "--participant", f"P{number:02d}", *virtual) == 0
+    with open_journal(place / "study.db") as journal:
+        opened = [state.opened for state in states(journal).values()]
+    gains = {
+        (event.group, event.virtual.gain)
+        for event in opened
+        if isinstance(event, SessionOpened) and event.virtual is not None
+    }
+    assert gains == {("old", 2.0), ("young", 5.0)}
+    people.write_text("[group.odl.person]\ngain = 2\n")
+    assert typed("run", place, "--participant", "P05", *virtual) == 2

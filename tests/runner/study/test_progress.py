@@ -13,6 +13,7 @@ from protocol.journal.events import (
     RigDescribed,
     SessionCompleted,
     SessionExcluded,
+    SessionOpened,
     TouchStarted,
     TrialStarted,
 )
@@ -131,3 +132,34 @@ def test_who_lacks_a_session_is_not_done_and_is_to_come_again() -> None:
 def test_the_next_participant_has_the_next_number(names: Sequence[str], following: str) -> None:
     sessions = [(f"{name}/1", begun(name)) for name in names]
     assert progress(*sessions).next_participant == following
+
+
+def test_each_group_is_counted_and_the_one_that_lacks_most_comes_next() -> None:
+    sizes = {"young": 1, "old": 3}
+    groups = "".join(f'[[group]]\nname = "{name}"\nsize = {n}\n' for name, n in sizes.items())
+    text = template("paper").replace("\nparticipants = 9 ", "\n# ") + groups
+    study = parsed_study(text)
+
+    def had(*of: str) -> Progress:
+        sessions = []
+        for number, group in enumerate(of):
+            (first,) = begun(f"P{number}", slot=of[:number].count(group))
+            assert isinstance(first, SessionOpened)
+            sessions.append((f"P{number}/1", [replace(first, group=group), SessionCompleted()]))
+        return replace(progress(*sessions), study=study)
+
+    session, cohort = had("young").lines()
+    assert session == "P0/1  participant of young  completed  0 of 0 trials"
+    assert cohort == (
+        "Done: 1 of 4 participants. Groups: young 1 of 1; old 0 of 3. The next participant, for "
+        "example: touchbeam run 'my study' --participant P1 --group old"
+    )
+    found = had("young", "old", "young", "old")
+    assert [(it["done"], it["next_slot"]) for it in found.groups] == [(2, 2), (2, 2)]
+    assert found.next_slot is None
+    assert list(found.lines())[-1].endswith("--participant P4 --group old"), "one is still missing"
+    whole = had("young", *["old"] * 3)
+    assert list(whole.lines())[-1].endswith("Next: touchbeam report 'my study'")
+    drawn = study.design.model_copy(update={"assign_groups": "at random"})
+    by_chance = replace(had("young"), study=study.model_copy(update={"design": drawn}))
+    assert list(by_chance.lines())[-1].endswith("--participant P1"), "nobody knows it before"

@@ -18,6 +18,7 @@ from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
 from protocol.errors import BadInput, WorkFailed
+from protocol.study.group import Group
 from protocol.study.rules import MOST_REPEATS
 from protocol.study.rules import Design as DesignOfStudy
 from protocol.study.study import Study
@@ -105,10 +106,36 @@ def designed(study: Study, design: Design) -> Study:
     except ValidationError as error:
         found = schema_problems(keys, error)[0].located("study.toml")
         raise BadInput(f"{design} cannot be planned: {found}") from error
-    made = study.model_copy(update={"design": asked, "condition": tuple(conditions)})
+    made = study.model_copy(
+        update={
+            "design": asked,
+            "condition": tuple(conditions),
+            "group": _resized(study.group, design.participants),
+        }
+    )
     if wrong := problems(made):
         raise BadInput(f"{design} cannot be planned: {wrong[0].located('study.toml')}")
     return made
+
+
+def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
+    """Return groups that have so many participants together, in proportion to their sizes.
+
+    Raises:
+        BadInput: a group would have nobody.
+    """
+    if not groups:
+        return ()
+    ends = np.cumsum([group.size for group in groups])
+    shares = [round(participants * end / ends[-1]) for end in ends.tolist()]
+    sizes = np.diff([0, *shares]).tolist()
+    if 0 in sizes:
+        raise BadInput(
+            f"{participants} participants are too few for the study's {len(groups)} groups; give "
+            "more with --participants"
+        )
+    pairs = zip(groups, sizes, strict=True)
+    return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
 
 
 FORM = 2

@@ -1,8 +1,9 @@
 """The answers of many virtual people to their trials, all at once."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from analysis.estimates import BoolArray, FloatArray, IntArray
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
 from device.people import answering as answers
 from device.people.person import BODY_HEIGHT_M, Fingers, People, World, felt_friction, uniforms_of
+from protocol.plan.blocks import arrivals
 from protocol.plan.plan import plan
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
@@ -57,13 +59,27 @@ class PlannedTrials:
     session: int = 1
     kinds: list[TrialKind] = field(default_factory=list)
     _numbers: dict[object, int] = field(default_factory=dict)
+    _places: list[tuple[str, int]] = field(default_factory=list, init=False)
     _plans: dict[int, Plan] = field(default_factory=dict, init=False)
     _rows: dict[int, IntArray] = field(default_factory=dict, init=False)
 
+    def place(self, slot: int) -> tuple[str | None, int]:
+        """Return the group, and the slot within it, of the participant who arrives at that slot."""
+        if not self.study.group:
+            return None, slot
+        while len(self._places) <= slot:
+            self._places.append(next(self._arrivals))
+        return self._places[slot]
+
+    @cached_property
+    def _arrivals(self) -> Iterator[tuple[str, int]]:
+        return arrivals(self.study, "participant")
+
     def plan(self, slot: int) -> Plan:
-        """Return the plan of a slot."""
+        """Return the plan of a slot, counted from 0 over all groups."""
         if slot not in self._plans:
-            self._plans[slot] = plan(self.study, slot, self.session)
+            group, own = self.place(slot)
+            self._plans[slot] = plan(self.study.of_group(group), own, self.session)
         return self._plans[slot]
 
     def kinds_of(self, slots: IntArray) -> IntArray:

@@ -35,6 +35,7 @@ def loaded_sessions(
     rows = Rows()
     for person, name in enumerate(names):
         for planned, of in made:
+            group, slot = planned.place(int(of.slots[person]))
             rows.sessions.append(
                 SessionRow(
                     participant=name,
@@ -43,7 +44,8 @@ def loaded_sessions(
                     session_kind="rehearsal",
                     conditions=planned.study.conditions,
                     session_completed=bool(of.answered[person].all()),
-                    slot=int(of.slots[person]),
+                    slot=slot,
+                    group=group,
                     seed=seed,
                     virtual=truth_of(of.people[person], world),
                 )

@@ -4,6 +4,7 @@ import pytest
 
 from analysis.power.job import Design, designed, designs
 from protocol.errors import BadInput
+from protocol.study.group import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 
@@ -32,6 +33,19 @@ def test_levels_are_spread_evenly_up_to_the_whole_amplitude(paper: Study) -> Non
     made = designed(paper, Design(participants=9, repeats=4, levels=2))
     assert {condition.levels for condition in made.condition} == {(0.5, 1.0)}
     assert (made.design.repeats, made.design.participants) == (4, 9)
+
+
+def test_groups_keep_their_proportion(paper: Study) -> None:
+    groups = tuple(Group(name=name, size=size) for name, size in (("young", 10), ("old", 5)))
+    study = paper.model_copy(update={"group": groups})
+    sizes = [
+        [group.size for group in designed(study, Design(participants=people, repeats=1)).group]
+        for people in (15, 30, 8)
+    ]
+    assert sizes == [[10, 5], [20, 10], [5, 3]]
+    uneven = tuple(Group(name=name, size=size) for name, size in (("young", 99), ("old", 1)))
+    with pytest.raises(BadInput, match="2 participants are too few for the study's 2 groups"):
+        designed(paper.model_copy(update={"group": uneven}), Design(participants=2, repeats=1))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Simulated cohorts: scores like the published ones, rules of exclusion, and people who leave."""
 
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ import pytest
 from analysis.loading.published import published_table
 from analysis.simulation.simulation import Simulation
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
+from protocol.plan.blocks import arrivals
+from protocol.plan.plan import plan
+from protocol.study.group import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 
@@ -118,3 +122,15 @@ def test_touches_are_judged_by_the_force_that_was_pressed() -> None:
     ratio = (forces / planned).to_numpy()
     assert ratio.mean() == pytest.approx(1.2, rel=0.02)
     assert ratio.std() == pytest.approx(0.06, rel=0.2)
+
+
+def test_each_group_has_the_orders_that_its_participants_will_have() -> None:
+    groups = tuple(Group(name=name, size=4) for name in ("young", "old"))
+    study = PAPER.model_copy(update={"group": groups})
+    data = Simulation(study=study).data(8, 1)
+    assert sorted(data.groups.values()) == ["old"] * 4 + ["young"] * 4
+    assert sorted(order.slot for order in data.orders) == [0, 0, 1, 1, 2, 2, 3, 3]
+    places = islice(arrivals(study, "participant"), 8)
+    expected = [plan(study.of_group(name), slot).trials for name, slot in places]
+    planned = [Simulation(study=study).planned.plan(number).trials for number in range(8)]
+    assert planned == expected

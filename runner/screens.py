@@ -5,7 +5,7 @@ No screen reveals to the participant what the device does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -290,6 +290,31 @@ class Note:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Another answer of the operator's to a question of the desk, with the reason if given."""
+
+    name: str
+    answer: str
+    note: str = ""
+
+
+Wanted = Order | Note | Correction
+"""What an operator may order."""
+
+
+def page_name(screen: Screen, *, blind: bool) -> str:
+    """Return what the operator reads of the participant's page; if `blind`, nothing of a trial."""
+    match screen:
+        case Ask(question=question):
+            return "a question" if blind else f"question {question.name}"
+        case Instruction(touch=None, text=text) | Notice(text=text):
+            return text.partition(".")[0] if blind else text
+        case Welcome():
+            return "welcome"
+    return "a touch"
+
+
 # The interfaces of a session: device, participant, operator; each real or simulated.
 
 AnswerSource = Literal["window", "console", "virtual"]
@@ -390,8 +415,14 @@ class Operator(Protocol):
     def confirm(self, text: str) -> None:
         """Ask the operator to do what `text` says; the answer confirms it."""
 
-    def order(self) -> Order | Note | None:
+    def order(self) -> Wanted | None:
         """Return the operator's next order, None if there is none."""
+
+    def page(self, name: str) -> None:
+        """Show that the participant is on another page from now on."""
+
+    def recall(self, messages: Sequence[tuple[str, str]]) -> None:
+        """Show what was told before the session was interrupted, with the times of day."""
 
     def show(self, view: OperatorView) -> None:
         """Show the session's progress."""

@@ -249,6 +249,7 @@ GROUP = _session("group", "Group of the participant.")
 """Only where sessions have one, so that other studies are exported as before."""
 
 _TIMES = {
+    "desk": "of the operator before the first trial of the session",
     "before": "before the first trial of the session",
     "trial": "after the trial",
     "block": "after the block",

@@ -31,7 +31,7 @@ from device.friction.scenes import Calibration
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
-from protocol.study.study_question import StudyQuestion
+from protocol.study.study_question import ONCE, StudyQuestion
 from protocol.study.touch import Touch
 
 _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclusion"}
@@ -159,7 +159,7 @@ def participant_table(
     if of_groups(sessions):
         table["group"] = sessions.groupby("subject")["group"].first()
     said = trials.merge(sessions[[*keys, "subject"]], on=keys)
-    for name in (each.name for each in questions if each.when in {"before", "after"}):
+    for name in (each.name for each in questions if each.when in ONCE):
         given = said[["subject", name]].dropna().drop_duplicates().set_index("subject")[name]
         # One column cannot hold two answers, and none of them is the wrong one.
         if given.index.is_unique:

@@ -96,6 +96,7 @@ class Course:
         self._attempts: dict[int, list[AttemptRow]] = {}
         self._excluded: dict[int, str] = {}
         self._included: dict[int, str] = {}
+        self._at_desk: dict[str, AnswerRow] = {}
         self._early_notes: list[str] = []
         self._beam: str | None = None
         self._resonance: ResonanceMeasured | None = None
@@ -278,7 +279,13 @@ class Course:
 
     @_take.register
     def _question_answered(self, event: QuestionAnswered) -> None:
-        self._add_answer(event, event.when, block=event.block)
+        row = self._at_desk.get(event.name)
+        if row is not None:  # the operator corrects it
+            row.answer, row.reaction_time_s = _plain(event.answer), event.reaction_time_s
+        else:
+            row = self._add_answer(event, event.when, block=event.block)
+        if event.when == "desk":
+            self._at_desk[event.name] = row
 
     def _add_answer(
         self,
@@ -287,19 +294,18 @@ class Course:
         *,
         attempt_id: int | None = None,
         block: int | None = None,
-    ) -> None:
-        answer = tuple(given.answer) if isinstance(given.answer, list) else given.answer
-        self._rows.answers.append(
-            AnswerRow(
-                session_id=self._rows.sessions.last_id,
-                name=given.name,
-                when=when,
-                answer=answer,
-                reaction_time_s=given.reaction_time_s,
-                attempt_id=attempt_id,
-                block=block,
-            )
+    ) -> AnswerRow:
+        row = AnswerRow(
+            session_id=self._rows.sessions.last_id,
+            name=given.name,
+            when=when,
+            answer=_plain(given.answer),
+            reaction_time_s=given.reaction_time_s,
+            attempt_id=attempt_id,
+            block=block,
         )
+        self._rows.answers.append(row)
+        return row
 
     @_take.register
     def _trial_aborted(self, event: TrialAborted) -> None:
@@ -378,6 +384,10 @@ class Course:
         self._rows.exclusions.append(
             Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
         )
+
+
+def _plain(answer: Any) -> Any:
+    return tuple(answer) if isinstance(answer, list) else answer
 
 
 def _named_alike(event: ScoresImported | SessionOpened) -> dict[str, Any]:

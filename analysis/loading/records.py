@@ -197,7 +197,7 @@ class AnswerRow:
 
     - `session_id`: the row of the session.
     - `attempt_id`: the row of the attempt if it is about a trial.
-    - `when`: `trial`, `block`, `before` or `after`; `block` is the number of the block just over.
+    - `when`: as in the study file; `block` is the number of the block just over.
     - `answer`: a label's value, a tuple of them, a number or a text; None if it was skipped.
     """
 

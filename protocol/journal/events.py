@@ -263,12 +263,15 @@ class Answered(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class QuestionAnswered(records.QuestionAnswer, Event):
-    """A question of the study's own is answered, before, between or after the blocks."""
+    """A question of the study's own is answered, or the operator corrects an answer."""
 
     TAG: ClassVar = "question-answered"
 
-    when: Annotated[str, Key("`before`, `block` or `after`")]
-    block: Annotated[int | None, Key("number of the block just over, if any", missing=None)]
+    when: Annotated[str, Key("`desk`, `before`, `block` or `after`")]
+    block: int | None = absent(None, "number of the block just over, if any")
+    note: str | None = absent(
+        None, "why the operator corrected the answer after the session began", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

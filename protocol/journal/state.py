@@ -34,7 +34,8 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("armed", events.ResonanceMeasured): "armed",
     ("armed", events.BeamMounted): "armed",
     ("armed", events.TrialStarted): "trial",
-    ("armed", events.QuestionAnswered): "armed",
+    # In a trial the operator corrects an answer.
+    **{(it, events.QuestionAnswered): it for it in ("armed", "paused", "trial", "touching")},
     ("armed", events.Paused): "paused",
     ("paused", events.Unpaused): "armed",
     ("armed", events.DeviceOff): "idle",
@@ -157,6 +158,11 @@ class SessionState:
     def planned(self) -> set[int]:
         """Indices of the planned trials; empty for published scores or after a withdrawal."""
         return set() if self.opened is None else {trial.index for trial in self.opened.trials}
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a trial was begun."""
+        return bool(self.trial is not None or self.answers or self.aborted or self.deferred)
 
     @property
     def noted(self) -> str:

@@ -17,6 +17,7 @@ _ORDERS: dict[Order, str] = {
 }
 
 _TIMES: dict[When, str] = {
+    "desk": "of the operator",
     "before": "before the first trial",
     "trial": "after trials",
     "block": "after each block",

@@ -94,7 +94,9 @@ MEANINGS = {
 Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
 Form = Literal["labels", "scale", "typed"]
 """How a question is asked: with labels to choose from, a scale, or a line to type in."""
-When = Literal["before", "trial", "block", "after"]
+When = Literal["desk", "before", "trial", "block", "after"]
+ONCE = frozenset({"desk", "before", "after"})
+"""When a question is asked at most once in a session."""
 Answer = str | int | float | tuple[str, ...] | None
 """A label's value or several, a number, a text; None for a question that was skipped."""
 
@@ -196,7 +198,8 @@ class StudyQuestion(Record):
     when: When = setting(
         "trial",
         "`trial`: after the trials of conditions, also practice and catch trials; "
-        "`block`: after each block; `before` the first trial or `after` the last one",
+        "`block`: after each block; `before` the first trial or `after` the last one; "
+        "`desk`: of the operator, before the first trial",
     )
     conditions: tuple[Name, ...] = setting(
         (), 'for `when = "trial"`: only after trials of these; none: after all'
@@ -286,6 +289,13 @@ class StudyQuestion(Record):
         if not allowed:
             raise ValueError(f"the answer to {self.name} must {rule}, got {given!r}")
         return given
+
+
+def answer_text(answer: Answer) -> str:
+    """Return an answer as people read it."""
+    if isinstance(answer, tuple | list):
+        return ", ".join(answer)
+    return "skipped" if answer is None else str(answer)
 
 
 def plain_number(number: float) -> int | float:

@@ -26,6 +26,7 @@ from protocol.study.study_question import (
     BETWEEN,
     KINDS,
     MOST_LABELS,
+    ONCE,
     Label,
     StudyQuestion,
     trial_facts,
@@ -296,8 +297,8 @@ def _key_problems(study: Study, question: StudyQuestion) -> _Found:
             yield key, rule, "one", f"for {', '.join(kinds)}"
     if question.conditions and question.when != "trial":
         yield "when", 'must be "trial" where conditions are named', repr(question.when), ""
-    if question.sessions == "first" and question.when not in {"before", "after"}:
-        rule = 'must be "before" or "after" where sessions = "first"'
+    if question.sessions == "first" and question.when not in ONCE:
+        rule = 'must be "desk", "before" or "after" where sessions = "first"'
         yield "when", rule, repr(question.when), ""
     for name in question.conditions:
         if name not in study.conditions:
@@ -319,7 +320,8 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
         yield "asked_if", must, repr(rule.question), hint
         return
     # Of many trials or blocks it would not be known which one is meant.
-    if other.when not in {"before", question.when}:
+    earlier = {"desk"} if question.when == "desk" else {"desk", "before", question.when}
+    if other.when not in earlier:
         yield "when", f"must be {other.when!r} as that of {other.name}", repr(question.when), ""
     everywhere = study.conditions
     if {"trial"} == {other.when, question.when} and set(other.conditions or everywhere).isdisjoint(

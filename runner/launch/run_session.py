@@ -57,6 +57,7 @@ from runner.launch.request import (
     require_meant,
     with_group,
 )
+from runner.people.operator_console import recalled
 from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import Finger, UntouchedBeam
 from runner.session.loop import require_resumable, run
@@ -118,7 +119,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     journal = stack.enter_context(journal_if_used(options.folder.journal))
     chain = request.chain(journal)
     new = chain not in journal.sessions()
-    earlier = touchbeam_versions(journal.events(chain))[-1:]
+    before = journal.events(chain)
+    earlier = touchbeam_versions(before)[-1:]
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, chain, clock)
     if session.group is not None:
@@ -135,6 +137,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     participant, operator = stack.enter_context(
         participant_and_operator(session, rig, clock, say, window, finger)
     )
+    operator.recall(recalled(before))
     stack.enter_context(checkpointed(journal))
     context = SessionContext(
         session=session,

@@ -6,11 +6,14 @@ At a terminal a display draws it anew several times a second; elsewhere it is li
 import re
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
-from runner.screens import Note, OperatorView, Order, PlanUnit, said_of
+from protocol.journal import events
+from protocol.journal.events import StoredEvent
+from protocol.study.study_question import answer_text
+from runner.screens import Correction, Note, OperatorView, Order, PlanUnit, Wanted, said_of
 
 # The operator's keys: one per order, and lines for answers and notes. Does no I/O.
 
@@ -27,6 +30,7 @@ EXPLAINED = (
     ("p", "pause", "pause before the next trial, or continue after a pause"),
     ("r", "repeat trial", "break the running trial off and repeat it"),
     ("n", "note", "note for the journal, to be finished with Enter"),
+    ("c", "correct", "correct an answer of the desk: `NAME ANSWER`, later `... because REASON`"),
     ("s", "stop", "stop the session; the same command resumes it later"),
     ("a", "answer call", "confirm that you have noticed the participant's call"),
     ("?", "help", "show or hide this help (also h)"),
@@ -47,6 +51,8 @@ _ESCAPE = "\x1b"
 _FUNCTION_KEY = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.)")
 """What an arrow or a function key sends: several characters, none of which was typed."""
 Wish = Literal["help", "answer call", "unknown key"]
+_TYPED = {"n": "Note", "c": "Name, answer [because reason]"}
+"""Keys that begin a line, and what is then typed."""
 _WISHES: dict[str, Wish] = {"?": "help", "h": "help", "a": "answer call"}
 
 
@@ -60,7 +66,7 @@ def _key_of(line: str) -> str | None:
     if _CTRL_E in line or word.startswith("e") or (line.strip(_ENTER) and not word):
         return _CTRL_E
     key = _WORDS.get(word, word)
-    return key if key in KEYS or key in _WISHES or key == "n" else None
+    return key if key in KEYS or key in _WISHES or key in _TYPED else None
 
 
 class OperatorKeys:
@@ -72,11 +78,11 @@ class OperatorKeys:
     """
 
     def __init__(self) -> None:
-        self._orders: deque[Order | Note] = deque()
+        self._orders: deque[Wanted] = deque()
         self._wishes: deque[Wish] = deque()
         self._answers: deque[str] = deque()
         self._line = ""
-        self._noting = False
+        self._noting = ""
         self._asked = False
         self._confirming = self._any_line = False
 
@@ -84,6 +90,11 @@ class OperatorKeys:
     def line(self) -> str | None:
         """The line typed so far, None while keys are orders."""
         return self._line if self._noting or self._asked else None
+
+    @property
+    def typing(self) -> str:
+        """What the line is, if it answers no question."""
+        return _TYPED.get(self._noting, "Note")
 
     def expect_answer(self) -> None:
         """Treat the next line as an answer."""
@@ -121,8 +132,8 @@ class OperatorKeys:
                 self._press(character.lower())
 
     def _press(self, key: str) -> None:
-        if key == "n":
-            self._noting = True
+        if key in _TYPED:
+            self._noting = key
         elif key in KEYS:
             self._orders.append(KEYS[key])
         elif key not in _ENTER:
@@ -155,13 +166,15 @@ class OperatorKeys:
         # Before `_key_of`: the key `n` would wait for a text that this complete line already has.
         if order[:1] in {"n", "N"}:
             self._note(order[4:] if order[:4].lower() == "note" else order[1:])
-        elif (key := _key_of(line)) is not None:
+        elif (key := _key_of(line)) not in {None, "c"}:
             self._press(key)
+        elif (correction := re.fullmatch(r"(?:c|answer)\b(.*)", order, re.IGNORECASE)) is not None:
+            self._correct(correction[1])
         else:
             return False
         return True
 
-    def order(self) -> Order | Note | None:
+    def order(self) -> Wanted | None:
         """Return the next order; an emergency stop comes first and cancels all others."""
         # What was typed before or after it does not matter any more, and must not start anything.
         if "emergency stop" in self._orders:
@@ -181,13 +194,14 @@ class OperatorKeys:
         if character in _BACKSPACE:
             self._line = self._line[:-1]
         elif character == _ESCAPE:
-            self._noting, self._line = False, ""
+            self._noting, self._line = "", ""
         elif character not in _ENTER:
             # A control character would go into the journal unseen.
             self._line += character if character.isprintable() else ""
         elif self._noting:
-            self._noting = False
-            self._note(self._take_line())
+            finish = self._note if self._noting == "n" else self._correct
+            self._noting = ""
+            finish(self._take_line())
         else:
             self._answers.append(self._take_line())
             self._asked = False
@@ -196,9 +210,41 @@ class OperatorKeys:
         if text := text.strip():
             self._orders.append(Note(text=text))
 
+    def _correct(self, line: str) -> None:
+        told, _, note = line.partition(" because ")
+        name, _, answer = told.strip().partition(" ")
+        if name:
+            self._orders.append(Correction(name=name, answer=answer.strip(), note=note.strip()))
+
     def _take_line(self) -> str:
         text, self._line = self._line.strip(), ""
         return text
+
+
+def recalled(chain: Iterable[StoredEvent]) -> list[tuple[str, str]]:
+    """Return what the log said of the events of a session, with the times of day."""
+    told = ((event, _said_of(event.record)) for event in chain if not event.erased)
+    return [(f"{event.utc.astimezone():%H:%M:%S}", text) for event, text in told if text]
+
+
+def _said_of(event: events.Event) -> str:
+    match event:
+        case events.NoteTaken(text=text):
+            said = f"noted: {text}"
+        case events.RigDescribed(answers=answers):
+            said = f"noted: {', '.join(f'{name} {it}' for name, it in answers.items() if it)}"
+        case events.QuestionAnswered(when="desk", name=name, answer=answer, note=note):
+            said = f"noted: {name} {answer_text(answer)}" + (f" ({note})" if note else "")
+        case events.TouchEnded(judged=judged) if judged.missed:
+            missed = " and ".join(judged.missed)
+            said = f"warning: the touch did not follow the instruction: {missed}"
+        case events.TrialAborted(why=why) | events.DeviceOff(why=why):
+            said = f"{event.TAG.replace('-', ' ')}: {why}"
+        case events.Paused() | events.SessionResumed():
+            said = event.TAG.replace("-", " ")
+        case _:
+            said = ""
+    return said
 
 
 Picture = Callable[[int, int], list[str]]
@@ -214,7 +260,9 @@ class Frame:
     """What the operator is shown, apart from what the device says at the moment.
 
     `typed` is the line typed so far, None while keys are orders. `messages` are all so far, each
-    with the time of day. `calls` counts the participant's calls since the last answer to one.
+    with the time of day, the first `recalled` of them from before an interruption. `calls`
+    counts the participant's calls since the last answer to one. `page` is what the participant
+    sees since `page_s` on the display's clock.
     """
 
     view: OperatorView
@@ -224,6 +272,10 @@ class Frame:
     calls: int = 0
     pausing: bool = False
     help: bool = False
+    typing: str = "Note"
+    recalled: int = 0
+    page: str = ""
+    page_s: float = 0.0
 
 
 class Display(Protocol):
@@ -261,7 +313,7 @@ class PlainDisplay:
             if text and text != before:
                 self.say(text)
         self._last = (line, frame.question)
-        for _, message in frame.messages[self._said :]:
+        for _, message in frame.messages[max(self._said, frame.recalled) :]:
             self.say(message)
         self._said = len(frame.messages)
         if frame.help != self._helped:
@@ -305,6 +357,8 @@ class OperatorConsole:
     _calls: int = field(default=0, init=False)
     _pausing: bool = field(default=False, init=False)
     _help: bool = field(default=False, init=False)
+    _recalled: int = field(default=0, init=False)
+    _page: tuple[str, float] = field(default=("", 0.0), init=False)
 
     def ask(self, text: str) -> None:
         """Ask the operator; without an operator the answer is empty and immediate."""
@@ -344,7 +398,17 @@ class OperatorConsole:
         """Ask the operator to do what `text` says and to press Enter."""
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
-    def order(self) -> Order | Note | None:
+    def page(self, name: str) -> None:
+        """Show that the participant is on the page `name` from now on."""
+        self._page = (name, time.monotonic())
+        self._redraw()
+
+    def recall(self, messages: Sequence[tuple[str, str]]) -> None:
+        """Keep messages from before an interruption in the log."""
+        self._messages[:0] = messages
+        self._recalled += len(messages)
+
+    def order(self) -> Wanted | None:
         """Return the next order, or None."""
         self._listen()
         return self._keys.order()
@@ -409,5 +473,9 @@ class OperatorConsole:
                     calls=self._calls,
                     pausing=self._pausing,
                     help=self._help,
+                    typing=self._keys.typing,
+                    recalled=self._recalled,
+                    page=self._page[0],
+                    page_s=self._page[1],
                 )
             )

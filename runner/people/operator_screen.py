@@ -175,7 +175,7 @@ def screen_lines(
     top = [_title(frame.view, moment, width), _output(frame.view, moment, width)]
     bottom = [_alert(frame), *_question(frame, moment, width), *_keys(frame, width)]
     room = max(height - len(top) - len(bottom), 0)
-    facts = _facts(frame.view, moment)
+    facts = _facts(frame, moment)
     body = [*_bars(frame.view, moment, width), *facts]
     if picture is not None and not frame.help:
         shown = picture(width - 1, max(room - len(facts), 0))
@@ -330,7 +330,8 @@ class Scale:
         return min(max(int(share * self.length), 0), self.length - 1)
 
 
-def _facts(view: OperatorView, moment: Moment) -> list[Text]:
+def _facts(frame: Frame, moment: Moment) -> list[Text]:
+    view = frame.view
     until = f"until {moment.until}" if view.left_s > 0 else ""
     minutes, seconds = divmod(int(moment.elapsed_s), 60)
     course = [view.progress(), until, f"{minutes}:{seconds:02d} so far"]
@@ -341,7 +342,10 @@ def _facts(view: OperatorView, moment: Moment) -> list[Text]:
         f"resonance {view.resonance_hz:.0f} Hz" if view.resonance_hz else "",
         f"watchdog {view.rig.watchdog_s:g} s" if view.has_watchdog else "no watchdog",
     ]
-    return [Text(" " + "   ".join(filter(None, facts))) for facts in (course, device)]
+    minutes, seconds = divmod(int(moment.now_s - frame.page_s), 60)
+    page = [f"participant: {visible(frame.page)}, for {minutes}:{seconds:02d}"] * bool(frame.page)
+    told = (course, device, page) if page else (course, device)
+    return [Text(" " + "   ".join(filter(None, facts))) for facts in told]
 
 
 def _plan_and_log(frame: Frame, width: int, rows: int) -> list[Text]:
@@ -407,7 +411,7 @@ def _question(frame: Frame, moment: Moment, width: int) -> list[Text]:
     """Return the question, the note being typed or a new message, in at least two lines."""
     text = frame.question
     if frame.typed is not None:
-        text = f"{text or 'Note:'} {frame.typed}_"
+        text = f"{text or f'{frame.typing}:'} {frame.typed}_"
     elif not text and frame.messages and moment.now_s < moment.said_s + ECHO_S:
         text = frame.messages[-1][1]
     style = "bold" if frame.question or frame.typed is not None else "yellow"

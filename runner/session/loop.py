@@ -22,7 +22,7 @@ from runner.screens import Notice
 from runner.session.session import Session, SessionContext
 from runner.session.setup import prepare
 from runner.session.trial import ask, ask_due, introduce, read_pages, touch
-from runner.session.waiting import RepeatTrial, pause_if_wanted, update_view, wait
+from runner.session.waiting import RepeatTrial, pause_if_wanted, show_page, update_view, wait
 from runner.signals import errors_are_last, stops_allowed, stops_deferred
 
 _OFF = "output off, read back"
@@ -41,7 +41,7 @@ def run(context: SessionContext) -> None:
     """
     _resume(context)
     run_then_turn_off(_run_trials, context)
-    context.participant.show(Notice(text="thanks"))
+    show_page(context, Notice(text="thanks"))
     update_view(context)
 
 
@@ -83,7 +83,7 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
     except RepeatTrial:
         context.device.off()
         # The output is off before this is shown: a window that fails here cannot keep it on.
-        context.participant.show(Notice(text="touch.end"))
+        show_page(context, Notice(text="touch.end"))
         abort_trial(context.log, "repeated at the operator's request")
     if trial.kind == "practice":
         renew_practice(context)
@@ -146,7 +146,7 @@ def _turn_off(
     try:
         if stopped:
             with suppress(WorkFailed):  # the window itself may have failed
-                context.participant.show(Notice(text="stopped"))
+                show_page(context, Notice(text="stopped"))
         # The trial first: the journal permits `device-off` only where no trial is running.
         abort_trial(context.log, why)
         if context.log.state.name in {"armed", "paused"}:
@@ -183,7 +183,7 @@ def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:
     # Before it is told: no trial runs then, which `repeat` during the notice could repeat, too.
     context.log.append(events.TrialDeferred(index=index, missed=made.missed, after=after))
     # The participant reads one reason at a time; the journal has all of them.
-    context.participant.show(Notice(text=f"again.{made.missed[0]}"))
+    show_page(context, Notice(text=f"again.{made.missed[0]}"))
     wait(context, _NOTICE_S)
     return True
 

@@ -105,6 +105,14 @@ class Session:
         )
 
 
+def known_before(session: Session, state: SessionState) -> dict[str, Answer]:
+    """Return the latest answer to each question asked before or between trials, by its name.
+
+    What was asked in the first session alone is known in the later ones.
+    """
+    return {**session.told, **{name: answer for (name, _), answer in state.questions.items()}}
+
+
 def answer_order(study: Study, slot: int, before: SessionState | None) -> AnswerOrder:
     """Return the order of answers for the participant of `slot`.
 

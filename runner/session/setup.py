@@ -4,6 +4,7 @@ import sys
 from array import array
 from collections.abc import Sequence
 from dataclasses import replace
+from random import Random
 from statistics import fmean
 
 from device.force_channel.recording import Samples
@@ -12,11 +13,11 @@ from protocol.journal import events
 from protocol.journal.records import BYTES_PER_COUNT, CHANNELS, LIFTED_N
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
-from protocol.study.study_question import Label, StudyQuestion
+from protocol.study.study_question import KINDS, Label, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
-from runner.session.session import SessionContext, Zero
-from runner.session.waiting import operator_answer, response, update_view, wait
+from runner.session.session import SessionContext, Zero, known_before
+from runner.session.waiting import operator_answer, response, show_page, update_view, wait
 from runner.session.watchdog import require_watchdog
 
 # The force channel in a session: its zero before each touch, and what each touch recorded.
@@ -162,7 +163,7 @@ def prepare(context: SessionContext) -> None:
 
     Raises `BadInput` if a touch would exceed a limit at the resonance of the mounted beam.
     """
-    context.participant.show(Notice(text="wait"))
+    show_page(context, Notice(text="wait"))
     update_view(context)
     study = context.session.study
     # Before anything is asked, because arming turns the output off and refuses a foreign device.
@@ -178,6 +179,7 @@ def prepare(context: SessionContext) -> None:
     if answers:
         context.log.append(events.RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
+    ask_at_desk(context)
     # Before the resonance is measured, which is that of the mounted beam.
     mount(context, study.touch.beam)
     # A generator drives nothing here: its resonance is kept in the study's folder.
@@ -198,7 +200,7 @@ def prepare(context: SessionContext) -> None:
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problems[0]}")
     context.resonance_hz = hz
     update_view(context, warning=tare(context))  # nobody touches the beam yet
-    context.participant.show(Welcome(consent=context.session.consent))
+    show_page(context, Welcome(consent=context.session.consent))
     response(context)
 
 
@@ -215,16 +217,64 @@ def _noted(context: SessionContext, asked: OperatorQuestion) -> str:
             return "" if answer is None else str(answer)
 
 
+def ask_at_desk(context: SessionContext) -> None:
+    """Ask the operator what the study wants to know, and has not been told, until it is possible.
+
+    With a virtual participant what nobody answers is drawn, as the participant's answers are.
+    """
+    session, log = context.session, context.log
+    for question in session.study.questions("desk", session.number):
+        rule, known = question.asked_if, known_before(session, log.state)
+        if (question.name, None) in log.state.questions or not (rule is None or rule.met_by(known)):
+            continue
+        began_s, text, answer = context.clock.monotonic_s(), spoken(question), None
+        context.operator.ask(text)
+        while True:
+            typed = operator_answer(context)
+            if session.virtual is not None and not typed:
+                name = f"{session.seed} {session.participant}/{session.number} {question.name}"
+                typed = KINDS[question.kind].drawn(question, Random(name))
+            try:
+                answer = question.answer(typed)
+                break
+            except ValueError as error:
+                context.operator.ask(f"{error}. {text}")
+        log.append(
+            events.QuestionAnswered(
+                when="desk",
+                name=question.name,
+                answer=answer,
+                reaction_time_s=context.clock.monotonic_s() - began_s,
+                trace=None,
+            )
+        )
+        context.operator.notify(f"noted: {question.name} {answer_text(answer)}")
+
+
+def spoken(question: StudyQuestion) -> str:
+    """Return a question with what may answer it, as the operator reads it.
+
+    >>> spoken(StudyQuestion(name="age", kind="number", text={"en": "Age?"}, unit="years"))
+    'Age? (years)'
+    """
+    low, high = question.ends
+    ends = f"{low:g} to {high:g}" if low is not None and high is not None else ""
+    skips = "" if question.required else "Enter skips it"
+    told = ", ".join(filter(None, [*question.values, ends, question.unit, skips]))
+    text = question.text.get("en") or next(iter(question.text.values()), question.name)
+    return f"{text} ({told})" if told else text
+
+
 def mount(context: SessionContext, beam: str | None) -> None:
     """Have the operator mount `beam`, with the output off, unless it is already mounted."""
     # After a `repeat` while this was asked, the other beam may be mounted already.
     if beam is None or (beam == context.log.state.beam and not context.beam_in_doubt):
         return
     context.beam_in_doubt = True  # and stays so if the operator does not confirm
-    context.participant.show(Notice(text="wait.beam"))
+    show_page(context, Notice(text="wait.beam"))
     context.operator.mount(beam)
     operator_answer(context)
-    context.participant.show(Notice(text="wait.touch"))
+    show_page(context, Notice(text="wait.touch"))
     context.beam_in_doubt, context.zero = False, None  # beams differ in weight
     # Once it is confirmed: the journal holds what was mounted, not what was asked for.
     context.log.append(events.BeamMounted(beam=beam))

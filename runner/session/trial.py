@@ -12,9 +12,9 @@ from protocol.study.participant_texts import language, page_key
 from protocol.study.study_question import QUESTIONS, Answer, StudyQuestion, When, facts_of_trial
 from protocol.study.touch import Touch
 from runner import screens
-from runner.session.session import Session, SessionContext, judged, samples_of
+from runner.session.session import Session, SessionContext, judged, known_before, samples_of
 from runner.session.setup import begin, end, mount, tare
-from runner.session.waiting import TICK_S, response, update_view, wait
+from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 
 # Questions to the participant, among them the study's own, and the study's own pages.
 
@@ -27,7 +27,7 @@ def asked(context: SessionContext, screen: screens.Ask) -> tuple[Answer, screens
     # Only what is shown is turned, so that answers keep their names and the data stay the same.
     turned = context.session.answer_order == "reversed" and screen.question.values
     shown = replace(screen, question=screen.question.reversed()) if turned else screen
-    context.participant.show(shown)
+    show_page(context, shown)
     given = response(context)
     return screen.question.answer(given.answer), given
 
@@ -49,14 +49,14 @@ def read_pages(context: SessionContext, before: str, block: int = 0) -> None:
     study = context.session.study
     for number in study.pages(before, block):
         picture = study.page[number].picture
-        context.participant.show(screens.Instruction(text=page_key(number), picture=picture))
+        show_page(context, screens.Instruction(text=page_key(number), picture=picture))
         response(context)
 
 
 def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None:
     """Say that practice begins if `trial` begins it after `last`; show its pages, or a block's."""
     if trial.kind == "practice" and (last is None or last.kind != "practice"):
-        context.participant.show(screens.Instruction(text="practice"))
+        show_page(context, screens.Instruction(text="practice"))
         response(context)
         read_pages(context, "practice")
     elif trial.block > 0 and (last is None or last.block != trial.block):
@@ -73,14 +73,6 @@ def due(session: Session, state: SessionState) -> list[Due]:
         if (question.name, block) not in state.questions
         and (question.asked_if is None or question.asked_if.met_by(known))
     ]
-
-
-def known_before(session: Session, state: SessionState) -> dict[str, Answer]:
-    """Return the latest answer to each question asked before or between trials, by its name.
-
-    What was asked in the first session alone is known in the later ones.
-    """
-    return {**session.told, **{name: answer for (name, _), answer in state.questions.items()}}
 
 
 def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | None]]:
@@ -123,7 +115,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compl
     drifted = tare(context)
     stimulus = _Stimulus(context, to_make)
     path = stimulus.pacing.touch
-    context.participant.show(screens.Instruction(text=stimulus.pacing.text, touch=path))
+    show_page(context, screens.Instruction(text=stimulus.pacing.text, touch=path))
     ready = records.InstructionResponse(**vars(response(context)))
     start = _setpoint(context, to_make.voltage_v, to_make.frequency)
     # On the disk before the output goes on: no touch is driven of which the journal does not know.
@@ -131,7 +123,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compl
     moved_s = stimulus.deliver(start)
     # Off before anything is shown or stored, because neither may keep it on.
     context.device.off()
-    context.participant.show(screens.Notice(text="touch.end"))
+    show_page(context, screens.Notice(text="touch.end"))
     # Before `touch-ended`: a session killed between the two repeats the trial and loses no samples.
     warnings = end(context, number, moved_s)
     rules = context.session.study.as_instructed
@@ -175,7 +167,7 @@ class _Stimulus:
         before = screens.lead_in(self.pacing, context.session.study.touch)
         moves_s = context.clock.monotonic_s() + before.seconds
         # The finger is put down while the output rises, on the same page whatever is driven.
-        context.participant.show(before)
+        show_page(context, before)
         update_view(context, device=context.device.drive(start))
         steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
         # A soft start may outlast the lead-in; a held drive is steady before the mark moves.
@@ -184,7 +176,7 @@ class _Stimulus:
             wait(context, min(left_s, SAMPLE_EVERY_S))
             self._show_finger(context.device.read_back())  # as often as later, to notice a fault
         moved_s = context.clock.monotonic_s()
-        context.participant.show(self.pacing)
+        show_page(context, self.pacing)
         self._sample_and_show()
         if self._ramps:
             # A ramp begins with the mark, not with the lead-in: its course belongs to the path.
@@ -309,7 +301,7 @@ def _answers(
         return None, None, []
     # A trial to remember, such as the baseline, has no question; the participant only confirms.
     if trial.question is None:
-        context.participant.show(screens.Instruction(text="remember"))
+        show_page(context, screens.Instruction(text="remember"))
         return None, None, [response(context)]
     rating = context.session.study.rating
     _, change = asked(context, screens.ask_change(trial.question))

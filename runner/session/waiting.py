@@ -5,14 +5,33 @@ from dataclasses import replace
 from typing import TypeVar
 
 from protocol.errors import WorkFailed
-from protocol.journal.events import NoteTaken, Paused, Unpaused
+from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpaused
 from protocol.journal.records import ReadBack
 from protocol.plan.trials import Trial, remaining_s
-from runner.screens import Aim, Instruction, Note, Notice, OperatorView, PlanLine, Response, pacing
+from protocol.study.study_question import answer_text
+from runner.screens import (
+    Aim,
+    Correction,
+    Instruction,
+    Note,
+    Notice,
+    OperatorView,
+    PlanLine,
+    Response,
+    Screen,
+    pacing,
+    page_name,
+)
 from runner.session.session import SessionContext
 from runner.signals import raise_if_stopped
 
-# What the operator sees of a running session.
+# What participant and operator see of a running session.
+
+
+def show_page(context: SessionContext, screen: Screen) -> None:
+    """Show `screen` to the participant, and tell the operator which page it is."""
+    context.participant.show(screen)
+    context.operator.page(page_name(screen, blind=context.session.study.session.blind_operator))
 
 
 def update_view(
@@ -137,6 +156,34 @@ def obey(context: SessionContext) -> None:
             # Confirmed only after it is stored.
             context.log.append(NoteTaken(text=text))
             context.operator.notify(f"noted: {text}")
+        case Correction() as correction:
+            context.operator.notify(_corrected(context, correction))
+
+
+def _corrected(context: SessionContext, wanted: Correction) -> str:
+    """Record another answer of the operator's; return what became of it."""
+    session, state = context.session, context.log.state
+    asked = {it.name: it for it in session.study.questions("desk", session.number)}
+    answered = [name for name in asked if (name, None) in state.questions]
+    if wanted.name not in answered:
+        return f"{wanted.name!r} has no answer to correct; answered: {', '.join(answered) or '-'}"
+    if state.has_begun and not wanted.note:
+        return "the session has begun: add the reason, as in `age 31 because misheard`"
+    try:
+        answer = asked[wanted.name].answer(wanted.answer)
+    except ValueError as error:
+        return str(error)
+    context.log.append(
+        QuestionAnswered(
+            when="desk",
+            name=wanted.name,
+            answer=answer,
+            reaction_time_s=0.0,
+            trace=None,
+            note=wanted.note or None,
+        )
+    )
+    return f"corrected: {wanted.name} {answer_text(answer)}"
 
 
 def _repeat(context: SessionContext) -> None:
@@ -219,11 +266,11 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     pause_s = context.session.study.timing.inter_trial_s
     # First "Saved", then what is waited for: a page that changed at once would not be read.
     wait(context, min(SAVED_S, pause_s))
-    context.participant.show(Notice(text="wait.touch"))
+    show_page(context, Notice(text="wait.touch"))
     wait(context, max(pause_s - SAVED_S, 0.0))
     if trial.break_s > 0:  # it ends when it is over and the participant wants to go on
         over_s = context.clock.monotonic_s() + trial.break_s
-        context.participant.show(Instruction(text="break", after_s=trial.break_s))
+        show_page(context, Instruction(text="break", after_s=trial.break_s))
         answer = None
         while answer is None or context.clock.monotonic_s() < over_s:
             # Kept, because a press that comes before the break is over is not asked for again.
@@ -235,7 +282,7 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
 
 def _pause(context: SessionContext) -> None:
     context.log.append(Paused())
-    context.participant.show(Notice(text="pause"))
+    show_page(context, Notice(text="pause"))
     update_view(context)
     # `tick` takes the operator's orders, one of which ends the pause.
     while context.pause_wanted:

@@ -61,7 +61,7 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     screens += [
         *(ask_change(item.question) for item in items if item.question is not None),
         ask_score(study.rating),
-        *(Ask(question=question) for question in study.question),
+        *(Ask(question=it) for it in study.question if it.when != "desk"),
         *(Instruction(text=page_key(at), picture=own.picture) for at, own in enumerate(study.page)),
     ]
     # Not a set, because the window prepares them in this order.

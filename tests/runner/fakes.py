@@ -1,9 +1,10 @@
 """A device, a clock and people that live in the test's own process."""
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from typing import Any, cast
 
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError, OutputUnknown
@@ -21,12 +22,11 @@ from runner.journal.store import Journal
 from runner.screens import (
     Ask,
     Instruction,
-    Note,
     OperatorView,
-    Order,
     OwnFinger,
     Response,
     Screen,
+    Wanted,
     Welcome,
 )
 from runner.session.session import Session, SessionContext, SessionKind
@@ -192,12 +192,13 @@ class FakeOperator:
     """
 
     device: FakeDevice
-    orders: list[tuple[str, Order | Note]] = field(default_factory=list)
+    orders: list[tuple[str, Any]] = field(default_factory=list)
     mounts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
     answers: list[str] = field(default_factory=list)
     seen: list[OperatorView] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
+    pages: list[str] = field(default_factory=list)
 
     def mount(self, beam: str) -> None:
         assert not self.device.on, "the output must be off while a beam is swapped"
@@ -216,10 +217,16 @@ class FakeOperator:
     def withdraw_question(self) -> None:
         self.asked.append("")
 
-    def order(self) -> Order | Note | None:
+    def order(self) -> Wanted | None:
         if self.orders and self.seen and self.seen[-1].state == self.orders[0][0]:
-            return self.orders.pop(0)[1]
+            return cast(Wanted, self.orders.pop(0)[1])
         return None
+
+    def page(self, name: str) -> None:
+        self.pages.append(name)
+
+    def recall(self, messages: Sequence[tuple[str, str]]) -> None:
+        pass
 
     def show(self, view: OperatorView) -> None:
         self.seen.append(view)

@@ -32,6 +32,9 @@ armed      device-off idle              practice-renewed armed       question-an
 armed      drive-started driving
 driving    drive-started driving        drive-ended armed            device-off idle
 driving    touch-recorded driving
+paused     question-answered paused
+trial      question-answered trial
+touching   question-answered touching
 paused     unpaused armed               device-off idle
 trial      beam-mounted trial           touch-started touching
 trial      answered armed               trial-aborted armed          trial-deferred armed

@@ -49,7 +49,11 @@ def told(*changes: tuple[str, str]) -> list[str]:
             "confidence, conditions: must differ, got 'voltage'; name it once",
         ),
         ('when = "block"', 'conditions = ["voltage"]\nwhen = "block"', 'when: must be "trial"'),
-        ('when = "after"', 'sessions = "first"\nwhen = "block"', 'when: must be "before" or'),
+        (
+            'when = "after"',
+            'sessions = "first"\nwhen = "block"',
+            'when: must be "desk", "before" or',
+        ),
         ('unit = "years"', "max_length = 3", "max_length: must be left out where kind = 'number'"),
         ("minimum = 18", "minimum = 99", "maximum: must be above minimum = 99, got 99"),
         ('value = "both"', 'value = "left"', "labels: must have values that differ, got 'left'"),

@@ -12,7 +12,7 @@ from runner.people.operator_console import (
     PlainDisplay,
     line_help,
 )
-from runner.screens import Note
+from runner.screens import Correction, Note
 from tests.runner.views import plan, view
 
 ON = ReadBack(
@@ -304,7 +304,16 @@ def test_help_lists_every_order(key: str) -> None:
     operator.show(view())
     assert operator.order() is None
     assert said[1:] == line_help()
-    assert {line.split()[0] for line in said[2:]} == {":p", ":r", ":n", ":s", ":a", ":help", ":e"}
+    assert {line.split()[0] for line in said[2:]} == {
+        ":p",
+        ":r",
+        ":n",
+        ":c",
+        ":s",
+        ":a",
+        ":help",
+        ":e",
+    }
 
 
 def test_help_in_lines_speaks_of_passes_while_a_block_is_drawn() -> None:
@@ -378,3 +387,57 @@ def test_a_dry_run_says_so_first() -> None:
         operator.show(view(kind="rehearsal"))
     assert said[0] == "DRY RUN: a rehearsal, no participant's data"
     assert len(said) == 2
+
+
+@pytest.mark.parametrize(
+    ("characters", "name", "answer", "note"),
+    [
+        ("cage 31\n", "age", "31", ""),
+        ("cage 31 because misheard\n", "age", "31", "misheard"),
+        ("cremark sticky because of sweat\n", "remark", "sticky", "of sweat"),
+        ("cag\x7fge 31\n", "age", "31", ""),
+        ("cremark\n", "remark", "", ""),
+    ],
+)
+def test_a_correction_is_typed_after_its_key(
+    characters: str, name: str, answer: str, note: str
+) -> None:
+    keys = OperatorKeys()
+    keys.feed(characters)
+    assert keys.order() == Correction(name=name, answer=answer, note=note)
+    assert keys.line is None
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("answer age 31", Correction(name="age", answer="31")),
+        ("Answer age 31 because misheard", Correction(name="age", answer="31", note="misheard")),
+        ("c age 31", Correction(name="age", answer="31")),
+        ("answer", None),
+        ("answer age 31\x05", "emergency stop"),
+    ],
+)
+def test_a_correction_is_one_line(line: str, wanted: Correction | str | None) -> None:
+    keys = OperatorKeys()
+    assert keys.feed_order(line)
+    assert keys.order() == wanted
+    assert keys.line is None, "the next line is no part of it"
+
+
+def test_an_emergency_stop_ends_a_correction_and_escape_drops_it() -> None:
+    keys = OperatorKeys()
+    keys.feed("cage 3\x1b")
+    assert (keys.line, keys.order()) == (None, None)
+    keys.feed("cage\x05")
+    assert keys.order() == "emergency stop"
+
+
+def test_plain_lines_do_not_repeat_what_was_told_before_an_interruption() -> None:
+    said: list[str] = []
+    operator = console((), said)
+    operator.recall([("09:00:00", "noted: skin dry")])
+    operator.show(view())
+    operator.notify("noted: skin moist")
+    assert "noted: skin dry" not in said
+    assert said[-1] == "noted: skin moist"

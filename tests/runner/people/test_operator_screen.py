@@ -283,3 +283,21 @@ def test_what_ends_the_drawing_ends_the_session(
         monkeypatch.setattr(sys, "stdout", output)
         with pytest.raises(raised, match="gone"):
             watched()
+
+
+def test_the_participants_page_is_shown_with_the_time_on_it() -> None:
+    now = moment()
+    found = lines(Frame(view=view(), page="question age", page_s=now.now_s - 75), now)
+    assert row(found, "participant:") == " participant: question age, for 1:15"
+    assert not any("participant:" in line for line in lines(Frame(view=view()), now))
+
+
+def test_the_log_has_what_was_told_before_an_interruption() -> None:
+    told = (("09:00:00", "noted: skin dry"), ("14:03:00", "noted: skin moist"))
+    found = lines(Frame(view=view(), messages=told, recalled=1))
+    assert any("09:00:00 noted: skin dry" in line for line in found)
+
+
+def test_a_correction_says_what_is_typed() -> None:
+    found = lines(Frame(view=view(), typed="age 31", typing="Name, answer [because reason]"))
+    assert " Name, answer [because reason]: age 31_" in found

@@ -33,7 +33,7 @@ class Following(FakeParticipant):
 def followed(folder: Path, text: str, *, repeats: bool = False) -> Following:
     participant = Following()
     orders = [("touching", "repeat")] if repeats else []
-    operator = FakeOperator(participant.device, orders)  # type: ignore[arg-type]
+    operator = FakeOperator(participant.device, orders)
     with open_journal(folder / "study.db") as journal:
         run(context(journal, participant.device, participant, text, operator))
     return participant

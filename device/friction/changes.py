@@ -100,6 +100,20 @@ def trial_change(
     )
 
 
+def friction_difference(
+    study: Study, standard: Touch, comparison: Touch, rig: Calibration
+) -> float:
+    """Return how much smoother `comparison` is than `standard`: the mean of ln(mu / mu')."""
+    change = Change(
+        effect="friction",
+        contrary=False,
+        before=_moment(study, standard, standard.voltage_v, standard.frequency),
+        after=_moment(study, comparison, comparison.voltage_v, comparison.frequency),
+        places_m=_places_m(study.touch, "friction", comparison.place),
+    )
+    return predicted_contrast(change, rig=rig)
+
+
 def _places_m(finger: TouchDefaults, effect: Effect, place: Place) -> tuple[float, ...]:
     if effect == "friction" and place == "smooth":
         return (finger.smooth_place_m,)

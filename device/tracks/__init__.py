@@ -1,1 +1,5 @@
-"""The levels of tracks: QUEST+, the voltages of contrasts, what a track can be expected to tell."""
+"""The levels of tracks, where arrays are needed: QUEST+, voltages of contrasts, expectations.
+
+Public face: `next_level.next_level`, `next_level.Answer`, `posterior.estimate`,
+`expected.expected`, `contrast.voltages`.
+"""

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from statistics import geometric_mean
 from typing import NamedTuple
 
 from protocol.plan.blocks import Stream
@@ -129,7 +130,7 @@ def moved(track: Track, place: Place, correct: bool) -> Place:
     following = place.level + heading
     if not changed and 0 <= following <= top:
         return place._replace(level=following)
-    turned_at = place.turned_at + (place.level,) * changed
+    turned_at = (*place.turned_at, place.level) if changed else place.turned_at
     return Place(0 if heading < 0 else top, heading=-heading, turned_at=turned_at)
 
 
@@ -142,6 +143,19 @@ def place_after(track: Track, answers: Iterable[Answer]) -> Place:
     for answer in answers:
         place = moved(track, place._replace(level=answer.level), answer.correct)
     return place
+
+
+def reversal_mean(track: Track, turned_at: tuple[int, ...]) -> float | None:
+    """Return the mean level of the reversals made with the last step, None before there are two.
+
+    It is taken in ratios where the levels are in equal ratios.
+    """
+    coarse = 0 if track.method == "limits" else max(map(len, in_levels(track))) - 1
+    values = [track.values[level] for level in turned_at[coarse:]]
+    if len(values) < 2:
+        return None
+    in_ratios = track.levels.step_db is not None
+    return geometric_mean(values) if in_ratios else sum(values) / len(values)
 
 
 def constant_order(track: Track, seed: int, *name: object) -> tuple[int, ...]:

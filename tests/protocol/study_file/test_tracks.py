@@ -27,8 +27,8 @@ def refused(*changes: tuple[str, str]) -> str:
 TASK = 'task = "two intervals"'
 QUEST = 'method = "quest+"'
 LEVELS = 'levels = { from = 4, to = 160, count = 41, spaced = "equal ratios" }'
-STANDARD = 'standard = { place = "path", voltage_v = 0 }\n'
-COMPARISON = 'comparison = { place = "path" }'
+STANDARD = 'standard = { place = "smooth", voltage_v = 0 }\n'
+COMPARISON = 'comparison = { place = "smooth" }'
 GRID = "to = 158.11, count = 31"
 
 
@@ -56,23 +56,23 @@ GRID = "to = 158.11, count = 31"
             "more levels, each once",
         ),
         (
-            [(STANDARD, 'standard = { place = "path", voltage_v = 50 }\n')],
+            [(STANDARD, 'standard = { place = "smooth", voltage_v = 50 }\n')],
             "track smallest amplitude, levels: must all be on one side of the standard at 50, and "
             "none there, got 4 to 160; where nothing differs no answer is right; catch trials have "
             "the standard",
         ),
         (
-            [(STANDARD, 'standard = { place = "path" }\n')],
+            [(STANDARD, 'standard = { place = "smooth" }\n')],
             'track smallest amplitude, standard: must give voltage_v, because axis = "voltage", '
             "got none; the levels are on one side of the standard's",
         ),
         (
             [(STANDARD, "")],
             'track smallest amplitude, standard: must be given where task = "two intervals", got '
-            'nothing; such as standard = { place = "path", voltage_v = 0 }',
+            'nothing; such as standard = { place = "smooth", voltage_v = 0 }',
         ),
         (
-            [(COMPARISON, 'comparison = { place = "path", voltage_v = 20 }')],
+            [(COMPARISON, 'comparison = { place = "smooth", voltage_v = 20 }')],
             "track smallest amplitude, comparison, voltage_v: must not give voltage_v, which axis "
             '= "voltage" fills in, got 20.0; leave it out; levels has the values',
         ),
@@ -80,8 +80,8 @@ GRID = "to = 158.11, count = 31"
             [
                 ('axis = "voltage"', 'axis = "frequency"'),
                 (LEVELS, "levels = { from = 0.97, to = 1.03, count = 8 }"),
-                (STANDARD, 'standard = { place = "path", voltage_v = 100, frequency = 0.96 }\n'),
-                (COMPARISON, 'comparison = { place = "path", voltage_v = 100 }'),
+                (STANDARD, 'standard = { place = "smooth", voltage_v = 100, frequency = 0.96 }\n'),
+                (COMPARISON, 'comparison = { place = "smooth", voltage_v = 100 }'),
             ],
             "track smallest amplitude, levels: must lie on one side of the resonance, together "
             "with the standard, got 0.97 to 1.03; friction is not monotone across 1.0: make a "

@@ -1,0 +1,96 @@
+"""What a track can be expected to tell, by simulated observers that answer by its own curve."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.beam.modes import FloatArray
+from device.tracks.posterior import choices, correct_share, lattice, slopes
+from protocol.study.track import Track
+from protocol.tracks.rules import Place, constant_order, moved, start
+
+OBSERVERS, SEED = 200, 1
+_INNER = (0.1, 0.9)
+"""The part of the levels, in ratios, over which the thresholds of observers are spread evenly."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """Errors of the threshold in dB, its interval and the trials spent, over all observers.
+
+    `rmse_db` is of the estimate by the posterior; `interval_db` the mean width of its 95%
+    interval; `trials` the mean number of trials until the track ends.
+    """
+
+    rmse_db: float
+    interval_db: float
+    trials: float
+
+
+def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expected:
+    """Return what a track tells of observers with the slopes and lapse rates that it assumes.
+
+    Thresholds are spread evenly over the levels in ratios, without a tenth at each end; slopes and
+    lapse rates evenly over their ranges.
+    """
+    random = np.random.default_rng(seed)
+    ends = np.log([track.distances[0], track.distances[-1]])
+    threshold = np.exp(ends[0] + random.uniform(*_INNER, observers) * (ends[1] - ends[0]))
+    slope = random.uniform(*slopes(track), observers)
+    lapse = random.uniform(*track.lapse, observers)
+    levels = np.array(track.distances)[:, np.newaxis]
+    counted = _answered(track, correct_share(track, levels, threshold, slope, lapse), random)
+    grid = lattice(track, fine=True)
+    middle, low, high = grid.interval(grid.posterior(counted))
+    return Expected(
+        rmse_db=float(np.sqrt(np.mean((20 * np.log10(middle / threshold)) ** 2))),
+        interval_db=float(np.mean(20 * np.log10(high / low))),
+        trials=float(counted.sum() / observers),
+    )
+
+
+def _answered(track: Track, right: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Return how often each observer erred and was right at each level, (observers, 2, levels).
+
+    `right` has the chance of a correct answer, (levels, observers).
+    """
+    levels, observers = right.shape
+    counted = np.zeros((observers, 2, levels))
+    everybody = np.arange(observers)
+    places = [start(track)] * observers
+    orders = np.array([constant_order(track, SEED, each) for each in range(observers)])
+    misses = np.zeros((observers, track.mercy), dtype=int)
+    going = np.ones(observers, dtype=bool)
+    for trial in range(track.trials):
+        if track.method == "quest+":
+            weights = lattice(track).posterior(counted)
+            asked = choices(track, weights, misses.max(axis=1, initial=0)).astype(int)
+        elif track.method == "constant":
+            asked = orders[:, trial]
+        else:
+            asked = np.array([place.level for place in places])
+        correct = random.random(observers) < right[asked, everybody]
+        counted[everybody, correct.astype(int), asked] += going
+        if track.mercy:
+            misses = np.column_stack([misses[:, 1:], np.where(correct, 0, asked)])
+        if track.method in {"staircase", "limits"}:
+            told = zip(places, correct.tolist(), strict=True)
+            places = [moved(track, place, was_right) for place, was_right in told]
+        going &= ~_ended(track, places, counted)
+        if not going.any():
+            break
+    return counted
+
+
+def _ended(track: Track, places: Sequence[Place], counted: FloatArray) -> NDArray[np.bool_]:
+    """Return for which observers a stop is reached."""
+    ended = np.zeros(len(places), dtype=bool)
+    if track.stop is not None and track.stop.reversals is not None:
+        ended |= np.array([len(place.turned_at) >= track.stop.reversals for place in places])
+    if track.stop is not None and track.stop.interval_db is not None:
+        grid = lattice(track)
+        _, low, high = grid.interval(grid.posterior(counted))
+        ended |= 20 * np.log10(high / low) <= track.stop.interval_db
+    return ended

@@ -1,0 +1,54 @@
+"""The next level of a track: a pure function of the answers that count."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from device.tracks.posterior import choices, lattice
+from protocol.study.track import Track, decibels
+from protocol.tracks.rules import Answer, place_after
+
+__all__ = ["Answer", "levels_of", "next_level"]
+
+
+def next_level(track: Track, answers: Sequence[Answer], order: Sequence[int] = ()) -> int | None:
+    """Return the number of the level to ask next, None where the track has ended.
+
+    `order` is that of constant stimuli (`protocol.tracks.rules.constant_order`), drawn before.
+    """
+    if len(answers) >= track.trials or _stopped(track, answers):
+        return None
+    if track.method == "constant":
+        return order[len(answers)]
+    if track.method != "quest+":
+        return place_after(track, answers).level
+    missed = (answer.level for answer in answers[-track.mercy :] if not answer.correct)
+    hardest = max(missed, default=0) if track.mercy else 0
+    weights = lattice(track).weights(answers)
+    return int(choices(track, weights[np.newaxis], hardest)[0])
+
+
+def _stopped(track: Track, answers: Sequence[Answer]) -> bool:
+    if track.stop is None or not answers:
+        return False
+    reversals, width_db = track.stop.reversals, track.stop.interval_db
+    if reversals is not None and len(place_after(track, answers).turned_at) >= reversals:
+        return True
+    if width_db is None:
+        return False
+    grid = lattice(track)
+    _, low, high = grid.interval(grid.weights(answers)[np.newaxis])[:, 0]
+    return decibels(high / low) <= width_db
+
+
+def levels_of(
+    track: Track, correct: Sequence[bool], order: Sequence[int] = ()
+) -> tuple[Answer, ...]:
+    """Return the answers with the levels that the track asks for, as far as it goes."""
+    found: list[Answer] = []
+    for right in correct:
+        level = next_level(track, found, order)
+        if level is None:
+            break
+        found.append(Answer(level, right))
+    return tuple(found)

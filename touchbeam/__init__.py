@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from touchbeam.asked import track
     from touchbeam.model import friction, predict
     from touchbeam.rig import OpenRig, open_rig
     from touchbeam.study import Study, load
@@ -20,7 +21,17 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = ["OpenRig", "Study", "__version__", "fit", "friction", "load", "open_rig", "predict"]
+__all__ = [
+    "OpenRig",
+    "Study",
+    "__version__",
+    "fit",
+    "friction",
+    "load",
+    "open_rig",
+    "predict",
+    "track",
+]
 
 _HOME = {
     "Study": "study",
@@ -30,6 +41,7 @@ _HOME = {
     "fit": "thresholds",
     "OpenRig": "rig",
     "open_rig": "rig",
+    "track": "asked",
 }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from touchbeam.model import predicted_frame
 
@@ -223,6 +223,12 @@ class Study:
         from protocol.study.participant_texts import scale_in_words
 
         return self._frames.described(scale_in_words(self.file, self.file.rating))
+
+    def track(self, name: str, answers: "Sequence[bool | int]") -> "dict[str, Any]":
+        """Return what a track of the study asks after `answers`, as `touchbeam.track` does."""
+        from touchbeam.asked import asked_by
+
+        return asked_by(self.file, self._rig, name, answers)
 
     def plan(self, participant: str, session: int = 1) -> "pd.DataFrame":
         """Return the planned trials of a participant's session, a row each.

@@ -26,6 +26,7 @@ from runner.study.folder import DIALECTS, StudyFolder
 
 if TYPE_CHECKING:
     from protocol.registration.registration import Registration
+    from runner.study.tracks import ShownTrack
 
 
 class WrongPlan(WorkFailed):
@@ -92,8 +93,10 @@ def checked(
         BadInput: the study file is missing or unreadable.
     """
     source, text = str(folder.study_file), folder.text()
+    rig = fitted_calibration(folder.path)
     try:
         study = validated_study(text, source)
+        tracks = _tracks(study, rig, source, text)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
     registered = None
@@ -110,13 +113,27 @@ def checked(
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
-    model = _prediction(study, fitted_calibration(folder.path))
+    model = _prediction(study, rig)
     if as_json:
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
+        record |= {"tracks": [track.record() for track in tracks]} if tracks else {}
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], [], True
-    said = [*preview_lines(shown, model), *_lock_lines(folder, registered, text)]
+    said = [*preview_lines(shown, model), *[""] * bool(tracks)]
+    said += [line for track in tracks for line in track.lines()]
+    said += _lock_lines(folder, registered, text)
     return [*said, *_language_lines(study)], [], True
+
+
+def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[ShownTrack]":
+    if not study.track:  # most studies have none, and should not wait for what shows them
+        return []
+    from runner.study.tracks import shown_tracks
+
+    shown, unreachable = shown_tracks(study, rig)
+    if unreachable:
+        raise StudyError(source, located(text, unreachable))
+    return shown
 
 
 def _language_lines(study: Study) -> Iterator[str]:

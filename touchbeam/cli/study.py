@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from protocol.errors import BadInput
 from runner.clock import Pace, WallClock
 from touchbeam.cli.options import (
     Choosing,
@@ -129,6 +130,52 @@ def check(
         (print_json_text if as_json else say)(line)
     if not in_order:
         raise typer.Exit(2)
+
+
+@app.command()
+def track(
+    study: StudyArgument,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The name of a [[track]].")],
+    answers: Annotated[
+        str, typer.Option(help='In their order, 1 for correct or yes, else 0: "1 1 0".')
+    ] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Show what a track would ask after these answers, and its estimate of the threshold.
+
+    Nothing is driven or recorded.
+    """
+    from touchbeam.asked import track as asked
+
+    given = answers.replace(",", " ").split()
+    if wrong := next((each for each in given if each not in {"0", "1"}), None):
+        raise BadInput(f'--answers must be 1 or 0 each, such as "1 1 0", got {wrong!r}')
+    found = asked(study, name, [int(each) for each in given])
+    if as_json:
+        print_json(found)
+        return
+    for number, (value, each) in enumerate(zip(found["values"], given, strict=True), start=1):
+        say(f"{number:>3}  level {found['levels'][number - 1]:>3}  {value:<10.5g}  {each}")
+    following, estimate = found["next"], found["estimate"]
+    if following is None:
+        say("The track has ended.")
+    else:
+        value, volts = following["value"], following["volts"]
+        say(f"Next: level {following['index']}, {value:.5g} ({volts:.5g} V)")
+    defined = (
+        f"{estimate['threshold_at']:.4g} {'yes' if found['task'] == 'yes or no' else 'correct'}"
+    )
+    if estimate["threshold"] is None:
+        say(f"Threshold at {defined}: not determined by these answers")
+    else:
+        low, high = (
+            "unbounded" if end is None else f"{end:.4g}" for end in estimate["threshold_ci"]
+        )
+        say(f"Threshold at {defined}: {estimate['threshold']:.4g}, 95% interval {low} to {high}")
+    if (mean := estimate.get("reversal_mean")) is not None:
+        at = estimate.get("reversal_mean_at")
+        defined = "" if at is None else f", which converges to {at:.4g} correct"
+        say(f"Mean of the last reversals of {estimate['reversals']}: {mean:.4g}{defined}")
 
 
 @app.command(cls=Choosing)

@@ -1,0 +1,131 @@
+"""What `touchbeam check` says of tracks: levels, voltages, convergence, expected precision."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from device.friction.scenes import Calibration
+from protocol.errors import Problem
+from protocol.study.study import Study
+from protocol.study.touch import current_ma
+from protocol.study.track import Track
+from protocol.tracks.convergence import converges_at
+from protocol.tracks.rules import staircase
+
+_UNITS = {"voltage": " V", "frequency": " of the resonance", "contrast": "", "place": " m"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownTrack:
+    """A track with the voltage of each level, and what it is expected to tell."""
+
+    track: Track
+    volts: tuple[float, ...]
+    contrasts: tuple[float, float] | None
+    current_ma: float | None
+    converges_at: float | None
+    rmse_db: float
+    interval_db: float
+    trials: float
+
+    def record(self) -> dict[str, Any]:
+        """Return it as plain JSON values."""
+        track, share = self.track, self.converges_at
+        return {
+            "name": track.name,
+            "task": track.task,
+            "method": track.method,
+            "axis": track.axis,
+            "levels": list(track.values),
+            "volts": list(self.volts),
+            "contrasts": self.contrasts and [round(end, 4) for end in self.contrasts],
+            "trials": track.trials,
+            "catch": track.catch,
+            "easy": track.easy,
+            "threshold_at": round(track.share, 4),
+            "converges_at": None if share is None else round(share, 4),
+            "expected": {
+                "rmse_db": round(self.rmse_db, 2),
+                "interval_db": round(self.interval_db, 2),
+                "trials": round(self.trials, 1),
+            },
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as lines of text."""
+        track = self.track
+        beside = [f"{many} {kind}" for kind in ("catch", "easy") if (many := getattr(track, kind))]
+        yield f"Track       {track.name}: {track.task}, {track.method}, " + " + ".join(
+            [f"{track.trials} trials", *beside]
+        )
+        levels, unit = track.values, _UNITS[track.axis]
+        drives = "" if track.axis == "voltage" else f"; {_range(self.volts)} V"
+        felt = "" if self.contrasts is None else f"; contrast {_range(self.contrasts, 3)}"
+        current = "" if self.current_ma is None else f"; up to {self.current_ma:.3g} mA"
+        yield (
+            f"            {len(levels)} levels of {track.axis}, {_range(levels)}{unit}"
+            f"{drives}{felt}{current}"
+        )
+        if self.converges_at is not None:
+            yield f"            its rule converges to {self.converges_at:.4f} correct"
+        said = "yes" if track.task == "yes or no" else "correct"
+        yield f"            threshold at {track.share:.4g} {said}, as 200 simulated observers show:"
+        yield (
+            f"            about {self.rmse_db:.1f} dB (RMSE) after {self.trials:.0f} trials, "
+            f"95% interval {self.interval_db:.1f} dB wide"
+        )
+
+
+def _range(values: tuple[float, ...], digits: int = 4) -> str:
+    ends = f"{min(values):.{digits}g}", f"{max(values):.{digits}g}"
+    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
+
+
+def volts_of(
+    study: Study, number: int, rig: Calibration
+) -> tuple[tuple[float, ...], list[Problem]]:
+    """Return the voltage of each level of a track on this rig, and what is wrong with them."""
+    track = study.track[number]
+    if track.axis == "contrast":
+        from device.tracks.contrast import voltages
+
+        return voltages(study, number, rig)
+    return tuple(track.at(level).voltage_v for level in range(len(track.values))), []
+
+
+def shown_tracks(study: Study, rig: Calibration) -> tuple[list[ShownTrack], list[Problem]]:
+    """Return all tracks of a checked study as shown, and what only the friction model finds."""
+    shown: list[ShownTrack] = []
+    wrong: list[Problem] = []
+    for number, track in enumerate(study.track):
+        volts, broken = volts_of(study, number, rig)
+        wrong += broken
+        if not broken:
+            shown.append(_shown(study, track, volts, rig))
+    return shown, wrong
+
+
+def _shown(study: Study, track: Track, volts: tuple[float, ...], rig: Calibration) -> ShownTrack:
+    from device.friction.changes import friction_difference
+    from device.tracks.expected import expected
+
+    touches = [track.at(level, volts[level]) for level in (0, len(volts) - 1)]
+    contrasts = None
+    if track.standard is not None and track.axis != "place":
+        first, last = (
+            friction_difference(study, track.standard, touch, rig) + 0.0 for touch in touches
+        )
+        contrasts = first, last
+    told = expected(track)
+    highest_hz = max(touch.frequency for touch in touches) * study.rig.nominal_resonance_hz
+    sheets_nf = study.rig.capacitance_nf
+    return ShownTrack(
+        track=track,
+        volts=volts,
+        contrasts=contrasts,
+        current_ma=sheets_nf and current_ma(max(volts), highest_hz, sheets_nf),
+        converges_at=converges_at(staircase(track)) if track.method == "staircase" else None,
+        rmse_db=told.rmse_db,
+        interval_db=told.interval_db,
+        trials=told.trials,
+    )

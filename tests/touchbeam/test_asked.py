@@ -1,0 +1,126 @@
+"""What a track would ask after given answers: on the command line and in Python."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import touchbeam
+from protocol.study_file.loading import template
+from touchbeam.cli.app import app
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    place = tmp_path / "study"
+    place.mkdir()
+    (place / "study.toml").write_text(template("threshold"), encoding="utf-8")
+    return place
+
+
+def test_the_command_and_python_say_the_same(folder: Path) -> None:
+    printed = CliRunner().invoke(
+        app, ["track", str(folder), "smallest amplitude", "--answers", "1 1 0", "--json"]
+    )
+    told = json.loads(printed.stdout)
+    assert told == json.loads(json.dumps(touchbeam.track(folder, "smallest amplitude", [1, 1, 0])))
+    assert told["levels"] == [23, 20, 18]
+    assert told["values"][0] == pytest.approx(4 * 40 ** (23 / 40))
+    assert told["next"]["index"] == 27
+    assert told["next"]["volts"] == told["next"]["value"]
+    assert told["estimate"]["threshold_at"] == 0.75
+    low, high = told["estimate"]["threshold_ci"]
+    assert low < told["estimate"]["threshold"] < high
+
+
+def test_a_staircase_says_its_levels_and_the_mean_of_its_reversals(folder: Path) -> None:
+    answers = [1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0]
+    told = touchbeam.track(folder, "by a staircase", answers)
+    # 4 dB until the second reversal, then 1 dB.
+    assert told["levels"] == [30, 30, 30, 26, 26, 26, 22, 26, 26, 26, 25, 26, 26, 26, 25]
+    assert told["estimate"]["reversals"] == 5
+    assert told["estimate"]["reversal_mean_at"] == 0.7937
+    last = [told["values"][number] for number in (10, 13, 14)]
+    assert told["estimate"]["reversal_mean"] == pytest.approx(
+        (last[0] * last[1] * last[2]) ** (1 / 3)
+    )
+
+
+def test_without_answers_nothing_is_known(folder: Path) -> None:
+    told = touchbeam.track(folder, "smallest amplitude", [])
+    assert told["estimate"]["threshold"] is None
+    assert told["next"]["index"] == 23
+
+
+def test_an_ended_track_asks_nothing(folder: Path) -> None:
+    told = touchbeam.track(folder, "smallest amplitude", [1, 0, 1, 1] * 10)
+    assert told["next"] is None
+    with pytest.raises(ValueError, match="ends after 40 of these 41 answers: leave the rest out"):
+        touchbeam.track(folder, "smallest amplitude", [1] * 41)
+
+
+def test_a_name_or_an_answer_that_is_not_there_is_refused(folder: Path) -> None:
+    known = "no track is called 'x'; known: 'smallest amplitude', 'by a staircase'"
+    with pytest.raises(ValueError, match=known):
+        touchbeam.track(folder, "x", [])
+    with pytest.raises(ValueError, match=r"must be 1 \(correct, or yes\) or 0, got 2"):
+        touchbeam.track(folder, "smallest amplitude", [1, 2])
+
+
+def test_check_shows_each_track(folder: Path) -> None:
+    printed = CliRunner().invoke(app, ["check", str(folder), "--json"])
+    first, second = json.loads(printed.stdout)["tracks"]
+    assert (first["name"], first["task"], first["method"], first["trials"]) == (
+        "smallest amplitude",
+        "two intervals",
+        "quest+",
+        40,
+    )
+    assert first["levels"] == first["volts"]
+    assert (first["levels"][0], first["levels"][-1]) == (4, 160)
+    assert first["converges_at"] is None
+    assert second["converges_at"] == 0.7937
+    assert 1.5 < first["expected"]["rmse_db"] < 3
+    assert 8 < first["expected"]["interval_db"] < 13
+    said = CliRunner().invoke(app, ["check", str(folder)]).stdout
+    assert "its rule converges to 0.7937 correct" in said
+    assert "41 levels of voltage, 4 to 160 V; contrast 0.00235 to 0.263" in said
+    assert "about 2.1 dB (RMSE) after 40 trials" in said
+
+
+def test_check_refuses_a_contrast_that_cannot_be_reached(folder: Path) -> None:
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8").replace('axis = "voltage"', 'axis = "contrast"', 1)
+    file.write_text(text, encoding="utf-8")
+    printed = CliRunner().invoke(app, ["check", str(folder), "--json"])
+    assert printed.exit_code == 2
+    problem = json.loads(printed.stdout)["problems"][0]
+    assert problem["where"] == "track smallest amplitude, levels"
+    assert (
+        problem["line"]
+        == text.splitlines().index(
+            'levels = { from = 4, to = 160, count = 41, spaced = "equal ratios" }'
+        )
+        + 1
+    )
+
+
+@pytest.mark.parametrize("command", ["run", "register", "power"])
+def test_tracks_are_refused_where_they_would_be_left_out(folder: Path, command: str) -> None:
+    extra = ["--participant", "P01", "--ratings", "virtual"] if command == "run" else []
+    done = CliRunner().invoke(app, [command, str(folder), *extra])
+    assert "tracks cannot be run yet" in str(done.exception)
+    assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
+
+
+def test_the_live_protocol_of_a_laboratory_needs_no_code(folder: Path) -> None:
+    """5 dB then 1 dB, 3 correct answers of any order, 5 reversals: it says that it is 79.4%."""
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    text = text.replace("step_db = [4, 4, 1]", 'step_db = [5, 1]\nstreak = "cumulative"')
+    file.write_text(text.replace("reversals = 12", "reversals = 5"), encoding="utf-8")
+    assert (
+        "its rule converges to 0.7500 correct"
+        in CliRunner().invoke(app, ["check", str(folder)]).stdout
+    )

@@ -1,0 +1,129 @@
+"""What a track would ask after given answers, and its estimate of the threshold."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from protocol.errors import BadInput
+
+if TYPE_CHECKING:
+    import os
+
+    from device.friction.scenes import Calibration
+    from device.tracks.next_level import Answer
+    from protocol.study.study import Study
+    from protocol.study.track import Track
+
+
+def track(
+    folder: "str | os.PathLike[str]", name: str, answers: Sequence[bool | int]
+) -> dict[str, Any]:
+    """Return what a track of the study in `folder` asks after `answers`, as `touchbeam track` does.
+
+    Nothing needs to be recorded. `levels` and `values` are those that the answers were given at,
+    `next` is the level to ask next or None, `estimate` what the answers say of the threshold.
+
+    Args:
+        folder: the study's.
+        name: the track's.
+        answers: in their order; 1 or True is a correct answer, or in yes or no "yes".
+
+    Raises:
+        ValueError: there is no such track, or it ends before the last answer.
+    """
+    from pathlib import Path
+
+    from runner.study.calibration import fitted_calibration
+    from runner.study.folder import StudyFolder
+
+    place = StudyFolder(path=Path(folder))
+    return asked_by(place.study(), fitted_calibration(place.path), name, answers)
+
+
+def asked_by(
+    study: "Study", rig: "Calibration", name: str, answers: Sequence[bool | int]
+) -> dict[str, Any]:
+    """Return what `track` does, of a study and a rig that were read already."""
+    from device.tracks.next_level import levels_of, next_level
+    from protocol.tracks.rules import constant_order
+    from runner.study.tracks import volts_of
+
+    names = [each.name for each in study.track]
+    if name not in names:
+        known = ", ".join(map(repr, names)) or "none; [[track]] declares one"
+        raise BadInput(f"no track is called {name!r}; known: {known}")
+    if wrong := next((answer for answer in answers if answer not in {0, 1}), None):
+        raise BadInput(f"an answer must be 1 (correct, or yes) or 0, got {wrong!r}")
+    number = names.index(name)
+    chosen = study.track[number]
+    volts, problems = volts_of(study, number, rig)
+    if problems:
+        raise BadInput(str(problems[0]))
+    order: Sequence[int] = ()
+    if chosen.method == "constant":
+        order = constant_order(chosen, study.study.seed, "slot", 0)
+    told = levels_of(chosen, [bool(answer) for answer in answers], order)
+    if len(told) < len(answers):
+        raise BadInput(
+            f"{name!r} ends after {len(told)} of these {len(answers)} answers: leave the rest out"
+        )
+    level = next_level(chosen, told, order)
+    following = None
+    if level is not None:
+        following = {"index": level, "value": chosen.values[level], "volts": volts[level]}
+    return {
+        "name": name,
+        "task": chosen.task,
+        "method": chosen.method,
+        "levels": [answer.level for answer in told],
+        "values": [chosen.values[answer.level] for answer in told],
+        "next": following,
+        "estimate": _estimate(chosen, told),
+    }
+
+
+def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
+    """Return the threshold of a fit, and beside it the mean of reversals of a staircase."""
+    from analysis.thresholds.psychometric import fitted
+    from protocol.tracks.convergence import converges_at
+    from protocol.tracks.rules import place_after, reversal_mean, staircase
+
+    found: dict[str, Any] = {
+        "threshold": None,
+        "threshold_ci": [None, None],
+        "threshold_at": round(track.share, 4),
+    }
+    if told:
+        # The curve is one of the distance from the standard, which is the level at a standard of 0.
+        distances = track.distances
+        fit = fitted(
+            [distances[answer.level] for answer in told],
+            [1] * len(told),
+            [int(answer.correct) for answer in told],
+            task=track.task,
+            shape=track.shape,
+            threshold_at=track.threshold_at,
+            span=(distances[0], distances[-1]),
+        )
+        side = 1 if track.values[-1] > track.reference else -1
+        ends = sorted(track.reference + side * end for end in fit.threshold_ci)
+        found |= {
+            "threshold": _finite(track.reference + side * fit.threshold),
+            "threshold_ci": [_finite(end) for end in ends],
+            "slope": _finite(fit.slope),
+            "slope_ci": [_finite(end) for end in fit.slope_ci],
+            "lapse": _finite(fit.lapse),
+            "lapse_ci": [_finite(end) for end in fit.lapse_ci],
+            "flags": list(fit.flags),
+        }
+    if track.method in {"staircase", "limits"}:
+        turned_at = place_after(track, told).turned_at
+        found["reversals"] = len(turned_at)
+        found["reversal_mean"] = reversal_mean(track, turned_at)
+        if track.method == "staircase":
+            found["reversal_mean_at"] = round(converges_at(staircase(track)), 4)
+    return found
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,6 +1,6 @@
 """Limits of the rig that a study breaks, at the nominal resonance or at a measured one."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -11,7 +11,9 @@ from protocol.plan.feasibility import design_problems
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, combinations
+from protocol.study.group import Group
 from protocol.study.study import Condition, Item, Study
+from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
 from protocol.study.track import AXIS_KEY
 from protocol.study_file.text_checks import (
@@ -19,6 +21,7 @@ from protocol.study_file.text_checks import (
     page_problems,
     question_problems,
     text_problems,
+    unanswerable,
 )
 from protocol.study_file.toml import unit_hint
 from protocol.study_file.tracks import track_problems
@@ -80,20 +83,30 @@ def group_problems(study: Study) -> Iterator[Problem]:
     if named and study.design.participants != size:
         rule, hint = f"must be {size}, as many as in the groups together", "leave it out"
         yield Problem.of_key("design.participants", rule, study.design.participants, hint)
+    desk = {question.name: question for question in study.questions("desk")}
     for number, group in enumerate(study.group):
-        rule, asked = "", ", ".join(study.session.operator_asks) or "nothing"
-        if (group.when is not None) != (how == "by an answer"):
-            given = "not be given unless" if group.when is not None else "be given where"
-            rule = f'must {given} design.assign_groups = "by an answer"'
-        elif group.when is not None and group.when.question not in study.session.operator_asks:
-            rule = f"must name a question to the operator: {asked}"
-        if rule:
-            yield Problem(
-                where=f"group {group.name}, when",
-                rule=rule,
-                value="nothing" if group.when is None else repr(group.when.question),
-                path=("group", number, "when"),
-            )
+        path: Path = ("group", number, "when")
+        for rule, value, hint in _leads_nowhere(study, group, desk):
+            where = f"group {group.name}, when"
+            yield Problem(where=where, rule=rule, value=value, hint=hint, path=path)
+
+
+def _leads_nowhere(
+    study: Study, group: Group, desk: Mapping[str, StudyQuestion]
+) -> Iterator[tuple[str, str, str]]:
+    """Yield why no answer leads into a group, though one should, or the other way round."""
+    how = 'design.assign_groups = "by an answer"'
+    by_answer, when = study.design.assign_groups == "by an answer", group.when
+    if when is None:
+        if by_answer:
+            yield f"must be given where {how}", "nothing", ""
+    elif not by_answer:
+        yield f"must not be given unless {how}", repr(when.question), ""
+    elif when.question in desk:
+        yield from unanswerable(when, desk[when.question])
+    elif when.question not in study.session.operator_asks:
+        known = ", ".join([*study.session.operator_asks, *desk]) or "nothing"
+        yield "must name a question of the operator's desk", repr(when.question), f"known: {known}"
 
 
 def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:

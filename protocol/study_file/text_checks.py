@@ -27,6 +27,7 @@ from protocol.study.study_question import (
     KINDS,
     MOST_LABELS,
     ONCE,
+    AskedIf,
     Label,
     StudyQuestion,
     trial_facts,
@@ -328,20 +329,26 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
         question.conditions or everywhere
     ):
         yield "conditions", f"must share one with {other.name}", "none", "else it is never asked"
+    for must, value, hint in unanswerable(rule, other):
+        yield "asked_if", must, value, hint
+
+
+def unanswerable(rule: AskedIf, other: StudyQuestion) -> Iterator[tuple[str, str, str]]:
+    """Yield rule, value and hint of what no answer to the `other` question can meet."""
     numbers = [end for end in (rule.at_least, rule.at_most) if end is not None]
     if other.values:
         wrong = [repr(each) for each in rule.answers if each not in other.values]
         if wrong or numbers or not rule.answers:
             must = f"must say `is`, of the answers to {other.name}"
             hint = f"known: {', '.join(other.values)}"
-            yield "asked_if", must, next(iter(wrong), "something else"), hint
+            yield must, next(iter(wrong), "something else"), hint
         return
     low, high = other.ends
     low = max((end for end in (low, rule.at_least) if end is not None), default=-inf)
     high = min((end for end in (high, rule.at_most) if end is not None), default=inf)
     if rule.answers or not numbers or not other.is_number or low > high:
         must = f"must say at_least or at_most, within the numbers that answer {other.name}"
-        yield "asked_if", must, ", ".join(f"{end:g}" for end in numbers) or "something else", ""
+        yield must, ", ".join(f"{end:g}" for end in numbers) or "something else", ""
 
 
 def _form(question: StudyQuestion) -> _Found:

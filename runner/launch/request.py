@@ -21,7 +21,7 @@ from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration, locked
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
-from protocol.study.study_question import Answer, StudyQuestion
+from protocol.study.study_question import BETWEEN, Answer, StudyQuestion
 from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
 from protocol.study_file.tracks import require_no_tracks
@@ -36,7 +36,7 @@ from runner.people.participant_console import require_typist
 from runner.people.terminal import typed_answer
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
-from runner.session.setup import OPERATOR_QUESTIONS
+from runner.session.setup import OPERATOR_QUESTIONS, spoken
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
@@ -253,10 +253,14 @@ def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, 
     study = request.study
     given: dict[str, Answer] = {}
     rules = {group.name: group.when for group in study.group if group.when is not None}
-    for name in study.session.operator_asks:
-        if name not in {rule.question for rule in rules.values()}:
+    asked: list[tuple[str, str, StudyQuestion]] = [
+        (name, *OPERATOR_QUESTIONS[name]) for name in study.session.operator_asks
+    ]
+    asked += [(each.name, spoken(each), each) for each in study.questions("desk")]
+    for name, text, question in asked:
+        needed = name in {rule.question for rule in rules.values()}
+        if not needed or (question.asked_if and not question.asked_if.met_by(given)):
             continue
-        text, question = OPERATOR_QUESTIONS[name]
 
         def read(typed: str, question: StudyQuestion = question, name: str = name) -> str | None:
             try:
@@ -274,7 +278,10 @@ def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, 
     if found is None:
         told = ", ".join(f"{name} {answer}" for name, answer in given.items())
         raise BadInput(f"{told}: no group of the study is for {request.options.participant}")
-    return found, {name: str(answer) for name, answer in given.items()}
+    return found, {
+        name: BETWEEN.join(answer) if isinstance(answer, tuple) else str(answer)
+        for name, answer in given.items()
+    }
 
 
 def refused(fact: str, option: str) -> None:

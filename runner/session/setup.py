@@ -16,7 +16,7 @@ from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import KINDS, Label, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
-from runner.session.session import SessionContext, Zero, known_before
+from runner.session.session import Session, SessionContext, Zero, known_before
 from runner.session.waiting import operator_answer, response, show_page, update_view, wait
 from runner.session.watchdog import require_watchdog
 
@@ -228,16 +228,17 @@ def ask_at_desk(context: SessionContext) -> None:
         if (question.name, None) in log.state.questions or not (rule is None or rule.met_by(known)):
             continue
         began_s, text, answer = context.clock.monotonic_s(), spoken(question), None
-        context.operator.ask(text)
+        if not (typed := session.noted.get(question.name, "")):
+            context.operator.ask(text)
         while True:
-            typed = operator_answer(context)
+            typed = typed or operator_answer(context)
             if session.virtual is not None and not typed:
-                name = f"{session.seed} {session.participant}/{session.number} {question.name}"
-                typed = KINDS[question.kind].drawn(question, Random(name))
+                typed = _drawn(session, question)
             try:
                 answer = question.answer(typed)
                 break
             except ValueError as error:
+                typed = ""
                 context.operator.ask(f"{error}. {text}")
         log.append(
             events.QuestionAnswered(
@@ -249,6 +250,19 @@ def ask_at_desk(context: SessionContext) -> None:
             )
         )
         context.operator.notify(f"noted: {question.name} {answer_text(answer)}")
+
+
+def _drawn(session: Session, question: StudyQuestion) -> str:
+    """Return an answer at random; if the group follows from it, one that leads into the group."""
+    stream = Random(f"{session.seed} {session.participant}/{session.number} {question.name}")
+    rule = next((it.when for it in session.study.group if it.name == session.group), None)
+    for _ in range(1_000):
+        typed = KINDS[question.kind].drawn(question, stream)
+        if rule is None or rule.question != question.name:
+            break
+        if rule.met_by({question.name: question.answer(typed)}):
+            break
+    return typed
 
 
 def spoken(question: StudyQuestion) -> str:

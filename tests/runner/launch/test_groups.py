@@ -12,7 +12,7 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from protocol.errors import BadInput
-from protocol.journal.events import RigDescribed, SessionOpened
+from protocol.journal.events import QuestionAnswered, RigDescribed, SessionOpened
 from protocol.plan.blocks import arrivals
 from protocol.registration.registration import FILE, order_problem, registration_in
 from protocol.study_file.loading import parsed_study
@@ -41,7 +41,8 @@ def grouped_in(folder: Path, how: str, *changes: tuple[str, str]) -> Path:
     design = f'[design]\nassign_groups = "{how}"\nsessions = 2\n'
     asks = '[session]\noperator_asks = ["room temperature", "cleaning"]\n'
     plain = ("[design]", f"{asks}{design}"), ("\nparticipants = 9 ", "\n# ")
-    return study_in(folder, "paper", *plain, ("[[condition]]", f"{groups}\n[[condition]]"))
+    grouped = ("[[condition]]", f"{groups}\n[[condition]]")
+    return study_in(folder, "paper", *plain, grouped, *changes)
 
 
 def request(place: Path, participant: str, group: str | None = None, number: int = 1) -> Request:
@@ -250,3 +251,65 @@ def test_virtual_people_are_those_of_their_group(tmp_path: Path) -> None:
     assert gains == {("old", 2.0), ("young", 5.0)}
     people.write_text("[group.odl.person]\ngain = 2\n")
     assert typed("run", place, "--participant", "P05", *virtual) == 2
+
+
+DESK = """
+[[question]]
+name = "age"
+kind = "number"
+when = "desk"
+sessions = "first"
+minimum = 18
+text = { en = "Age?", zh = "\u5e74\u9f84\uff1f" }
+"""
+AGES = {
+    'question = "room temperature", at_most = 20': 'question = "age", at_most = 35',
+    'question = "room temperature", at_least = 25': 'question = "age", at_least = 60',
+}
+
+
+def test_an_answer_of_the_desk_leads_to_the_group_and_is_not_asked_again(
+    tmp_path: Path, terminal: io.StringIO
+) -> None:
+    grouped_in(tmp_path, ANSWER, *AGES.items(), ("[design]", f"{DESK}\n[design]"))
+    terminal.write("17\n64\n")
+    terminal.seek(0)
+    said: list[str] = []
+    found = with_group(request(tmp_path, "P01"), said.append)
+    assert (found.options.group, found.options.noted) == ("old", {"age": "64"})
+    assert said == [
+        "Age?",
+        "the answer to age must be a whole number, at least 18, got '17'",
+        "Age?",
+    ]
+    run_session(tmp_path, "P01", group="old", noted=found.options.noted)
+    with open_journal(tmp_path / "study.db") as journal:
+        answers = [it for _, it in journal.records_of(QuestionAnswered) if it.name == "age"]
+    assert [it.answer for it in answers] == [64]
+    # A virtual operator answers so that the group that was drawn follows.
+    for number in range(2, 5):
+        options = ("--participant", f"P{number:02d}", "--ratings", "virtual")
+        assert typed("run", tmp_path, *options) == 0
+    with open_journal(tmp_path / "study.db") as journal:
+        for state in states(journal).values():
+            assert isinstance(state.opened, SessionOpened)
+            age = state.questions["age", None]
+            assert age <= 35 if state.opened.group == "young" else age >= 60
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            ("at_least = 60", "at_most = 10"),
+            "group old, when: must say at_least or at_most, within",
+        ),
+        (('question = "age", at_least', 'question = "aeg", at_least'), "of the operator's desk"),
+    ],
+)
+def test_a_group_to_which_no_answer_leads_is_refused(
+    tmp_path: Path, changed: tuple[str, str], told: str
+) -> None:
+    place = grouped_in(tmp_path, ANSWER, *AGES.items(), ("[design]", f"{DESK}\n[design]"), changed)
+    with pytest.raises(BadInput, match=told):
+        requested(SessionOptions(folder=StudyFolder(path=place), participant="P01", device=BOARD))

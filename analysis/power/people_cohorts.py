@@ -176,8 +176,10 @@ class PeopleCohorts:
     @cached_property
     def _mean_gain(self) -> float:
         names = [f"mean/{number}" for number in range(_DRAWN_FOR_MEANS)]
-        people = people_of(self.population, names)
-        return float((people.gain * people.skin).mean())
+        sizes = {group.name: group.size for group in self.study.group} or {"": 1}
+        drawn = [people_of(self.population.of_group(group), names) for group in sizes]
+        means = [float((people.gain * people.skin).mean()) for people in drawn]
+        return float(np.average(means, weights=list(sizes.values())))
 
 
 class _Touched(NamedTuple):

@@ -16,6 +16,8 @@ from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort,
 from device.people.answering import SAME, answer_of
 from device.people.person import (
     DEFAULT,
+    PARAMETERS,
+    People,
     Population,
     World,
     people_of,
@@ -272,8 +274,19 @@ class Simulation:
     def _who(self, participants: int, seed: int | str) -> list[tuple[int | str, str, int]]:
         return [(seed, name, slot) for slot, name in enumerate(names_of(participants))]
 
+    def _people(self, who: Sequence[tuple[int | str, str, int]]) -> People:
+        """Return the people, each drawn from the population of the own group."""
+        names = np.array([person_name(seed, name) for seed, name, _ in who])
+        groups = [self.planned.place(slot)[0] for *_, slot in who]
+        values = np.empty((len(who), len(PARAMETERS)))
+        for group in set(groups):
+            rows = np.array([other == group for other in groups])
+            drawn = people_of(self.population.of_group(group), names[rows].tolist())
+            values[rows] = np.stack([getattr(drawn, name) for name in PARAMETERS], axis=-1)
+        return People(values)
+
     def _sessions(self, who: Sequence[tuple[int | str, str, int]]) -> list[Cohort]:
-        people = people_of(self.population, [person_name(seed, name) for seed, name, _ in who])
+        people = self._people(who)
         slots = np.array([slot for *_, slot in who], dtype=np.int64)
         return [
             cohort(

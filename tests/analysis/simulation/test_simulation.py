@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.loading.published import published_table
+from analysis.power.people_cohorts import PeopleCohorts
 from analysis.simulation.simulation import Simulation
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
 from protocol.plan.blocks import arrivals
@@ -134,3 +135,19 @@ def test_each_group_has_the_orders_that_its_participants_will_have() -> None:
     expected = [plan(study.of_group(name), slot).trials for name, slot in places]
     planned = [Simulation(study=study).planned.plan(number).trials for number in range(8)]
     assert planned == expected
+
+
+def test_people_of_a_group_come_from_its_population() -> None:
+    groups = tuple(Group(name=name, size=4) for name in ("young", "old"))
+    study = PAPER.model_copy(update={"group": groups})
+    numb = Population(typical=replace(DEFAULT.typical, gain=0.5), varied={})
+    people = replace(DEFAULT, groups={"old": numb})
+    data = Simulation(study=study, population=people).data(8, 1)
+    whole = Simulation(study=study, population=DEFAULT).data(8, 1)
+    for name, group in data.groups.items():
+        alike = data.virtual[name].gain == whole.virtual[name].gain
+        assert alike == (group == "young")
+        assert (data.virtual[name].gain == 0.5) == (group == "old")
+    made = PeopleCohorts(study=study, participants=8, population=people).cohort("a")
+    every = PeopleCohorts(study=study, participants=8).cohort("a").population_gain
+    assert made.population_gain == pytest.approx((every + 0.5 * numb.typical.skin) / 2)

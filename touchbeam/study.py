@@ -108,16 +108,19 @@ class Study:
 
     @cached_property
     def _frames(self) -> "Frames":
+        from analysis.export.columns import factor_columns
         from analysis.export.dataset import asked_questions
         from analysis.export.trial_table import Frames
         from analysis.felt.measured_statistics import with_measures
 
         sessions = self.recorded.sessions
         rehearsed = sessions["session_kind"].eq("rehearsal")
+        questions = asked_questions(self.file, self.recorded.answers)
         return Frames(
             found=with_measures(self.file, self.recorded),
             kept=sessions if self.rehearsals else sessions[~rehearsed],
-            questions=asked_questions(self.file, self.recorded.answers),
+            questions=questions,
+            factors=factor_columns(self.file, questions),
         )
 
     @cached_property

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from device.friction.laws import LAWS
+from protocol.study.study import Study
 from protocol.study.study_question import MEANINGS, QUESTIONS, StudyQuestion
 
 YES_NO = {"true": "yes", "false": "no"}
@@ -21,7 +22,8 @@ class Column:
     A column `per_touch` lists a value for each touch of the trial; one with `several` lists as
     many as were chosen. One that is `private` stays out of data sets that are made to be shared.
     One `of_session` stands in a table of sessions, too. `planned` is the field of a planned trial
-    or touch that a plan has there, `noted` the question to the operator behind it.
+    or touch that a plan has there, `noted` the question to the operator behind it, and
+    `of_condition` what it holds in trials of each condition.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Column:
     of_session: bool = False
     planned: str = ""
     noted: str = ""
+    of_condition: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def of_lists(self) -> str:
@@ -334,6 +337,27 @@ PARTICIPANT_COLUMNS = (
     replace(_SESSION[2], name="session_kinds", several=True),
 )
 """Of a table of participants; the answers that each of them gave once follow."""
+
+
+def factor_columns(study: Study, questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
+    """Return a column for each factor, with its name, or `factor_` before one that is taken."""
+    taken = set(names_of((*COLUMNS, GROUP, *question_columns(questions))))
+    crossed = {factor.name: factor for factor in study.factor}
+    made = []
+    for name, levels in study.factors.items():
+        told, values = "Condition of the study file that is crossed with factors.", levels
+        if factor := crossed.get(name):
+            told = f"Factor of the condition, which sets {factor.varies} of a touch."
+            values = tuple(map(str, factor.values))
+        made.append(
+            Column(
+                f"factor_{name}" if name in taken else name,
+                told,
+                levels=dict(zip(levels, values, strict=True)),
+                of_condition={each.name: each.cell[name] for each in study.condition},
+            )
+        )
+    return tuple(made)
 
 
 def names_of(columns: Iterable[Column]) -> list[str]:

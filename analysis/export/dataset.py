@@ -12,7 +12,13 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export.columns import COLUMNS, PARTICIPANT_COLUMNS, Column, question_columns
+from analysis.export.columns import (
+    COLUMNS,
+    PARTICIPANT_COLUMNS,
+    Column,
+    factor_columns,
+    question_columns,
+)
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import (
     contrast_table,
@@ -134,7 +140,13 @@ class Dataset:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        return (*COLUMNS, *of_groups(self.sessions), *question_columns(self.questions))
+        own = (*self.factors, *question_columns(self.questions))
+        return (*COLUMNS, *of_groups(self.sessions), *own)
+
+    @cached_property
+    def factors(self) -> tuple[Column, ...]:
+        """Those of them that have the study's factors."""
+        return factor_columns(self.study, self.questions)
 
     @property
     def shared_columns(self) -> tuple[Column, ...]:
@@ -317,7 +329,8 @@ def dataset(
     found = with_measures(study, load_sessions(_recorded(read, recorded)))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = asked_questions(study, found.answers)
-    trials = trial_table(found, found.sessions[~rehearsal], questions)
+    kept, factors = found.sessions[~rehearsal], factor_columns(study, questions)
+    trials = trial_table(found, kept, questions, factors)
     if trials.empty:
         raise NothingToExport(
             # The message names the way out only where there is one.

@@ -40,21 +40,25 @@ _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 
 
 def trial_table(
-    found: Sessions, sessions: pd.DataFrame, questions: Sequence[StudyQuestion]
+    found: Sessions,
+    sessions: pd.DataFrame,
+    questions: Sequence[StudyQuestion],
+    factors: Sequence[Column] = (),
 ) -> pd.DataFrame:
     """Return the trials of `sessions`, some of those `found`, as they are exported.
 
-    Values of a plan or an attempt are missing for a published score. Groups, if there are any, and
-    the answers to `questions` stand in the last columns.
+    Values of a plan or an attempt are missing for a published score. Groups and `factors`, if there
+    are any, and the answers to `questions` stand in the last columns.
     """
-    trials = trials_with_answers(found, session_table(sessions), questions)
+    trials = trials_with_answers(found, session_table(sessions), questions, factors)
     table = trials.assign(
         score=_scores(trials["score"], whole=trials["attempts"].notna()),
         started_utc=_utc(trials["started_utc"]),
         answered_utc=_utc(trials["answered_utc"]),
         **_touches(found.touches, trials.index),
     )
-    return table[names_of((*COLUMNS, *of_groups(sessions), *question_columns(questions)))]
+    own = (*of_groups(sessions), *factors, *question_columns(questions))
+    return table[names_of((*COLUMNS, *own))]
 
 
 def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
@@ -76,7 +80,10 @@ def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
 
 
 def trials_with_answers(
-    found: Sessions, of_session: pd.DataFrame, questions: Sequence[StudyQuestion]
+    found: Sessions,
+    of_session: pd.DataFrame,
+    questions: Sequence[StudyQuestion],
+    factors: Sequence[Column] = (),
 ) -> pd.DataFrame:
     """Return the trials of the sessions in a `session_table`, with all but the columns per touch.
 
@@ -87,7 +94,8 @@ def trials_with_answers(
     planned = trials["attempts"].notna()
     excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
     touches = found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
-    answers = _answers(found.answers, trials, questions)
+    own = {each.name: trials["condition"].map(each.of_condition).astype(TEXT) for each in factors}
+    own |= _answers(found, trials, questions)
     assigned = trials.assign(
         # A published score has a place in its table, but none in a plan.
         trial_index=trials["trial_index"].astype("Int64").where(planned),
@@ -101,37 +109,50 @@ def trials_with_answers(
     )
     # All at once: pandas warns of a hundred columns that come one by one.
     # A question may have the name of a column that is not exported.
-    kept = assigned.drop(columns=[*answers], errors="ignore")
-    return kept.join(pd.DataFrame(answers, trials.index))
+    kept = assigned.drop(columns=[*own], errors="ignore")
+    return kept.join(pd.DataFrame(own, trials.index))
 
 
 def _answers(
-    answers: pd.DataFrame, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
+    found: Sessions, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
 ) -> "dict[str, pd.Series[Any]]":
     """Return answer and reaction time to each question for each of `trials`.
 
     An answer about a trial belongs to its last attempt, one about a block to all of its trials,
-    any other to all trials of the session.
+    any other to all trials of the session. One that is given once in the first session belongs to
+    all trials of the participant.
     """
-    names, *keys = (values(answers[name]) for name in ("name", "session_id", "attempt_id", "block"))
-    told = zip(values(answers["answer"]), values(answers["reaction_time_s"]), strict=True)
-    given = dict(zip(zip(names, *keys, strict=True), told, strict=True))
-    places = list(
-        zip(values(trials["session_id"]), trials.index, values(trials["block"]), strict=True)
-    )
+    answers = found.answers.assign(row=np.arange(len(found.answers), dtype=np.float64))
+    of_trial, of_block = answers["attempt_id"].notna(), answers["block"].notna()
+    by_name = answers["name"].to_numpy()
+    blocks = pd.MultiIndex.from_frame(trials[["session_id", "block"]].astype(np.float64))
+    given = {name: values(answers[name]) for name in ("answer", "reaction_time_s")}
     table: dict[str, pd.Series[Any]] = {}
     for question in questions:
-        name = question.name
-        found = []
-        for session, attempt, block in places:
-            # The nearest first: the trial, its block, its session.
-            about = ((attempt, None), (None, block), (None, None))
-            known = (given[key] for each in about if (key := (name, session, *each)) in given)
-            found.append(next(known, (None, None)))
-        for number, column in enumerate(question_columns([question])):
-            told_there = [pair[number] for pair in found]
-            table[column.name] = pd.Series(told_there, trials.index, object)
+        own = by_name == question.name
+        session = _last(answers[own & ~of_trial & ~of_block], ["session_id"])
+        rows = _last(answers[own & of_trial], ["attempt_id"]).reindex(trials.index)
+        # The nearest first: the trial, its block, its session, the participant.
+        about_block = _last(answers[own & of_block & ~of_trial], ["session_id", "block"])
+        rows = rows.fillna(pd.Series(about_block.reindex(blocks).to_numpy(), trials.index))
+        rows = rows.fillna(trials["session_id"].map(session))
+        if question.sessions == "first":
+            once = pd.Series(
+                session.to_numpy(), session.index.map(found.sessions["subject"].to_dict())
+            )
+            once = once[~once.index.duplicated()]
+            rows = rows.fillna(trials["subject"].map(once))
+        places = [None if np.isnan(row) else int(row) for row in rows]
+        for column, told in zip(question_columns([question]), given.values(), strict=True):
+            known = [None if place is None else told[place] for place in places]
+            table[column.name] = pd.Series(known, trials.index, object)
     return table
+
+
+def _last(answers: pd.DataFrame, keys: list[str]) -> "pd.Series[float]":
+    """Return the row of the last answer by what it is about."""
+    last = answers.drop_duplicates(keys, keep="last")
+    return last.set_index([last[key].astype(np.float64) for key in keys])["row"]
 
 
 def touch_table(trials: pd.DataFrame) -> pd.DataFrame:
@@ -236,11 +257,15 @@ def contrast_table(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frames:
-    """The tables of `sessions`, some of those `found`; `questions` are the study's own."""
+    """The tables of `sessions`, some of those `found`; `questions` are the study's own.
+
+    `factors` has the columns of its factors.
+    """
 
     found: Sessions
     kept: pd.DataFrame
     questions: tuple[StudyQuestion, ...]
+    factors: tuple[Column, ...] = ()
 
     @cached_property
     def sessions(self) -> pd.DataFrame:
@@ -266,8 +291,9 @@ class Frames:
 
     @cached_property
     def _trials(self) -> pd.DataFrame:
-        table = trials_with_answers(self.found, self._sessions, self.questions)
-        columns = (*COLUMNS, *of_groups(self.kept), *question_columns(self.questions))
+        table = trials_with_answers(self.found, self._sessions, self.questions, self.factors)
+        own = (*of_groups(self.kept), *self.factors, *question_columns(self.questions))
+        columns = (*COLUMNS, *own)
         return table[[each.name for each in columns if not each.per_touch]].infer_objects()
 
     @cached_property
@@ -293,7 +319,8 @@ class Frames:
         """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
         score = BY_NAME["score"]
         score = replace(score, description=score.description.format(scale=scale))
-        own = {column.name: column for column in question_columns(self.questions)}
+        added = (*self.factors, *question_columns(self.questions))
+        own = {column.name: column for column in added}
         known = BY_NAME | {"score": score, GROUP.name: GROUP} | own
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Mapping[str, Iterable[Column]] = {

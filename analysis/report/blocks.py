@@ -1,7 +1,7 @@
 """Building blocks of a section: tables, figures, lists and data for the other files."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
 from operator import itemgetter
 from typing import Any, ClassVar, Literal
@@ -169,6 +169,14 @@ class Table:
         """Return the table with a row for each of `records`, as the columns show it."""
         rows = [[column.cell(record) for column in columns] for record in records]
         return cls(columns=columns, rows=rows, **told)
+
+    def turned(self, corner: str) -> "Table":
+        """Return the table with rows in place of its columns, `corner` above their names."""
+        names = [column.name for column in self.columns[1:]]
+        heads, *lines = zip(*self.rows, strict=True)
+        titles = (head if isinstance(head, str) else head.text for head in heads)
+        rows = [[name, *line] for name, line in zip(names, lines, strict=True)]
+        return replace(self, columns=columns(corner, *titles), rows=rows)
 
 
 @dataclass(frozen=True, kw_only=True)

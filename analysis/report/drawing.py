@@ -261,8 +261,10 @@ def marker(times: float) -> float:
 
 def labels_of(names: tuple[str, ...], what: str) -> list[str]:
     """Return axis labels, with a number in place of a name that the font cannot draw."""
+    # Conditions crossed of factors may begin alike, and must not look alike.
+    kept = 16 if len({name[:15] for name in names}) == len(set(names)) else 40
     return [
-        (name if len(name) <= 16 else f"{name[:15]}…")
+        (name if len(name) <= kept else f"{name[: kept - 1]}…")
         # A missing glyph would be drawn as a box, the same for every name.
         if all(ord(letter) in _known_characters() for letter in name)
         else f"{what} {number}"

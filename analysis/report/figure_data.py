@@ -397,6 +397,48 @@ def course_figure(data: Course, words: plot.Words) -> plot.Drawing:
     return plot.drawing(words, draw)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FactorMeans:
+    """Means by level of a factor, and of another one if there are two, with halves of intervals.
+
+    `means` and `halves` have shape (levels of the first factor, levels of the second or 1).
+    """
+
+    factors: tuple[str, ...]
+    levels: tuple[tuple[str, ...], ...]
+    means: FloatArray
+    halves: FloatArray
+    scale: Scale
+
+
+def factor_figure(data: FactorMeans, words: plot.Words) -> plot.Drawing:
+    """Return mean scores by level of a factor, with a line for each level of the other."""
+    lines = data.means.shape[1]
+
+    def draw(axes: plot.Axes) -> None:
+        places = np.arange(len(data.means))
+        names = plot.labels_of(data.levels[-1], data.factors[-1]) if lines > 1 else [""]
+        for number, (name, means, halves) in enumerate(
+            zip(names, data.means.T, data.halves.T, strict=True)
+        ):
+            # Beside one another, so that no interval covers another one.
+            at = places + (0.4 / lines) * (number - (lines - 1) / 2)
+            axes.errorbar(at, means, yerr=halves, linewidth=1, **plot.marked(number), label=name)
+        plot.name_places(axes, plot.labels_of(data.levels[0], data.factors[0]))
+        axes.set(xlabel=data.factors[0], ylabel=f"mean score, {data.scale}")
+        axes.margins(y=0.08)
+        if lines > 1:
+            axes.legend(
+                title=data.factors[-1],
+                loc="lower center",
+                bbox_to_anchor=(0.5, 1.0),
+                ncol=4,
+                frameon=False,
+            )
+
+    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (1 + -(-lines // 4)))
+
+
 def levels_figure(data: Sequence[ByLevel], scale: Scale, words: plot.Words) -> plot.Drawing:
     """Return scores against the level of each condition: all of them, means, and M2's curve."""
 

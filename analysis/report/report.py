@@ -84,6 +84,8 @@ FIGURES = (
     *("scores", "people", "relative-gains", "sensitivity", "model", "levels", "course"),
     *("noticed", "reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
     *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
+    # Six factors of the file, its conditions, and the sessions.
+    *(f"factor-{number}" for number in range(1, 9)),
 )
 """The names of all figures that a report may have."""
 # An earlier report may have left figures that this one does not have; these are removed.

@@ -13,6 +13,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.statistics.factorial import Effect, Factorial, TestedEffect
 from analysis.statistics.groups import (
     GAIN,
     INTERACTION,
@@ -33,6 +34,7 @@ NOTICE = "Are the changes noticed?"
 DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
 GROUPS = "Do the groups differ?"
+FACTORS = "Which factors matter?"
 FOLLOW = "Do ratings follow the predicted change of friction?"
 ORDERED = "Does the model predict the order of the conditions?"
 MOST_PAIRS = 3
@@ -49,6 +51,8 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
         yield WHICH, _pairs(found, main.pairwise)
     if found.groups is not None:
         yield GROUPS, of_groups(found.groups)
+    if found.trials.factorial is not None:
+        yield FACTORS, _factors(found.trials.factorial)
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
         yield FOLLOW, _gain(found.trials.m2.lines, predicted)
@@ -215,6 +219,37 @@ def _higher(pair: TwoGroups) -> str:
         names = (pair.b, pair.a)
         ends = ends if isinstance(ends, NotEstimable) else (-ends[1], -ends[0])
     return f"{' above '.join(names)} by {number(abs(pair.shift), 2)}{_ci(ends)}"
+
+
+def _factors(tests: Factorial) -> str:
+    """Tell the effects that were found with their sizes, and which levels are the extreme ones."""
+    known = [it for it in tests.effects if isinstance(it.effect, Effect)]
+    if not known:
+        why = (it.effect for it in tests.effects)
+        reasons = dict.fromkeys(each.reason for each in why if isinstance(each, NotEstimable))
+        return f"No effect of a factor could be tested: {'; '.join(reasons)}."
+    told = [_effect(tests, it) for it in known if it.found]
+    rest = [it.name for it in known if not it.found]
+    none = f"No effect was found of {', '.join(rest)}, which does not show that there is none."
+    how = "Permutation and F tests within people, the larger p corrected by Holm's method."
+    return " ".join([*(f"{sentence(each)}." for each in told), *[none] * bool(rest), how])
+
+
+def _effect(tests: Factorial, it: TestedEffect) -> str:
+    effect = it.effect
+    assert isinstance(effect, Effect)
+    size = f"partial η² = {bounded(effect.partial_eta2)}"
+    ends = _ci(effect.partial_eta2_interval, bounded=True)
+    test = f"F({effect.df[0]}, {effect.df[1]}) = {number(effect.f, 2)}, {p_equals(it.p_holm)}"
+    said = f"{test}, {size}{ends}"
+    if len(it.factors) > 1:
+        return f"the effect of {it.factors[0]} depended on {it.factors[1]}, {said}"
+    levels = [each for each in tests.levels if each.factor == it.name]
+    high, low = (pick(levels, key=lambda each: each.mean) for pick in (max, min))
+    return (
+        f"{it.name} mattered, from M = {number(low.mean, 2)} ({low.level}) to M = "
+        f"{number(high.mean, 2)} ({high.level}), {said}"
+    )
 
 
 def _gain(lines: Lines, contrast: str) -> str:

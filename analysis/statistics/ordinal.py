@@ -32,9 +32,20 @@ MANY = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreCounts:
-    """Number of scores, shape (subjects, conditions, categories), from the lowest score up."""
+    """Number of scores, shape (subjects, conditions, categories), from the lowest score up.
+
+    `design` has the effect of each condition per coefficient, shape (conditions, coefficients);
+    without it each condition but the first has a coefficient of its own.
+    """
 
     counts: FloatArray
+    design: FloatArray | None = None
+
+    @cached_property
+    def coding(self) -> FloatArray:
+        """The design."""
+        own = np.eye(self.counts.shape[1])[:, 1:]
+        return own if self.design is None else self.design
 
     @cached_property
     def alike(self) -> list[FloatArray]:
@@ -45,9 +56,9 @@ class ScoreCounts:
         return [np.swapaxes(self.counts[group], 0, 1) for group in groups]
 
     @property
-    def conditions(self) -> int:
-        """Number of conditions."""
-        return int(self.counts.shape[1])
+    def coefficients(self) -> slice:
+        """Where the coefficients of the effects stand among the packed parameters."""
+        return slice(self.categories - 1, self.categories - 1 + self.coding.shape[1])
 
     @property
     def categories(self) -> int:
@@ -57,7 +68,7 @@ class ScoreCounts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parameters:
-    """Thresholds (categories - 1), condition effects (the first is 0) and SDs of random levels.
+    """Thresholds (categories - 1), condition effects and SDs of random levels.
 
     The SD between subjects comes first. The second one, if there is one, is that between a
     subject's conditions, the subject × condition interaction.
@@ -67,22 +78,18 @@ class Parameters:
     effects: FloatArray
     sds: FloatArray
 
-    @property
-    def packed(self) -> FloatArray:
-        """Free parameters: first threshold, log increments, effects but the first, SDs."""
-        increments = np.log(np.diff(self.thresholds))
-        return np.concatenate([self.thresholds[:1], increments, self.effects[1:], self.sds])
-
 
 def unpacked(packed: FloatArray, data: ScoreCounts) -> Parameters:
-    """Return the parameters of a vector that `Parameters.packed` made."""
-    effects = data.categories - 1
-    increments = np.exp(packed[1:effects])
-    sds = effects + data.conditions - 1
+    """Return the parameters of a vector of free ones.
+
+    These are the first threshold, log increments of the others, coefficients of effects, and SDs.
+    """
+    own = data.coefficients
+    increments = np.exp(packed[1 : own.start])
     return Parameters(
         thresholds=packed[0] + np.concatenate([[0.0], np.cumsum(increments)]),
-        effects=np.concatenate([[0.0], packed[effects:sds]]),
-        sds=packed[sds:],
+        effects=data.coding @ packed[own],
+        sds=packed[own.stop :],
     )
 
 
@@ -124,7 +131,8 @@ def log_likelihood(
             weights[:, :, window].shape
         )
         total += float(per_subject.sum())
-    return total, _gradient(parameters, weights.reshape(log_p.shape), slopes, standard)
+    moved = weights.reshape(log_p.shape)
+    return total, _gradient(parameters, data.coding, moved, slopes, standard)
 
 
 def _cells(
@@ -216,6 +224,7 @@ def log_density_of(values: FloatArray, link: Link) -> FloatArray:
 
 def _gradient(
     parameters: Parameters,
+    coding: FloatArray,
     weights: FloatArray,
     slopes: tuple[FloatArray, FloatArray],
     standard: FloatArray,
@@ -230,7 +239,7 @@ def _gradient(
         [
             from_top[:1],
             from_top[1:] * increments,
-            by_location.sum(axis=1)[1:],
+            coding.T @ by_location.sum(axis=1),
             standard @ by_location.sum(axis=0),
         ]
     )
@@ -302,11 +311,9 @@ def start_of(data: ScoreCounts, link: Link) -> FloatArray:
     """Return the initial parameters: no condition effects, and subjects with unit variance."""
     shares = np.cumsum(data.counts.sum(axis=(0, 1)))[:-1] / data.counts.sum()
     quantile = ndtri if link == "probit" else logit
-    return Parameters(
-        thresholds=np.asarray(quantile(shares)) * np.sqrt(2.0),
-        effects=np.zeros(data.conditions),
-        sds=np.ones(1),
-    ).packed
+    thresholds = np.asarray(quantile(shares)) * np.sqrt(2.0)
+    none = np.zeros(data.coding.shape[1])
+    return np.concatenate([thresholds[:1], np.log(np.diff(thresholds)), none, np.ones(1)])
 
 
 def covariance_at(
@@ -464,13 +471,33 @@ def ordinal_effects_of_trials(
         conditions: names; the first is the reference.
         link: F normal ("probit") or logistic ("logit").
     """
-    categories, category = np.unique(np.round(scores, DECIMALS), return_inverse=True)
-    people, person = np.unique(subject, return_inverse=True)
-    counts = np.zeros((len(people), len(conditions), len(categories)))
-    np.add.at(counts, (person, condition, category), 1.0)
-    if refusal := _refusal(counts, conditions):
-        return refusal
+    counts = score_counts(scores, subject, condition, len(conditions))
+    if isinstance(counts, NotEstimable):
+        return counts
+    for name, given in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
+        if given == 0:
+            return NotEstimable(f"no score was given under {name}")
     data = ScoreCounts(counts=counts)
+    fit = fitted_levels(data, link)
+    if isinstance(fit, NotEstimable):
+        return fit
+    best, covariance = fit
+    fitted = unpacked(best.packed, data)
+    return OrdinalEffects(
+        link=link,
+        reference=conditions[0],
+        effects=_named(conditions, fitted.effects[1:]),
+        standard_errors=_named(conditions, _standard_errors(covariance, data)),
+        thresholds=tuple(fitted.thresholds.tolist()),
+        categories=tuple(np.unique(np.round(scores, DECIMALS)).tolist()),
+        subject_sd=abs(float(fitted.sds[0])),
+        log_likelihood=best.value,
+        interaction=_interaction(best, covariance, data, link, conditions),
+    )
+
+
+def fitted_levels(data: ScoreCounts, link: Link) -> tuple[Maximum, FloatArray] | NotEstimable:
+    """Return the maximum without levels of cells, and the covariance of its parameters."""
     best = maximum(start_of(data, link), data, link)
     covariance = covariance_at(best, data, link)
     if isinstance(covariance, NotEstimable):
@@ -482,19 +509,7 @@ def ordinal_effects_of_trials(
         )
     # A climb stops elsewhere on every processor; a step of Newton's from there does not.
     slope = log_likelihood(best.packed, data, link, best.nodes)[1]
-    best = replace(best, packed=best.packed + covariance @ slope)
-    fitted = unpacked(best.packed, data)
-    return OrdinalEffects(
-        link=link,
-        reference=conditions[0],
-        effects=_named(conditions, fitted.effects[1:]),
-        standard_errors=_named(conditions, _standard_errors(covariance, data)),
-        thresholds=tuple(fitted.thresholds.tolist()),
-        categories=tuple(categories.tolist()),
-        subject_sd=abs(float(fitted.sds[0])),
-        log_likelihood=best.value,
-        interaction=_interaction(best, covariance, data, link, conditions),
-    )
+    return replace(best, packed=best.packed + covariance @ slope), covariance
 
 
 def _named(conditions: tuple[str, ...], values: FloatArray) -> dict[str, float]:
@@ -502,22 +517,41 @@ def _named(conditions: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 
 def _standard_errors(covariance: FloatArray, data: ScoreCounts) -> FloatArray:
-    effects = slice(data.categories - 1, data.categories + data.conditions - 2)
-    return np.asarray(np.sqrt(np.diag(covariance))[effects])
+    return np.asarray(np.sqrt(np.diag(covariance))[data.coefficients])
 
 
-def _refusal(counts: FloatArray, conditions: tuple[str, ...]) -> NotEstimable | None:
-    subjects, _, categories = counts.shape
-    if subjects < 2:
-        return NotEstimable(f"the model needs scores of at least 2 subjects, got {subjects}")
-    if not 2 <= categories <= MOST_CATEGORIES:
+def score_counts(
+    scores: FloatArray, subject: IntArray, condition: IntArray, conditions: int
+) -> FloatArray | NotEstimable:
+    """Return how often each subject gave each score, shape (subjects, conditions, categories)."""
+    categories, category = np.unique(np.round(scores, DECIMALS), return_inverse=True)
+    people, person = np.unique(subject, return_inverse=True)
+    if len(people) < 2:
+        return NotEstimable(f"the model needs scores of at least 2 subjects, got {len(people)}")
+    if not 2 <= len(categories) <= MOST_CATEGORIES:
         return NotEstimable(
-            f"the model needs 2 to {MOST_CATEGORIES} different scores, got {categories}"
+            f"the model needs 2 to {MOST_CATEGORIES} different scores, got {len(categories)}"
         )
-    for name, number in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
-        if number == 0:
-            return NotEstimable(f"no score was given under {name}")
-    return None
+    counts = np.zeros((len(people), conditions, len(categories)))
+    np.add.at(counts, (person, condition, category), 1.0)
+    return counts
+
+
+def fitted_cells(
+    without: Maximum, data: ScoreCounts, link: Link
+) -> tuple[Maximum, FloatArray] | None:
+    """Return the maximum with levels of subjects' cells and its covariance, if these differ.
+
+    None stands for no cell that was scored twice, for no difference between cells, and for one
+    that the scores do not determine.
+    """
+    if data.counts.sum(axis=2).max() < 2:
+        return None
+    best = maximum(np.append(without.packed, FIRST_SD), data, link)
+    if 2 * (best.value - without.value) < ROUNDING:
+        return None
+    covariance = covariance_at(best, data, link)
+    return (best, covariance) if isinstance(covariance, np.ndarray) else None
 
 
 def _interaction(

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.published import SCALE
+from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
@@ -25,6 +26,14 @@ from analysis.sensitivity.predictive_checks import (
 )
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
 from analysis.statistics.detection import Detection, detection
+from analysis.statistics.factorial import (
+    SESSION,
+    Crossed,
+    Factorial,
+    LatentFactorial,
+    factorial_tests,
+    latent_factorial,
+)
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.signed_rank import LEVEL, holm
 from analysis.statistics.summary import table4
@@ -55,6 +64,7 @@ from analysis.trials.trial_checks import (
 from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, predicted_contrast
 from device.friction.laws import LAWS
 from device.friction.scenes import NOMINAL, Calibration
+from protocol.study.factor import CONDITION
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS
 
@@ -261,6 +271,24 @@ class TrialStatistics:
         changes = self._changes.items()
         return tuple(self.keep(contrast_range, name, change, self.rig) for name, change in changes)
 
+    @cached_property
+    def crossed(self) -> tuple[Crossed, Crossed | None] | None:
+        """Scores by factor, and by session beside them where there are several; or None."""
+        return crossed_scores(self.study, self.data)
+
+    @cached_property
+    def factorial(self) -> Factorial | None:
+        """Effects of the factors and of the session; None of a study without both."""
+        return None if self.crossed is None else self.keep(factorial_tests, *self.crossed)
+
+    @cached_property
+    def latent_factorial(self) -> LatentFactorial | NotEstimable | None:
+        """The same on the latent scale of an ordinal mixed model."""
+        if self.crossed is None:
+            return None
+        wide = self.crossed[1] or self.crossed[0]
+        return self.keep(latent_factorial, *cell_scores(self.study, self.data, wide))
+
     def fit_ahead(self, models: Iterable[str]) -> None:
         """Fit those of `models`, named `M2`, `M3`, `M2 at places` or as in `LINKS`, two at a time.
 
@@ -357,6 +385,59 @@ class TrialStatistics:
         ratings = self.scored.every.given
         cells = np.stack([ratings.subject, ratings.condition])
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
+
+
+def crossed_scores(
+    study: Study, data: StudyData, table: ScoreTable | None = None
+) -> tuple[Crossed, Crossed | None] | None:
+    """Return the scores of `table` by factor, and those of all trials by session as well.
+
+    A condition that the study file no longer has is in no cell. The conditions of a study without
+    factors are one where there are several sessions.
+    """
+    table = table or data.table
+    sessions = sorted(data.scored["session"].unique())
+    if data.kinds == ("published",) or not (study.factors or len(sessions) > 1):
+        return None
+    names, factors = _cells(study, data)
+    shape = [len(levels) for levels in factors.values()]
+    place = {name: number for number, name in enumerate(table.conditions)}
+    padded = np.column_stack([table.scores, np.full(len(table.subjects), np.nan)])
+    columns = [place.get(name, len(place)) for name in names]
+    crossed = Crossed(factors=factors, scores=padded[:, columns].reshape(-1, *shape))
+    if len(sessions) < 2:
+        return crossed, None
+    means = data.scored.groupby(["participant", "condition", "session"])["score"].mean()
+    cells = pd.MultiIndex.from_product([table.subjects, names, sessions])
+    return crossed, Crossed(
+        factors={**factors, SESSION: tuple(map(str, sessions))},
+        scores=means.reindex(cells).to_numpy().reshape(-1, *shape, len(sessions)),
+    )
+
+
+def _cells(study: Study, data: StudyData) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
+    """Return the conditions in the order of their cells, and the levels of each factor."""
+    if study.factors:
+        return study.conditions, study.factors
+    names = data.table.conditions
+    # A single condition is no factor.
+    return names, {CONDITION: names} if len(names) > 1 else {}
+
+
+def cell_scores(
+    study: Study, data: StudyData, wide: Crossed
+) -> tuple[FloatArray, IntArray, IntArray, Mapping[str, tuple[str, ...]]]:
+    """Return each given score with its subject and its cell of `wide`, and the factors."""
+    place = {name: number for number, name in enumerate(_cells(study, data)[0])}
+    given = data.scored.dropna(subset=["score"])
+    given = given[given["condition"].isin(list(place))]
+    cell = np.array([place[name] for name in given["condition"]], np.int64)
+    if SESSION in wide.factors:
+        numbered = {int(number): at for at, number in enumerate(wide.factors[SESSION])}
+        last = np.array([numbered[number] for number in given["session"]], np.int64)
+        cell = cell * len(numbered) + last
+    subject = np.array(pd.factorize(given["participant"])[0], np.int64)
+    return np.array(given["score"], np.float64), subject, cell, wide.factors
 
 
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:

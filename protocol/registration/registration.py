@@ -243,10 +243,24 @@ def between(higher: str, lower: str) -> str:
     return f"{above(higher, lower)} between groups"
 
 
+def effect_of(*factors: str) -> str:
+    """Return the name of the hypothesis that a factor, or two of them together, has an effect."""
+    return f"effect of {factors[0]}" if len(factors) == 1 else " by ".join(factors)
+
+
+def factors_of(study: Study) -> tuple[str, ...]:
+    """Return the factors that a hypothesis may name, sessions among them."""
+    return (*study.factors, *["session"] * (study.design.sessions > 1))
+
+
 def hypotheses(
-    conditions: Sequence[str], groups: Iterable[str] = (), *, catch_trials: int = 0
+    conditions: Sequence[str],
+    groups: Iterable[str] = (),
+    factors: Sequence[str] = (),
+    *,
+    catch_trials: int = 0,
 ) -> dict[str, str]:
-    """Return the test of each hypothesis of a study with these conditions and groups, by name.
+    """Return the test of each hypothesis of a study with these names, by its name.
 
     >>> list(hypotheses(["a", "b"]))[1:3]
     ['a above b', 'b above a']
@@ -271,7 +285,18 @@ def hypotheses(
             for higher, lower in permutations(groups, 2)
         },
         **(_of_noticing(conditions) if catch_trials else {}),
+        **{effect_of(of): f"main effect within participants {_BY_FACTOR}" for of in factors},
+        **{
+            effect_of(*pair): f"interaction within participants {_BY_FACTOR}"
+            for pair in permutations(factors, 2)
+        },
     }
+
+
+_BY_FACTOR = (
+    "on mean scores: permutation of levels, and F with Greenhouse and Geisser's correction; the "
+    "larger p < .05"
+)
 
 
 def _of_noticing(conditions: Iterable[str]) -> dict[str, str]:

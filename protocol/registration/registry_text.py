@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from protocol.registration.registration import Registration, hypotheses
+from protocol.registration.registration import Registration, factors_of, hypotheses
 from protocol.study.rules import Order
 from protocol.study.study import Study
 from protocol.study.study_question import When
@@ -84,7 +84,12 @@ def registry_text(study: Study, registered: Registration) -> str:
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
-    tests = hypotheses(study.conditions, study.groups, catch_trials=study.design.catch_trials)
+    tests = hypotheses(
+        study.conditions,
+        study.groups,
+        factors_of(study),
+        catch_trials=study.design.catch_trials,
+    )
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."

@@ -52,7 +52,8 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         (("factor", number, "name"), factor.name) for number, factor in enumerate(study.factor)
     ]
     yield from _blank("factor", named)
-    yield from _alike("factor", [*named, *([(("factor",), CONDITION)] if named else [])])
+    taken = [(("factor",), name) for name in (CONDITION, "session")] if named else []
+    yield from _alike("factor", [*named, *taken])
     varied = [(factor.varies, factor.touches) for factor in study.factor]
     for number, factor in enumerate(study.factor):
         if varied.index((factor.varies, factor.touches)) < number:

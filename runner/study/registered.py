@@ -16,6 +16,7 @@ from protocol.registration.registration import (
     FILE,
     Registration,
     Setting,
+    factors_of,
     hypotheses,
     registered_event,
     registration_in,
@@ -206,7 +207,12 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
         BadInput: a hypothesis is unknown, the study has no planned size, or the result of the
             power analysis cannot be read.
     """
-    known = hypotheses(study.conditions, study.groups, catch_trials=study.design.catch_trials)
+    known = hypotheses(
+        study.conditions,
+        study.groups,
+        factors_of(study),
+        catch_trials=study.design.catch_trials,
+    )
     for name in (choice.primary, *choice.secondary):
         require_known(name, known)
     participants = study.design.participants

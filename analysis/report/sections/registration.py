@@ -14,6 +14,7 @@ from analysis.report.blocks import Block, Column, Items, Section, Table, at, col
 from analysis.report.findings import Findings
 from analysis.report.results import (
     DIFFER,
+    FACTORS,
     FOLLOW,
     GROUPS,
     NOTICE,
@@ -39,6 +40,9 @@ from protocol.registration.registration import (
     ORDER,
     above,
     between,
+    effect_of,
+    factors_of,
+    hypotheses,
 )
 
 # The settings of the analysis that a registration fixes beside the study file.
@@ -140,7 +144,16 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEst
         return _order(found, lock.registration.law)
     if name.endswith(NOTICED):
         return _noticed(found, name.removesuffix(NOTICED).strip())
-    return _of_groups(found, name) or _pair(found, name)
+    return _of_factors(found, name) or _of_groups(found, name) or _pair(found, name)
+
+
+def _of_factors(found: Findings, name: str) -> _Computed | NotEstimable | None:
+    """Return the effect of a factor or of two; None where the name is of no such hypothesis."""
+    tests = found.trials.factorial
+    for it in tests.effects if tests else ():
+        if name in {effect_of(*it.factors), effect_of(*reversed(it.factors))}:
+            return _tested(at(it.effect, "p"))
+    return None
 
 
 def _tested(p: float | NotEstimable) -> _Computed | NotEstimable:
@@ -225,6 +238,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
     asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
     asked |= {name: NOTICE for name in names if name.endswith(NOTICED)}
+    asked |= dict.fromkeys(hypotheses((), (), factors_of(found.study)).keys() - asked, FACTORS)
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",

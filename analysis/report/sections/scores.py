@@ -18,6 +18,9 @@ from device.friction.changes import RUNG
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
 
+MOST_COLUMNS = 12
+"""Of conditions; with more of them than subjects, tables of a crossed study turn."""
+
 
 def section(found: Findings) -> blocks.Section:
     """Return the scores, and the means under each reading of missing scores."""
@@ -126,7 +129,7 @@ def _score_table(found: Findings) -> blocks.Table:
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
     note = "Notes below distinguish the empty cells. " if empty else ""
-    return blocks.Table(
+    shown = blocks.Table(
         name="table4",
         label="Table 4",
         caption=f"Scores by subject and condition, {found.scale_in_words}. {note}".rstrip(),
@@ -135,6 +138,15 @@ def _score_table(found: Findings) -> blocks.Table:
         footer=True,
         front=True,
     )
+    return shown.turned("condition") if _is_wide(found) else shown
+
+
+def _is_wide(found: Findings) -> bool:
+    """Return whether conditions have room as rows alone."""
+    table = found.loaded.table
+    # Factors make many conditions; the tables of other studies stay as they were.
+    crossed = bool(found.study.factors)
+    return crossed and len(table.conditions) > max(MOST_COLUMNS, len(table.subjects))
 
 
 def _mean(text: str, target: str = "") -> blocks.Cell:
@@ -151,7 +163,7 @@ def _readings_table(found: Findings) -> blocks.Table | None:
     least = f"as {found.scale.lowest:g}"
     words = {"missing": "left missing", "zero": least, "lowest": "as the lowest observed score"}
     numbers = (*table.conditions, "all", "pairs that differ (Holm)")
-    return blocks.Table(
+    shown = blocks.Table(
         name="readings",
         caption="Sensitivity of the results to scores withheld because "
         f"{WITHHELD_AS[found.rating.score_when]}: condition means and omnibus test with these "
@@ -173,6 +185,7 @@ def _readings_table(found: Findings) -> blocks.Table | None:
             for reading in readings
         ],
     )
+    return shown.turned("withheld scores") if _is_wide(found) else shown
 
 
 def _means_json(result: Table4) -> Json:

@@ -14,7 +14,6 @@ from analysis.loading.score_table import ScoreTable
 from analysis.statistics.ordinal import (
     Link,
     OrdinalEffects,
-    Parameters,
     ScoreCounts,
     log_likelihood,
     ordinal_effects_of_trials,
@@ -205,11 +204,8 @@ def test_the_slope_at_the_maximum_is_none(table_of: TableOf, link: Link) -> None
     )
     found = result_of(table_of(scores), link)
     categories = np.searchsorted(found.categories, scores)
-    parameters = Parameters(
-        thresholds=np.array(found.thresholds),
-        effects=np.array([0.0, *found.effects.values()]),
-        sds=np.array([found.subject_sd]),
-    )
+    thresholds, effects = np.array(found.thresholds), [*found.effects.values()]
+    packed = [thresholds[0], *np.log(np.diff(thresholds)), *effects, found.subject_sd]
     data = ScoreCounts(counts=np.eye(len(found.categories))[categories])
-    slope = log_likelihood(parameters.packed, data, link, 81)[1]
+    slope = log_likelihood(np.array(packed), data, link, 81)[1]
     assert slope == pytest.approx(0, abs=1e-10)

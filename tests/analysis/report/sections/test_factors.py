@@ -1,0 +1,141 @@
+"""The report of a study with factors, and of one with several sessions."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.cells import json_text
+from analysis.loading.study_data import load_study_data
+from analysis.report.drawing import labels_of, marked
+from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.sections.registration import _computed
+from protocol.registration.registration import effect_of, factors_of, hypotheses
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study
+from tests.analysis.chains import chain, scored_session
+from tests.analysis.reports import ORIGIN, PAPER, plain_report
+
+FACTORS = """
+[study]
+name = "ramps"
+[design]
+order = "blocks"
+[rating]
+score_when = "always"
+[[factor]]
+name = "voltage"
+varies = "ramp_to_v"
+values = VOLTAGES
+[[factor]]
+name = "direction"
+varies = "direction"
+values = ["left", "right"]
+[[condition]]
+name = "ramp"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "path", voltage_v = 0 }]
+"""
+
+
+def study_of(*voltages: int) -> Study:
+    return parsed_study(FACTORS.replace("VOLTAGES", str(list(voltages))))
+
+
+def sessions_of(study: Study, people: int, sessions: int = 1, withheld: float = 0.0) -> Report:
+    """A report in which ratings rise with the condition's place in the file."""
+    rng = np.random.default_rng(5)
+    chains = []
+    for person in range(people):
+        for session in range(1, sessions + 1):
+            scores = np.clip(
+                np.round(rng.normal(np.linspace(2, 8, len(study.conditions)), 1)), 0, 10
+            )
+            given = [None if rng.random() < withheld else int(score) for score in scores]
+            told = zip(study.conditions, given, strict=True)
+            events = scored_session(f"P{person:02d}", told, study.conditions, session=session)
+            chains.append(chain(events))
+    return report("ramps", load_study_data(chains, rehearsals=False), study, ORIGIN)
+
+
+@cache
+def crossed_report() -> Report:
+    return sessions_of(study_of(50, 100, 200), 8, sessions=2, withheld=0.02)
+
+
+def test_effects_levels_and_figures_of_each_factor_and_of_the_session() -> None:
+    made = crossed_report()
+    data = report_json(made)["factors"]
+    named = ["voltage", "direction", "session"]
+    pairs = [["voltage", "direction"], ["voltage", "session"], ["direction", "session"]]
+    assert [it["factors"] for it in data["effects"]] == [[name] for name in named] + pairs
+    assert data["effects"][0]["p_holm"] < 0.05
+    assert [it["level"] for it in data["levels"]][:3] == ["50 V", "100 V", "200 V"]
+    assert {it["factor"] for it in data["latent"]["levels"]} == set(named)
+    assert list(data["p_holm_by_reading"]) == ["zero", "lowest"]
+    page = report_html(made)
+    assert "Which factors matter?" in page
+    assert "Voltage mattered, from M = " in page
+    for number in (1, 2, 3):
+        assert f'id="figure-factor-{number}"' in page
+    assert 'id="figure-factor-4"' not in page
+
+
+def test_a_study_without_factors_has_nothing_of_it() -> None:
+    made = plain_report()
+    assert made.trials.factorial is None
+    assert made.trials.latent_factorial is None
+    assert "factors" not in report_json(made)
+    assert "Which factors matter?" not in report_html(made)
+
+
+def test_sessions_alone_are_crossed_with_the_conditions() -> None:
+    made = sessions_of(PAPER, 4, sessions=2)
+    effects = made.trials.factorial
+    assert effects is not None
+    assert [it.name for it in effects.effects] == ["condition", "session", "condition × session"]
+
+
+def test_registered_effects_are_judged_by_their_own_p() -> None:
+    made, study = crossed_report(), study_of(50, 100, 200)
+    known = hypotheses(study.conditions, factors=factors_of(study))
+    assert {"effect of voltage", "voltage by direction", "direction by voltage"} <= known.keys()
+    assert not any("session" in name for name in known)  # this study plans a single one
+    tests = made.trials.factorial
+    assert tests is not None
+    for factors in (("voltage",), ("direction", "voltage")):
+        found = tests.of(*factors)
+        assert found is not None
+        told, p, supported = _judged(made, effect_of(*factors))
+        assert p == getattr(found.effect, "p", None)
+        assert supported == (p is not None and p < 0.05)
+        assert "p" in told
+
+
+def _judged(made: Report, name: str) -> tuple[str, float | None, bool | None]:
+    found = _computed(made, None, name)  # type: ignore[arg-type]  # an effect needs no registration
+    assert isinstance(found, tuple)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("voltages", "turned"), [(range(50, 100, 10), False), (range(50, 190, 10), True)]
+)
+def test_a_table_of_more_conditions_than_people_turns(voltages: range, turned: bool) -> None:
+    made = sessions_of(study_of(*voltages), 5)
+    table = made.sections[0].blocks[0]
+    shape = (len(table.columns), len(table.rows))  # type: ignore[union-attr]
+    wide = (len(made.study.conditions) + 2, 6)
+    assert shape == ((7, 2 * len(voltages) + 1) if turned else wide)
+    text = json.loads(json_text(report_json(made)))["table4"]
+    assert text["columns"] == list(made.study.conditions)
+
+
+def test_names_and_markers_of_thirty_conditions_differ() -> None:
+    names = tuple(f"a name that begins alike, {number}" for number in range(30))
+    assert len(set(labels_of(names, "condition"))) == 30
+    assert labels_of(("short", "a name that is too long"), "condition")[1] == "a name that is …"
+    markers = {(each["marker"], each["fillstyle"]) for each in map(marked, range(30))}
+    assert len(markers) == 30

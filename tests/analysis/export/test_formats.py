@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 
@@ -286,6 +287,30 @@ def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -
         "E01": "sub-E01",
     }
     assert {row["session_count"] for row in people if row["pseudonym"] == "P01"} == {"2"}
+
+
+def test_the_group_stands_with_participants_and_trials_in_every_format(tmp_path: Path) -> None:
+    group: dict[str, str] = {}
+    chains = []
+    for first, *others in (session.events for session in sessions(study_text())):
+        who = str(first.payload.get("participant"))
+        own = group.setdefault(who, "young" if len(group) % 2 else "=old")
+        chains.append([replace(first, payload={**first.payload, "group": own}), *others])
+    data = dataset(chains, parsed_study(study_text()), "0", rehearsals=False)
+    files = bids_export(data)
+    people = tsv_rows(files["participants.tsv"])
+    assert {row["group"] for row in people} == {"'=old", "young"}
+    assert json.loads(files["participants.json"])["group"]["Description"]
+    of_label = {row["participant_id"]: row["group"] for row in people}
+    for name, text in files.items():
+        if name.endswith("_beh.tsv"):
+            label = name.partition("/")[0]
+            assert {row["group"] for row in tsv_rows(text)} == {of_label[label]}
+    tables = [text for name, text in psychds_export(data).items() if name.endswith("_data.csv")]
+    assert all("group" in csv_rows(text)[0] for text in tables)
+    assert [*bids_slips(files), *psychds_slips(psychds_export(data))] == []
+    assert warnings(written(files, tmp_path)) == NOBODY_SAID
+    assert "group" not in bids_export(nasty())["participants.json"]
 
 
 def test_sessions_are_named_only_where_there_are_several() -> None:

@@ -88,7 +88,7 @@ half the time.
 
 Peers are used where they do the same work: pySerial and PyVISA on the link, SQLite for the
 journal, pandas for tables, a bare PsychoPy window, SciPy for the tests of scores and for integrals,
-`np.sin` for the model. questplus does not apply: touchbeam runs no adaptive method yet.
+`np.sin` for the model, questplus for what a track asks next.
 PyVISA writes each line by itself; over TCP the second of two writes waits until the first one is
 acknowledged, some 40 ms.
 """

@@ -15,7 +15,7 @@ from analysis.power.diagnosis import ESTIMATES, RANK, columns
 from analysis.power.job import Design
 from analysis.statistics.many_tables import pairs_of
 from analysis.statistics.signed_rank import LEVEL, holm_of_rows
-from protocol.registration.registration import FOLLOWS, GAINS, OMNIBUS, above
+from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, above
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,7 @@ class RegisteredPower:
 class Findings:
     """What simulations tell of one design; `false_claims` are by test, in null cohorts.
 
+    `unscored` is the share of studies in which somebody has no score under some condition.
     `registered` are the hypotheses of a registered study, the primary one first.
     """
 
@@ -122,6 +123,7 @@ class Findings:
     tests: tuple[TestPower, ...]
     estimates: tuple[EstimateQuality, ...]
     any_false_claim: Measured
+    unscored: Measured
     false_claims: dict[str, Measured]
     registered: tuple[RegisteredPower, ...] = ()
 
@@ -146,7 +148,14 @@ def findings(
     table = _Table(rows, columns(len(conditions), models=models))
     null = _Table(null_rows, columns(len(conditions), models=False))
     names, null_claims = _names(conditions), _claims(null, len(conditions))
-    false = {name: share(made) for name, made in zip(names, null_claims.T, strict=True)}
+    pairs = names[2 : 2 + len(pairs_of(len(conditions)))]
+    # A study without catch trials has no test of noticing.
+    tested = np.any(~np.isnan(_p_values(table, len(conditions))), axis=0)
+    false = {
+        name: share(made)
+        for name, made, has in zip(names, null_claims.T, np.atleast_1d(tested), strict=True)
+        if has or NOTICED not in name
+    }
     # Power of a test that claims too much says nothing.
     broken = {name for name, each in false.items() if too_often(each)}
     p, claimed = _p_values(table, len(conditions)), _claims(table, len(conditions))
@@ -162,11 +171,13 @@ def findings(
                 supported=UNKNOWN if name in broken else share(made),
             )
             for place, (name, made) in enumerate(zip(names, claimed.T, strict=True))
+            if name in false
         ),
         estimates=(
             *(_of_model(table, name) for name in ESTIMATES if models),
-            *(_of_difference(table, pair, name) for pair, name in enumerate(names[2:])),
+            *(_of_difference(table, pair, name) for pair, name in enumerate(pairs)),
         ),
+        unscored=share(table["complete"] == 0),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
         false_claims=false,
         registered=_registered(table, conditions, hypotheses, broken),
@@ -175,7 +186,7 @@ def findings(
 
 def _names(conditions: Sequence[str]) -> list[str]:
     pairs = [f"{conditions[a]} - {conditions[b]}" for a, b in pairs_of(len(conditions))]
-    return [OMNIBUS, GAINS, *pairs]
+    return [OMNIBUS, GAINS, *pairs, NOTICED, *(f"{name} {NOTICED}" for name in conditions)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,20 +202,31 @@ class _Table:
 
 def _p_values(table: _Table, conditions: int) -> FloatArray:
     pairs = [table[f"pair p {pair}"] for pair in range(len(pairs_of(conditions)))]
-    return np.column_stack([table["omnibus p"], table["gains p"], *pairs])
+    noticed = [table[f"noticed p {condition}"] for condition in range(conditions)]
+    tests = [table["omnibus p"], table["gains p"], *pairs, table["noticed p"], *noticed]
+    return np.column_stack(tests)
 
 
 def _claims(table: _Table, conditions: int) -> BoolArray:
     """Return which tests the family's rule lets a report claim, shape (studies, tests).
 
-    The two questions - do the conditions differ, do people's gains differ - are one family with
-    Holm's correction. A pair is claimed only if the conditions differ, by its own p after Holm's
-    correction over all pairs. So any false claim has a chance of at most 5%.
+    The questions - do the conditions differ, do people's gains differ, and, with catch trials, are
+    changes noticed - are one family with Holm's correction. A pair is claimed only if the
+    conditions differ, by its own p after Holm's correction over all pairs, and a condition to be
+    noticed only if changes are. So any false claim has a chance of at most 5%.
     """
-    p = _p_values(table, conditions)
-    questions = holm_of_rows(p[:, :2]) < LEVEL
-    # A missing p compares as false, so that it claims nothing.
-    return np.column_stack([questions, questions[:, :1] & (p[:, 2:] < LEVEL)])
+    p, pairs = _p_values(table, conditions), 2 + len(pairs_of(conditions))
+    # A missing p, as that of noticing without catch trials, is no part of the family.
+    questions = holm_of_rows(p[:, [0, 1, pairs]]) < LEVEL
+    own = p < LEVEL
+    return np.column_stack(
+        [
+            questions[:, :2],
+            questions[:, :1] & own[:, 2:pairs],
+            questions[:, 2:],
+            questions[:, 2:] & own[:, pairs + 1 :],
+        ]
+    )
 
 
 _GROUPS_GAIN = "M2 group's gain"
@@ -238,6 +260,9 @@ def _held(table: _Table, conditions: Sequence[str]) -> dict[str, tuple[str, Floa
         row, hit, mean = names[2 + pair], rejected[2 + pair], table[f"pair mean {pair}"]
         held[above(conditions[a], conditions[b])] = row, 1.0 * (hit & (mean > 0))
         held[above(conditions[b], conditions[a])] = row, 1.0 * (hit & (mean < 0))
+    noticed = slice(2 + len(pairs_of(len(conditions))), None)
+    for name, hit in zip(names[noticed], rejected[noticed], strict=True):
+        held[name] = name, hit * 1.0
     if f"{_GROUPS_GAIN} significant" in table.names:
         held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
     return held

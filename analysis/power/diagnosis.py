@@ -9,14 +9,16 @@ from itertools import product
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.power.people_cohorts import Cohort
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.linear_model import linear_lines
 from analysis.sensitivity.lines import LineMixture, Medians, medians
 from analysis.sensitivity.ordinal_model import ordinal_lines
 from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.detection import noticed_p
 from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
+from analysis.statistics.signed_rank import holm_of_rows
 
 ESTIMATES = (
     *("M2 bias", "M2 gain", "M2 relative gain", "M2 group's gain"),
@@ -35,19 +37,23 @@ def columns(conditions: int, *, models: bool) -> list[str]:
     """Return the names of a row's numbers."""
     pairs = range(len(pairs_of(conditions)))
     tests = ["omnibus p", "gains p", "complete"]
+    noticed = ["noticed p", *(f"noticed p {condition}" for condition in range(conditions))]
     of_pairs = [
         f"{what} {pair}"
         for what in ("pair p", "pair mean", "pair error", "pair subjects")
         for pair in pairs
     ]
     sums = [f"{name} {what}" for name, what in product(ESTIMATES, (*SUMS, RANK))]
-    return [*tests, *of_pairs, *(sums if models else [])]
+    return [*tests, *of_pairs, *noticed, *(sums if models else [])]
 
 
-def rows_of_tables(tables: Sequence[FloatArray]) -> FloatArray:
+def rows_of_tables(
+    tables: Sequence[FloatArray], noticed: Sequence[IntArray] | None = None
+) -> FloatArray:
     """Return a row per table of scores; tables of one shape are tested together.
 
-    Subjects without any score count for nothing.
+    Subjects without any score count for nothing in the tests of scores. Without what was `noticed`
+    (see `noticed_counts`), and without catch trials, there is no p of noticing.
     """
     # The report does not analyse a subject without any score.
     left = [table[~np.isnan(table).all(axis=1)] for table in tables]
@@ -58,8 +64,24 @@ def rows_of_tables(tables: Sequence[FloatArray]) -> FloatArray:
         which = [number for number, table in enumerate(left) if table.shape == shape]
         # A cohort of which nobody is left has a row of NaN: no test, and no claim.
         if shape[0]:
-            rows[which] = _rows(np.array([left[number] for number in which]))
+            tested = _rows(np.array([left[number] for number in which]))
+            rows[which, : tested.shape[1]] = tested
+    if noticed is not None:
+        rows[:, -tables[0].shape[1] - 1 :] = np.concatenate(list(map(_noticed_p, noticed)))
     return rows
+
+
+def _noticed_p(counts: IntArray) -> FloatArray:
+    """Return p of all conditions and, by Holm's correction, of each, shape (1, conditions + 1)."""
+    signal, catch = counts[:, :-1], counts[:, -1]
+    if not catch[:, 1].any():
+        return np.full((1, counts.shape[1]), np.nan)
+    whole = noticed_p(signal.sum(axis=1)[None], catch[None])
+    each = signal.transpose(1, 0, 2)
+    p = noticed_p(each, np.broadcast_to(catch, each.shape))
+    # A condition whose trials expect no change has no test.
+    p[each[:, :, 1].sum(axis=1) == 0] = np.nan
+    return np.asarray(np.concatenate([whole, holm_of_rows(p[None])[0]])[None])
 
 
 def _rows(scores: FloatArray) -> FloatArray:
@@ -76,7 +98,9 @@ def _rows(scores: FloatArray) -> FloatArray:
 
 def rows_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
     """Return a row per cohort: its tests, then what the sensitivity models estimate."""
-    tests = rows_of_tables([cohort.scores for cohort in cohorts])
+    tests = rows_of_tables(
+        [cohort.scores for cohort in cohorts], [cohort.noticed for cohort in cohorts]
+    )
     return np.column_stack([tests, [_estimated(cohort) for cohort in cohorts]])
 
 

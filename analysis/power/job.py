@@ -13,7 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from analysis.estimates import FloatArray
 from analysis.power.diagnosis import rows_of_cohorts, rows_of_tables
-from analysis.power.people_cohorts import PeopleCohorts, Simulate, without_effect
+from analysis.power.people_cohorts import (
+    PeopleCohorts,
+    Simulate,
+    without_effect,
+    without_noticing,
+)
 from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
@@ -138,7 +143,7 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
     return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
 
 
-FORM = 2
+FORM = 3
 """Of the numbers in a chunk; a new form makes the kept chunks of earlier ones unused."""
 FITTED_AT_ONCE, TESTED_AT_ONCE = 4, 500
 """Studies in a task: a second or two of work, so that little is lost and progress is seen."""
@@ -233,11 +238,13 @@ def numbers(job: Job, task: Task) -> FloatArray:
         simulate = simulation(job, task.design)
         if task.kind == "fitted":
             return rows_of_cohorts([simulate.cohort(key) for key in keys])
-        tables = simulate.tables(keys)
+        tables, noticed = simulate.tables(keys)
         if task.kind == "tested":
-            return rows_of_tables(list(tables))
+            return rows_of_tables(list(tables), list(noticed))
+        streams = list(map(_stream, keys))
         return rows_of_tables(
-            [without_effect(table, _stream(key)) for table, key in zip(tables, keys, strict=True)]
+            list(map(without_effect, tables, streams)),
+            list(map(without_noticing, noticed, streams)),
         )
 
 

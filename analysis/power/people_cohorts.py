@@ -12,7 +12,12 @@ from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.sensitivity.lines import Ratings
 from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
-from analysis.simulation.simulation import Simulation, counted_trials, names_of
+from analysis.simulation.simulation import (
+    Simulation,
+    counted_trials,
+    names_of,
+    noticed_counts,
+)
 from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
 from device.friction.laws import LAWS
@@ -38,6 +43,8 @@ class Cohort:
     bias: FloatArray
     gain: FloatArray
     population_gain: float
+    noticed: IntArray
+    """As `noticed_counts` has them."""
 
     @property
     def scores(self) -> FloatArray:
@@ -62,11 +69,12 @@ class Simulate(Protocol):
         """Return the scored trials of the study of `key`."""
         ...
 
-    def tables(self, keys: Sequence[str]) -> FloatArray:
-        """Return the tables of scores of the studies of `keys`.
+    def tables(self, keys: Sequence[str]) -> tuple[FloatArray, IntArray]:
+        """Return the tables of scores of the studies of `keys`, and what was noticed.
 
-        Shape (keys, participants, conditions); NaN where no score was given, and in the whole row
-        of a participant whom the study's rules leave out.
+        Shapes (keys, participants, conditions), NaN where no score was given, and in the whole row
+        of a participant whom the study's rules leave out; (keys, participants, conditions + 1, 2),
+        see `noticed_counts`.
         """
         ...
 
@@ -80,6 +88,20 @@ def without_effect(table: FloatArray, rng: np.random.Generator) -> FloatArray:
     # Each row on its own, so that a person's level stays and only the conditions lose their
     # meaning.
     return rng.permuted(table, axis=1)
+
+
+def without_noticing(noticed: IntArray, rng: np.random.Generator) -> IntArray:
+    """Return counts with each person's reported changes drawn anew over all trials.
+
+    People report as often as before, but with a signal no more often than without.
+    """
+    told, trials = noticed[..., 0], noticed[..., 1]
+    drawn = [
+        # `marginals` takes as long for a thousand trials as for ten.
+        rng.multivariate_hypergeometric(of, int(reports), method="marginals")
+        for of, reports in zip(trials, told.sum(axis=1), strict=True)
+    ]
+    return np.stack([np.array(drawn), trials], axis=-1)
 
 
 # The mean of gain times skin has no closed form for every population; so many make it known far
@@ -96,9 +118,9 @@ class PeopleCohorts:
     population: Population = DEFAULT
     rig: Calibration = NOMINAL
 
-    def tables(self, keys: Sequence[str]) -> FloatArray:
-        """Return the tables of scores of the studies of `keys`."""
-        return self._simulation.score_tables(self.participants, keys)
+    def tables(self, keys: Sequence[str]) -> tuple[FloatArray, IntArray]:
+        """Return the tables of scores of the studies of `keys`, and what was noticed."""
+        return self._simulation.scores_and_noticed(self.participants, keys)
 
     def cohort(self, key: str) -> Cohort:
         """Return the study of `key`.
@@ -120,6 +142,7 @@ class PeopleCohorts:
             bias=zero + unit * people.bias,
             gain=unit * people.gain * people.skin,
             population_gain=unit * self._mean_gain if kept.size else 0.0,
+            noticed=noticed_counts(simulation.planned, made)[kept],
         )
 
     def _ratings(

@@ -16,7 +16,7 @@ from analysis.power.diagnosands import (
 )
 from analysis.power.job import Design
 from analysis.report.drawing import Panel, Series, panels_figure
-from protocol.registration.registration import GAINS, OMNIBUS
+from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 
 # The convention of Cohen (Statistical Power Analysis, 1988).
@@ -29,7 +29,8 @@ RELATIVE = "M2 relative gain"
 FAMILY = (
     "Supported is what holds for the whole report at 5%: that the conditions differ and that gains "
     "differ are one family with Holm's correction; a pair counts only if the conditions differ, by "
-    "its p after Holm's correction over all pairs."
+    "its p after Holm's correction over all pairs. With catch trials, that changes are noticed is "
+    "a third question of the family; a condition counts as noticed only if changes are."
 )
 KOLMOGOROV = 1.358
 """The 95% quantile of √n times the largest distance of an empirical distribution from its own."""
@@ -49,7 +50,7 @@ def power_record(found: Sequence[Findings], study: Study, study_sha256: str, see
         "study_sha256": study_sha256,
         **designs[0],
         "answer": answer(found),
-        "warnings": warnings(found),
+        "warnings": warnings(found, study.rating.score_when),
         "family": FAMILY,
         "designs": designs,
     }
@@ -145,10 +146,31 @@ def answer(found: Sequence[Findings]) -> str:
     )
 
 
-def warnings(found: Sequence[Findings]) -> list[str]:
-    """Return what a report of the study would promise and not keep."""
+def warnings(found: Sequence[Findings], score_when: str = "always") -> list[str]:
+    """Return what a report of the study would promise and not keep.
+
+    `score_when` is the study's rule on when a score is asked for.
+    """
     # A number of people or a claim that does not hold must not look like an answer.
-    return [line for each in found for line in (*_false_claims(each), *_narrow(each))]
+    broken = [line for each in found for line in (*_false_claims(each), *_narrow(each))]
+    return [*broken, *_unscored(found, score_when)]
+
+
+def _unscored(found: Sequence[Findings], score_when: str) -> list[str]:
+    """Return what it does to the tests of scores that some scores are never asked for."""
+    most = max(found, key=lambda each: each.unscored.value)
+    if score_when == "always" or not most.unscored.value > 0:
+        return []
+    where = {
+        "agrees": "the answer agrees with the expectation",
+        "noticed": "a change was noticed",
+    }[score_when]
+    return [
+        f"{most.design}: scores are asked for only where {where}, so that in "
+        f"{_percent(most.unscored.value)} of studies somebody has none under some condition; tests "
+        "of scores then compare only such trials, on which differences are smaller and fewer "
+        "people can be compared"
+    ]
 
 
 def _false_claims(found: Findings) -> list[str]:
@@ -200,6 +222,11 @@ def design_answer(found: Findings) -> str:
     ]
     strong = _pairs_with_power(found)
     parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
+    parts += [
+        f"{_percent(test.supported.value)} power to tell that changes are noticed"
+        for test in found.tests
+        if test.name == NOTICED
+    ]
     listed = f"80% power for {', '.join(strong[:4])}{_rest(strong[4:])}"
     parts.append(listed if strong else "less than 80% power for every pair of conditions")
     parts += [
@@ -221,7 +248,11 @@ def _pairs_with_power(found: Findings) -> list[str]:
 
 
 def _pairs(found: Findings) -> list[TestPower]:
-    return [test for test in found.tests if test.name not in {OMNIBUS, GAINS}]
+    return [
+        test
+        for test in found.tests
+        if test.name not in {OMNIBUS, GAINS} and not test.name.endswith(NOTICED)
+    ]
 
 
 def _rest(names: Sequence[str]) -> str:

@@ -252,13 +252,21 @@ class Simulation:
         Shape (seeds, participants, conditions); the row of a participant whom the study's rules
         leave out is empty.
         """
+        return self.scores_and_noticed(participants, seeds)[0]
+
+    def scores_and_noticed(
+        self, participants: int, seeds: Sequence[int | str]
+    ) -> tuple[FloatArray, IntArray]:
+        """Return these tables, and `noticed_counts` of the same people."""
         who = [one for seed in seeds for one in self._who(participants, seed)]
-        parts = [
-            score_tables(self.planned, joined(self._sessions(who[begin : begin + _AT_ONCE])))
-            for begin in range(0, len(who), _AT_ONCE)
-        ]
         shape = (len(seeds), participants, len(self.study.conditions))
-        return np.concatenate(parts).reshape(shape) if parts else np.empty(shape)
+        scores, counts = np.empty((len(who), shape[2])), np.zeros((len(who), shape[2] + 1, 2), int)
+        for begin in range(0, len(who), _AT_ONCE):
+            some = slice(begin, begin + _AT_ONCE)
+            made = joined(self._sessions(who[some]))
+            scores[some] = score_tables(self.planned, made)
+            counts[some] = noticed_counts(self.planned, made)
+        return scores.reshape(shape), counts.reshape(*shape[:2], shape[2] + 1, 2)
 
     @property
     def planned(self) -> PlannedTrials:

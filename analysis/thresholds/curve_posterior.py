@@ -21,7 +21,9 @@ SAME_BOX = 0.8
 MOST_PASSES = 8
 AROUND = (7, 7, 5, 5)
 """Cells in which the mode is looked for, each time around the highest one."""
-MODE_PASSES = 6
+MODE_PASSES = 14
+SHRINKING = 0.6
+"""Of the box in each pass: slow enough to follow a ridge of the density."""
 AT_ONCE = 2**14
 """Numbers in a step: they fit into a processor's cache, and many levels into the memory."""
 MOST_RATE = 0.5
@@ -141,9 +143,9 @@ def posterior(answers: Answers, curve: Curve) -> Posterior:
             break
     log_density = density(box, fine)
     mass = np.exp(_by_log_width(log_density, box))
-    mode = _highest(box, log_density)
+    mode = _highest(box, log_density, box)
     for _ in range(MODE_PASSES):
-        mode = _highest(mode, density(mode, around))
+        mode = _highest(mode, density(mode, around), box)
     return Posterior(
         _axes(box, fine), mass / mass.sum(), box, tuple((low + high) / 2 for low, high in mode)
     )
@@ -166,14 +168,15 @@ def _by_log_width(log_density: FloatArray, box: Box) -> FloatArray:
     return np.asarray(by_log_width - by_log_width.max())
 
 
-def _highest(box: Box, log_density: FloatArray) -> Box:
-    """Return the box around the highest cell that reaches to the middles of its neighbours."""
+def _highest(box: Box, log_density: FloatArray, within: Box) -> Box:
+    """Return a smaller box around the highest cell, which may reach out of the box."""
     index = np.unravel_index(log_density.argmax(), log_density.shape)
     found = []
-    for (low, high), place, cells in zip(box, index, log_density.shape, strict=True):
-        edge = (high - low) / cells
-        middle = low + (place + 0.5) * edge
-        found.append((max(low, middle - edge), min(high, middle + edge)))
+    for (low, high), (least, most), place, cells in zip(
+        box, within, index, log_density.shape, strict=True
+    ):
+        middle, reach = low + (place + 0.5) * (high - low) / cells, SHRINKING / 2 * (high - low)
+        found.append((max(least, middle - reach), min(most, middle + reach)))
     return tuple(found)
 
 

@@ -203,15 +203,18 @@ def test_a_question_says_what_may_answer_it() -> None:
 def test_a_rehearsal_draws_the_answers_and_exports_have_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "study.toml").write_text(TEXT, encoding="utf-8")
-    run_it = ("run", str(tmp_path), "--participant", "P01", "--ratings", "virtual")
-    assert typed(*run_it) == 0, capsys.readouterr().err
+    text = TEXT.replace("[design]", "[design]\nsessions = 2")
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    for number in "12":
+        run_it = ("--participant", "P01", "--session", number, "--ratings", "virtual")
+        assert typed("run", str(tmp_path), *run_it) == 0, capsys.readouterr().err
     out = tmp_path / "out"
     assert typed("export", str(tmp_path), str(out), "--format", "csv", "--rehearsals") == 0
     with (out / "trials.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["glove"] for row in rows} <= {"none", "nitrile"}
-    assert len({row["glove"] for row in rows}) == 1
+    assert {row["session"] for row in rows} == {"1", "2"}
+    assert len({row["glove"] for row in rows}) == 1, "it was asked once, and stands for both"
     with read_journal(tmp_path / "study.db") as journal:
         records = [event.record for event in journal.events("P01/1 (rehearsal)")]
     assert isinstance(records[0], SessionOpened)

@@ -330,6 +330,9 @@ _CLOUD_SD = 0.04
 
 def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
     """Return score densities by condition, with a line per subject and means as diamonds."""
+    labels = plot.labels_of(data.table.conditions, "condition")
+    # Names that are not cut need room below.
+    below_in = 0.08 * max(0, max(map(len, labels)) - 16)
 
     def draw(axes: plot.Axes) -> None:
         places = np.arange(len(data.table.conditions))
@@ -354,11 +357,11 @@ def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
             markeredgewidth=1.5,
             label="mean",
         )
-        plot.name_places(axes, plot.labels_of(data.table.conditions, "condition"))
+        plot.name_places(axes, labels)
         axes.set(ylim=plot.limits(data.scale), ylabel=f"score, {data.scale}", xlabel="condition")
         axes.legend(loc="lower left", frameon=False)
 
-    return plot.drawing(words, draw)
+    return plot.drawing(words, draw, plot.HEIGHT_IN + below_in)
 
 
 def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> None:

@@ -205,13 +205,16 @@ def _comes_again(
 
 def _slots(day: "Day", rows: Rows) -> None:
     study = checked_study(day.lab.text)
-    taken: dict[str, int] = {}
+    taken: dict[str, tuple[str | None, int]] = {}
     for name, events in rows.items():
         opened = events[0][1]
         if name == STUDY_CHAIN or opened is None:
             continue
-        drawn = plan(study, opened["slot"], opened["session"])
-        problems = plan_problems(study, drawn)
+        group = opened.get("group")
+        require(7, (group in study.groups) == bool(study.group), f"{name}: group {group}")
+        own = study.of_group(group)
+        drawn = plan(own, opened["slot"], opened["session"])
+        problems = plan_problems(own, drawn)
         require(7, not problems, f"{name}: {problems}")
         recorded = [
             (trial["index"], trial["kind"], trial["condition"]) for trial in opened["trials"]
@@ -219,14 +222,17 @@ def _slots(day: "Day", rows: Rows) -> None:
         planned = [(trial.index, trial.kind, trial.condition) for trial in drawn.trials]
         require(7, recorded == planned, f"{name}: the plan of slot {opened['slot']} is another")
         if name not in day.gone:
-            taken.setdefault(opened["participant"], opened["slot"])
-            same = taken[opened["participant"]] == opened["slot"]
+            place = group, opened["slot"]
+            same = taken.setdefault(opened["participant"], place) == place
             require(7, same or day.gone or day.returned, f"{name} has slot {opened['slot']}")
     if not (day.gone or day.returned or day.doubtful):
-        slots = sorted(taken.values())
-        require(7, slots == list(range(len(slots))), f"slots {taken}")
-        problems = cohort_problems(study, [plan(study, slot) for slot in slots])
-        require(7, not problems, str(problems))
+        for group in study.groups or (None,):
+            slots = sorted(slot for of, slot in taken.values() if of == group)
+            require(7, slots == list(range(len(slots))), f"slots {taken}")
+            own = study.of_group(group)
+            plans = [plan(own, slot) for slot in slots]
+            problems = cohort_problems(own, plans) if plans else []
+            require(7, not problems, str(problems))
 
 
 def _only_what_may_be_seen(day: "Day", chains: list[Any]) -> None:

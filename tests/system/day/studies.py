@@ -31,6 +31,7 @@ b = 0.0
 order = "{order}"
 sessions = 2
 {between}
+{assigned}
 practice_trials = {practice}
 catch_trials = {catch}
 repeats = {repeats}
@@ -48,6 +49,7 @@ operator_asks = {asks}
 practise_again = "{again}"
 {questions}
 {factor}
+{groups}
 [[opening]]
 kind = "baseline"
 touches = [{{place = "smooth", voltage_v = 0}}]
@@ -82,6 +84,14 @@ _ASKED_IF = {
     "block": "",
     "after": 'asked_if = { question = "own_before", is = ["good"] }',
 }
+_GROUPS = """
+[[group]]
+name = "young"
+size = 4
+[[group]]
+name = "old"
+size = 2
+"""
 _FACTOR = """
 [[factor]]
 name = "press"
@@ -118,6 +128,8 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         score_when=("agrees", "always", "noticed", "always")[kind],
         between=("", "hours_between = [0, 48]")[kind // 2],
         factor=("", "", _FACTOR, "")[kind],
+        groups=("", _GROUPS)[kind // 2],
+        assigned=("", 'assign_groups = "at random"')[kind // 2],
         drive=("frequency = 0.99", "frequency_hz = 24000")[kind % 2],
         asks=('["skin state"]', "[]")[kind // 2],
         again=("on resume", "never")[kind // 2],

@@ -45,7 +45,7 @@ def asked_by(
 ) -> dict[str, Any]:
     """Return what `track` does, of a study and a rig that were read already."""
     from device.tracks.next_level import levels_of, next_level
-    from protocol.tracks.rules import constant_order
+    from protocol.tracks.procedure import constant_order
     from runner.study.tracks import volts_of
 
     names = [each.name for each in study.track]
@@ -86,7 +86,7 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
     """Return the threshold of a fit, and beside it the mean of reversals of a staircase."""
     from analysis.thresholds.psychometric import fitted
     from protocol.tracks.convergence import converges_at
-    from protocol.tracks.rules import place_after, reversal_mean, staircase
+    from protocol.tracks.procedure import place_after, reversal_mean, staircase
 
     found: dict[str, Any] = {
         "threshold": None,

@@ -23,7 +23,7 @@ from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
 from protocol.errors import BadInput, WorkFailed
-from protocol.study.group import Group
+from protocol.study.factor import Group
 from protocol.study.rules import MOST_REPEATS
 from protocol.study.rules import Design as DesignOfStudy
 from protocol.study.study import Study

@@ -12,11 +12,9 @@ from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
-    detection,
+    designs,
     differences,
     effects,
-    factors,
-    groups,
     measured,
     methods,
     model_checks,
@@ -134,9 +132,9 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
         "methods": methods.section,
         "registration": registration.section,
         "tests": differences.section,
-        "groups": groups.section,
-        "detection": detection.section,
-        "factors": factors.section,
+        "groups": designs.groups,
+        "detection": designs.detection,
+        "factors": designs.factors,
         "agreement": effects.section,
         "sensitivity": sensitivity.section,
         "measured": measured.section,

@@ -74,8 +74,11 @@ class WeightedPoints:
         if self.unknown > MOST_UNKNOWN:
             yield f"it could not be evaluated at {self.unknown:.0%} of the points of {integration}"
         if self.effective < self.least:
+            # How few there are may depend on the processor where there are hardly any.
+            few = self.least / 10
+            reached = f"{self.effective:.0f}" if self.effective >= few else f"fewer than {few:.0f}"
             yield (
-                f"{integration} reached {self.effective:.0f} effective points, and intervals need "
+                f"{integration} reached {reached} effective points, and intervals need "
                 f"at least {self.least:.0f}"
             )
         for each in quantities:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from device.beam.modes import FloatArray
 from device.tracks.posterior import choices, correct_share, lattice, slopes
 from protocol.study.track import Track
-from protocol.tracks.rules import Place, constant_order, moved, start
+from protocol.tracks.procedure import Place, constant_order, moved, start
 
 OBSERVERS, SEED = 200, 1
 _INNER = (0.1, 0.9)

@@ -6,7 +6,7 @@ import numpy as np
 
 from device.tracks.posterior import choices, lattice
 from protocol.study.track import Track, decibels
-from protocol.tracks.rules import Answer, place_after
+from protocol.tracks.procedure import Answer, place_after
 
 __all__ = ["Answer", "levels_of", "next_level"]
 
@@ -14,7 +14,7 @@ __all__ = ["Answer", "levels_of", "next_level"]
 def next_level(track: Track, answers: Sequence[Answer], order: Sequence[int] = ()) -> int | None:
     """Return the number of the level to ask next, None where the track has ended.
 
-    `order` is that of constant stimuli (`protocol.tracks.rules.constant_order`), drawn before.
+    `order` is that of constant stimuli (`protocol.tracks.procedure.constant_order`), drawn before.
     """
     if len(answers) >= track.trials or _stopped(track, answers):
         return None

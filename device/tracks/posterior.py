@@ -17,7 +17,7 @@ import numpy as np
 
 from device.beam.modes import FloatArray
 from protocol.study.track import GUESS_RATE, Track, decibels
-from protocol.tracks.rules import Answer
+from protocol.tracks.procedure import Answer
 
 FALSE_ALARMS = 0.02
 """Share of yes without a stimulus that is assumed while a track runs."""

@@ -1,4 +1,4 @@
-"""Factors: what varies between touches, crossed into conditions with names that can be read."""
+"""Factors, what varies between touches, crossed into named conditions; groups of participants."""
 
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -16,7 +16,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError
 
-from protocol.study.fields import Name, Record, setting
+from protocol.study.fields import Count, Name, Record, setting
+from protocol.study.study_question import AskedIf
 from protocol.study.touch import Touch
 
 Varied = Literal[
@@ -119,3 +120,15 @@ def cells(factors: Sequence[Factor]) -> Iterator[tuple[tuple[int, ...], tuple[st
 def combinations(factors: Sequence[Factor]) -> int:
     """Return how many conditions each one of the file becomes."""
     return prod(len(factor.values) for factor in factors)
+
+
+class Group(Record):
+    """Participants who are compared with those of other groups."""
+
+    name: Annotated[Name, Field(description="name in tables and reports")]
+    size: Annotated[Count, Field(le=10_000, description="planned number of participants")]
+    when: AskedIf | None = setting(
+        None,
+        'for `assign_groups = "by an answer"`: the answer that leads into this group; a table as '
+        "`asked_if` of a question",
+    )

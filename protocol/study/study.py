@@ -12,9 +12,8 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import Field, PrivateAttr, model_validator
 
 from protocol.study import rules
-from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, cells, combinations
+from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, cells, combinations
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
-from protocol.study.group import Group
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When

@@ -10,8 +10,7 @@ from protocol.plan.blocks import scaled
 from protocol.plan.feasibility import design_problems
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
-from protocol.study.factor import CONDITION, MOST_CONDITIONS, combinations
-from protocol.study.group import Group
+from protocol.study.factor import CONDITION, MOST_CONDITIONS, Group, combinations
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s

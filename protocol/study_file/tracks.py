@@ -8,7 +8,7 @@ from typing import Any
 from protocol.errors import BadInput, Path, Problem
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
-from protocol.tracks.rules import WHOLE, most_reversals, nearest
+from protocol.tracks.procedure import WHOLE, most_reversals, nearest
 
 _ROUNDED = 1e-4
 """How far a level may be from what it stands for, relative to it: nobody types all its digits."""

@@ -1,6 +1,6 @@
 """Where a staircase settles: the share correct at which it moves neither way."""
 
-from protocol.tracks.rules import Place, Staircase
+from protocol.tracks.procedure import Place, Staircase
 
 
 def converges_at(rule: Staircase) -> float:
@@ -12,7 +12,7 @@ def converges_at(rule: Staircase) -> float:
     bisection (Levitt, J. Acoust. Soc. Am. 49, 1971, 467-477; weighted: Kaernbach, Percept.
     Psychophys. 49, 1991, 227-229). The last steps of the staircase count.
 
-    >>> from protocol.tracks.rules import Staircase
+    >>> from protocol.tracks.procedure import Staircase
     >>> steps = {"down_steps": (1,), "up_steps": (1,), "one_by_one": False, "levels": 9}
     >>> round(converges_at(Staircase(down=3, up=1, cumulative=False, **steps)), 4)
     0.7937

@@ -10,7 +10,7 @@ from protocol.study.study import Study
 from protocol.study.touch import current_ma
 from protocol.study.track import Track
 from protocol.tracks.convergence import converges_at
-from protocol.tracks.rules import staircase
+from protocol.tracks.procedure import staircase
 
 _UNITS = {"voltage": " V", "frequency": " of the resonance", "contrast": "", "place": " m"}
 

@@ -4,7 +4,7 @@ import pytest
 
 from analysis.power.job import Design, designed, designs
 from protocol.errors import BadInput
-from protocol.study.group import Group
+from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 

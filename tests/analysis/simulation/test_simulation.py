@@ -14,7 +14,7 @@ from analysis.simulation.simulation import Simulation
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
 from protocol.plan.blocks import arrivals
 from protocol.plan.plan import plan
-from protocol.study.group import Group
+from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 

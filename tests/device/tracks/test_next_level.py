@@ -12,7 +12,7 @@ from device.tracks.expected import expected
 from device.tracks.next_level import Answer, levels_of, next_level
 from device.tracks.posterior import choices, correct_share, estimate, lattice
 from protocol.study.track import GUESS_RATE, Track
-from protocol.tracks.rules import constant_order
+from protocol.tracks.procedure import constant_order
 
 CHOICES = json.loads((Path(__file__).parent / "questplus_choices.json").read_text())
 """Made with questplus 2023.1: task, shape, lowest and highest level, their number, range of slopes,

@@ -70,7 +70,7 @@ AT_80_BY_24 = """\
 
 
 
- p pause   r repeat trial   n note   s stop   a answer call   ? help
+ p pause   r repeat trial   n note   c correct   s stop   a answer call   ? help
  EMERGENCY STOP: e, space, Ctrl-E
 """
 

@@ -15,7 +15,7 @@ from analysis.statistics.groups import SCORE
 from device.friction.changes import LAW, RUNG
 from protocol.journal.events import Answered, SessionOpened
 from protocol.registration.registration import Registration, between, hypotheses
-from protocol.study.group import Group
+from protocol.study.factor import Group
 from tests.analysis.chains import BEGAN, chain
 from tests.analysis.reports import EXTENDED, ORIGIN, made, session_events
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from protocol.study.track import Track
-from protocol.tracks import rules
+from protocol.tracks import procedure
 from protocol.tracks.convergence import converges_at
-from protocol.tracks.rules import Answer, Staircase
+from protocol.tracks.procedure import Answer, Staircase
 
 
 def track(**keys: Any) -> Track:
@@ -30,10 +30,10 @@ def track(**keys: Any) -> Track:
 
 def levels_asked(asked: Track, answers: list[bool]) -> list[int]:
     """Return the level of each answer's trial."""
-    place, found = rules.start(asked), list[int]()
+    place, found = procedure.start(asked), list[int]()
     for correct in answers:
         found.append(place.level)
-        place = rules.moved(asked, place, correct)
+        place = procedure.moved(asked, place, correct)
     return found
 
 
@@ -73,12 +73,12 @@ def test_plain_staircases_are_those_of_psychopy(first: str) -> None:
             next(theirs)
             theirs.addResponse(int(correct))
         assert levels_asked(ours, answers) == theirs.intensities
-        place = rules.place_after(ours, map(Answer, theirs.intensities, answers))
+        place = procedure.place_after(ours, map(Answer, theirs.intensities, answers))
         assert list(place.turned_at) == theirs.reversalIntensities
 
 
 def staircase(rule: str, streak: str = "consecutive", **steps: Any) -> Staircase:
-    return rules.staircase(track(rule=rule, streak=streak, **steps))
+    return procedure.staircase(track(rule=rule, streak=streak, **steps))
 
 
 @pytest.mark.parametrize(
@@ -117,10 +117,10 @@ def test_no_answers_give_more_reversals_than_are_said_to_be_possible(rule: str, 
     )
     asked = asked.model_copy(update={"start": asked.values[15]})
     found = max(
-        len(rules.place_after(asked, map(Answer, [15] * 9, answers)).turned_at)
+        len(procedure.place_after(asked, map(Answer, [15] * 9, answers)).turned_at)
         for answers in product([True, False], repeat=9)
     )
-    assert found == rules.most_reversals(asked)
+    assert found == procedure.most_reversals(asked)
 
 
 def test_limits_go_on_until_the_answer_changes_and_then_from_the_other_end() -> None:
@@ -128,17 +128,17 @@ def test_limits_go_on_until_the_answer_changes_and_then_from_the_other_end() -> 
     answers = [True, True, False, False, False, False, True, True, True, True, True, True, False]
     # Descending to 2, ascending to 3, descending to the end without a change, ascending.
     assert levels_asked(asked, answers) == [4, 3, 2, 0, 1, 2, 3, 4, 3, 2, 1, 0, 0]
-    place = rules.place_after(asked, map(Answer, levels_asked(asked, answers), answers))
+    place = procedure.place_after(asked, map(Answer, levels_asked(asked, answers), answers))
     assert place.turned_at == (2, 3)
     assert place.level == 1
 
 
 def test_constant_stimuli_come_once_each_before_one_comes_again() -> None:
     asked = track(method="constant", levels={"values": [1, 2, 3, 4, 5]}, trials=20)
-    order = rules.constant_order(asked, 7, "slot", 0)
+    order = procedure.constant_order(asked, 7, "slot", 0)
     for begin in range(0, 20, 5):
         assert sorted(order[begin : begin + 5]) == [0, 1, 2, 3, 4]
-    assert order != rules.constant_order(asked, 7, "slot", 1)
+    assert order != procedure.constant_order(asked, 7, "slot", 1)
 
 
 def test_no_level_beyond_the_grid_is_named() -> None:
@@ -154,11 +154,11 @@ def test_no_level_beyond_the_grid_is_named() -> None:
             streak=random.choice(["consecutive", "cumulative"]),
             rule=f"{random.randint(1, 4)} down {random.randint(1, 4)} up",
         )
-        place = rules.start(asked)
+        place = procedure.start(asked)
         for _ in range(30):
             assert 0 <= place.level < top
             assert 0 <= asked.at(place.level).voltage_v <= top
-            place = rules.moved(asked, place, random.random() < 0.6)
+            place = procedure.moved(asked, place, random.random() < 0.6)
 
 
 def test_a_level_that_is_not_there_cannot_be_asked_for() -> None:

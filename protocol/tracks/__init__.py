@@ -1,5 +1,5 @@
 """What a track asks next, by rules that need no arrays: staircases, limits, constant stimuli.
 
-Public face: `rules.Answer`, `rules.moved`, `rules.start`, `rules.constant_order`,
-`rules.most_reversals`, `convergence.converges_at`. `device/tracks` adds QUEST+ to them.
+Public face: `procedure.Answer`, `procedure.moved`, `procedure.start`, `procedure.constant_order`,
+`procedure.most_reversals`, `convergence.converges_at`. `device/tracks` adds QUEST+ to them.
 """

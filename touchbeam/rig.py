@@ -1,5 +1,6 @@
 """A rig for a program of one's own: driven within a study's limits, and off on every way out."""
 
+import math
 import os
 import signal
 import threading
@@ -191,6 +192,8 @@ class OpenRig:
         Raises:
             ValueError: the output would be on for longer than the study's `rig.max_drive_s`.
         """
+        if not 0 <= seconds < math.inf:
+            raise LimitExceeded(f"seconds must be at least 0, got {seconds}")
         device, clock = self._open(seconds), self._rig.clock
         end_s = clock.monotonic_s() + seconds
         device.beat()

@@ -176,6 +176,8 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
         return _rms(np.log(first.friction / back))
     if effect == "depth":
         return _depth(last, resting) - _depth(first, resting)
+    if first.mark.slides != last.mark.slides:
+        return _ends(np.log(first.friction), first) - _ends(np.log(last.friction), last)
     if len(touches) > 1:
         return _ends(np.log(first.friction / last.friction), last)
     within = np.log(first.friction[:, 0] / first.friction[:, -1])

@@ -102,6 +102,8 @@ def _leads_nowhere(
             yield f"must be given where {how}", "nothing", ""
     elif not by_answer:
         yield f"must not be given unless {how}", repr(when.question), ""
+    elif when.question in desk and desk[when.question].asked_if is not None:
+        yield "must name a question that is always asked", repr(when.question), "leave asked_if out"
     elif when.question in desk:
         yield from unanswerable(when, desk[when.question])
     elif when.question not in study.session.operator_asks:
@@ -122,12 +124,13 @@ def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
 
 
 def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
-    seen: dict[str, _Named] = {}
-    for path, name in named:
+    # By their places, because conditions that factors make stand at one path of the file.
+    seen: dict[str, tuple[int, str]] = {}
+    for number, (path, name) in enumerate(named):
         # People and spreadsheets take such names for one.
         remembered = " ".join(name.casefold().split())
-        before, first = seen.setdefault(remembered, (path, name))
-        if before != path:
+        before, first = seen.setdefault(remembered, (number, name))
+        if before != number:
             same = first == name
             yield Problem(
                 where=where,

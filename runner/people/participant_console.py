@@ -1,7 +1,6 @@
 """A participant at a terminal, who reads texts and types lines; the operator shares it."""
 
 import contextlib
-import io
 import queue
 import threading
 import time
@@ -14,7 +13,7 @@ from protocol.study.participant_texts import Wording, band_names, label_text, qu
 from protocol.study.study_question import BETWEEN, StudyQuestion
 from runner import screens
 from runner.people.operator_console import OPERATOR_MARK, ORDERS
-from runner.people.terminal import at_terminal
+from runner.people.terminal import at_terminal, legible
 
 # A source that never ends, such as a device, must not fill the memory.
 MOST_LINES = 1000
@@ -40,9 +39,7 @@ class TypedLines:
 
     def __init__(self, source: TextIO | None) -> None:
         source = require_typist(source)
-        if isinstance(source, io.TextIOWrapper):
-            # Bytes that are no text must not end the thread that reads.
-            source.reconfigure(errors="replace")
+        legible(source)
         self._source = source
         self.at_terminal = at_terminal(source)
         self._lines: queue.Queue[str | None] = queue.Queue(MOST_LINES)

@@ -1,5 +1,6 @@
 """Text that is safe on a terminal, single key presses from one, and detection of terminals."""
 
+import io
 import os
 import queue
 import re
@@ -150,12 +151,23 @@ def _windows_keys() -> str:
     return typed
 
 
+def legible(source: TextIO) -> None:
+    """Let bytes that are no text stand for unknown letters; nothing where a line was read before.
+
+    They must not end what reads, and after the first line a stream can no longer be told.
+    """
+    if isinstance(source, io.TextIOWrapper):
+        with suppress(io.UnsupportedOperation):
+            source.reconfigure(errors="replace")
+
+
 def typed_answer(say: Callable[[str], None], text: str, read: Callable[[str], _T | None]) -> _T:
     """Return what `read` makes of a line at the terminal; where it makes None of it, ask again.
 
     Raises `EOFError` where nobody can type.
     """
     while at_terminal(sys.stdin, sys.stdout):
+        legible(sys.stdin)
         say(text)
         if not (typed := sys.stdin.readline()):
             break

@@ -146,6 +146,12 @@ def test_a_drive_has_its_longest_time(rig: touchbeam.OpenRig) -> None:
     rig.wait(4)
 
 
+@pytest.mark.parametrize("seconds", [-1, float("nan"), float("inf")])
+def test_a_wait_is_a_time(rig: touchbeam.OpenRig, seconds: float) -> None:
+    with pytest.raises(ValueError, match="seconds must be at least 0, got"):
+        rig.wait(seconds)
+
+
 def test_a_program_that_never_waits_has_no_longer_drives(rig: touchbeam.OpenRig) -> None:
     def drives_on() -> None:
         for volts in cycle((20, 120)):

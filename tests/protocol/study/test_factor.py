@@ -83,6 +83,11 @@ def test_conditions_of_the_file_are_a_factor_of_their_own() -> None:
             'ramp_to_v"\nvalues = [1, 2]',
             "varies: must differ from",
         ),
+        (
+            "[50, 100, 150, 200]",
+            "[50, 50.00000001]",
+            "condition: names must differ, got '50 V",
+        ),
         ('"frequency"\n', '"Voltage"\n', "names must differ by more than case"),
         ('"frequency"\n', '"condition"\n', "names must differ"),
         ("25000]", '25000]\nlabels = ["a"]', "labels: must be as many as values, 3, and differ"),

@@ -118,3 +118,17 @@ def test_the_clock_moves_while_a_step_is_made() -> None:
         clock.sleep(2.0)
         assert hand.state()["cause"] == "WATC"
         assert clock.monotonic_s() == 2.2
+
+
+def test_a_place_and_a_slide_can_be_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A virtual person feels the end of a held touch and the mean of a slide."""
+    (tmp_path / "study.toml").write_text(
+        '[study]\nname = "mixed"\n[session]\nlanguages = ["en"]\n[[condition]]\nname = "moved"\n'
+        'question = "roughness"\nexpected = "smoother"\ntouches = [{ place = "smooth", '
+        'voltage_v = 0 }, { place = "path", voltage_v = 100 }]\n',
+        encoding="utf-8",
+    )
+    assert typed("run", tmp_path, "--participant", "P01", "--ratings", "virtual") == 0
+    assert "P01/1 is complete: 1 trial answered" in capsys.readouterr().out

@@ -5,10 +5,11 @@ import pty
 import sys
 import termios
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from runner.people.terminal import TerminalGone, terminal_keys
+from runner.people.terminal import TerminalGone, legible, terminal_keys
 
 
 @pytest.fixture
@@ -69,3 +70,12 @@ def test_the_settings_of_the_terminal_are_restored(keyboard: int) -> None:
     with terminal_keys():
         assert termios.tcgetattr(sys.stdin.fileno()) != before
     assert termios.tcgetattr(sys.stdin.fileno()) == before
+
+
+def test_a_terminal_that_was_read_before_can_still_be_read(tmp_path: Path) -> None:
+    (tmp_path / "typed").write_bytes(b"old\n\xff\n")
+    with (tmp_path / "typed").open(encoding="utf-8") as typed:
+        legible(typed)
+        assert typed.readline() == "old\n"
+        legible(typed)  # as a session does after the operator told the group
+        assert typed.readline() == "\ufffd\n"

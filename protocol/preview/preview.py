@@ -240,7 +240,7 @@ def _central(t: float, df: int) -> float:
     return 2 / pi * (angle + (sin(angle) * total if df > 1 else 0.0))
 
 
-LINE_BAUD = 115_200
+LINE_BAUD = 115_200  # that of device/link/port.py, which stands above this package
 """Of a serial line between board or gauge and host; USB and networks carry more."""
 _BITS_PER_BYTE = 10  # 8 and two that frame them
 _BLOCKS_PER_S = 20

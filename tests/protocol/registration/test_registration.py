@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 from hashlib import sha256
+from typing import get_args
 
 import pytest
 
@@ -17,7 +18,8 @@ from protocol.registration.registration import (
     registration_in,
     require_known,
 )
-from protocol.registration.registry_text import registry_text
+from protocol.registration.registry_text import _ORDERS, registry_text
+from protocol.study.rules import Order
 from protocol.study_file.loading import parsed_study, template
 
 PAPER = parsed_study(template("paper"))
@@ -213,3 +215,7 @@ def test_the_text_for_a_registry_names_each_power() -> None:
     assert "Sample size rationale\n  (to be filled in)\n" in registry_text(
         PAPER, replace(REGISTERED, power={})
     )
+
+
+def test_every_order_has_its_words() -> None:
+    assert set(_ORDERS) == set(get_args(Order))

@@ -91,4 +91,6 @@ def test_points_of_which_one_has_all_the_weight_are_refused_before_anything_is_m
     found, _ = weighted_points(spike, np.zeros(2), 50)
     refusal = found.refusal()
     assert refusal is not None
-    assert refusal.reason.endswith("reached 1 effective points, and intervals need at least 200")
+    assert refusal.reason.endswith(
+        "reached fewer than 20 effective points, and intervals need at least 200"
+    )

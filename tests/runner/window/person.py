@@ -132,9 +132,13 @@ class Person:
             while self.sight() == before and time.monotonic() < until_s:
                 self.look_later()
             return
-        while not _is_live(image := self.look()) and time.monotonic() < until_s:
+        text, answered = b"", False
+        # Alike twice, because a page that is being drawn would be taken for another one later.
+        while time.monotonic() < until_s:
+            earlier, text = text, _text(image := self.look())
+            if _is_live(image) and text == earlier:
+                break
             self.look_later()
-        text, answered = _text(image), False
         self.click(*BUTTON) if self.control == "mouse" else self.key("Return")
         while time.monotonic() < until_s:
             self.look_later()

@@ -23,11 +23,7 @@ _SETTLE_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance:
-    """The resonance frequency, and the tip's amplitude per volt there.
-
-    `curve` holds frequency and amplitude per volt at each step of the coarse sweep, if there was
-    one; two resonances are the same whatever it is.
-    """
+    """The resonance frequency, the tip's amplitude per volt there, and the coarse sweep, if any."""
 
     frequency_hz: float
     tip_m_per_v: float

@@ -9,18 +9,16 @@ each call does it, and a simulated clock, so that a session can run in one threa
 
 import contextlib
 import math
-import queue
-import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from typing import NoReturn, TypeVar
 
 from device.drivers.driver import Driver, Reading, driver_of
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Forces, Recording, Samples
-from device.gauges.owner import MOST_LATE_S, GaugeOwner, Job
+from device.gauges.owner import MOST_LATE_S, GaugeOwner, Job, PortOwner
 from device.link.link import open_link
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
@@ -38,18 +36,12 @@ _COUNTS_SLEEP = getattr(time, "CLOCK_BOOTTIME", None)
 
 
 def passed_s() -> float:
-    """Return seconds since an arbitrary moment; on Linux they pass while the computer sleeps, too.
-
-    Other systems' `time.monotonic` counts as it does there.
-    """
+    """Return seconds since some moment; on Linux they pass while the computer sleeps, too."""
     return time.monotonic() if _COUNTS_SLEEP is None else time.clock_gettime(_COUNTS_SLEEP)
 
 
-class Rig:
-    """A device whose calls are made one after the other by the owner of its port.
-
-    Once it has been started, every method may be called from any thread.
-    """
+class Rig(PortOwner):
+    """A device whose owner makes its calls one by one; once it was started, for any thread."""
 
     def __init__(
         self,
@@ -59,13 +51,13 @@ class Rig:
         monotonic: Callable[[], float] = passed_s,
         gauge: GaugeOwner | None = None,
     ) -> None:
+        super().__init__()
         self._driver = driver
         self._gauge = gauge
         self._limits = limits
         self._watchdog_s = limits.watchdog_s
         self._calibration = calibration
         self._monotonic = monotonic
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._recording: Recording | None = None
         self._beats = 0
         self._fed_beats = 0
@@ -75,12 +67,10 @@ class Rig:
         self._ramping = False
         self._stopping = False
         self._fault: DeviceError | None = None
-        self._owner: threading.Thread | None = None
 
     def start(self) -> None:
         """Give the port to a thread of its own."""
-        self._owner = threading.Thread(target=self._serve, name="port owner", daemon=True)
-        self._owner.start()
+        self._begin("port owner")
         if self._gauge is not None:
             self._gauge.start(on_fault=lambda: self._put(lambda: None))
 
@@ -184,10 +174,7 @@ class Rig:
             self._of_gauge(lambda: gauge.record(rate_hz, clock))
 
     def recorded(self) -> Samples:
-        """Stop recording, and return everything since `record`.
-
-        Raise `DeviceError` if samples were lost, or the device cannot be trusted.
-        """
+        """Stop; return everything since `record`, or raise `DeviceError` if samples were lost."""
         self.beat()
         if self._gauge is not None:
             return self._of_gauge(self._gauge.recorded)
@@ -200,10 +187,7 @@ class Rig:
         return None if recording is None else recording.latest
 
     def off(self) -> None:
-        """Turn the output off and read it back, whatever has happened before.
-
-        Raise `OutputUnknown` if the device does not confirm it.
-        """
+        """Turn the output off, whatever happened before; raise `OutputUnknown` if unconfirmed."""
         self._owned(self._off)
 
     def emergency_stop(self) -> None:
@@ -238,23 +222,17 @@ class Rig:
             self._gauge.keep_up()
 
     def close(self) -> None:
-        """End the thread and give the port back; what is still on is turned off first.
-
-        Raise `OutputUnknown` if it was on, and the device does not confirm that it is off.
-        """
+        """End the thread and give the port back, output off; raises `OutputUnknown` as `off`."""
         try:
             if self._driver.driven is not None:
                 self.off()
         finally:
-            self._jobs.put(None)
-            if self._owner is not None:
-                self._owner.join()
+            self._end()
             self._driver.close()
             if self._gauge is not None:
                 self._gauge.close()
 
     def idle_s(self) -> float | None:
-        """Return how long the owner may wait for a call; None if only a call gives it work."""
         now_s = self._monotonic()
         waits = [RAMP_STEP_S] if self._ramping else []
         if self._recording is not None:
@@ -264,22 +242,15 @@ class Rig:
             waits.append(max(self._feed_due_s - now_s, 0.0))
         return min(waits, default=None)
 
-    def step(self, wait_s: float | None = 0.0) -> bool:
-        """Make the next call, if one comes within `wait_s`, and do what is due; only for the owner.
+    def _make(self, job: Job) -> None:
+        self._stop_if_asked()
+        job.settle()
+        self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
 
-        Returns False once the rig is closed.
-        """
-        with contextlib.suppress(queue.Empty):
-            job = self._jobs.get(timeout=wait_s)
-            if job is None:
-                return False
-            self._stop_if_asked()
-            job.settle()
-            self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
+    def _go_on(self) -> None:
         self._stop_if_asked()
         with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
             self._guarded(self._keep_going)
-        return True
 
     def _vibration_m(self) -> float:
         return self._owned(lambda: self._guarded(self._driver.vibration_m))
@@ -310,18 +281,7 @@ class Rig:
             failed = error
         return self._owned(lambda: self._guarded(lambda: _raised(failed)))
 
-    def _put(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        job = Job(work=work)
-        self._jobs.put(job)
-        if self._owner is None:
-            self.step()
-        return job.result
-
     # What follows is the owner's work.
-
-    def _serve(self) -> None:
-        while self.step(self.idle_s()):
-            pass
 
     def _keep_going(self) -> None:
         """What is due: the ramp's next step, samples, and the watchdog's next feed."""

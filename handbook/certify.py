@@ -21,7 +21,7 @@ import numpy as np
 from device.beam.beam import Beam
 from device.beam.modal_pattern import ModalPattern, modal_sum_field
 from device.beam.modes import modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.motion import MotionSummary, direction, motion_summary, segmented_motion
+from device.beam.motion import MotionPattern, direction, motion_pattern, segmented_motion
 from device.beam.timoshenko import (
     segmented_natural_frequencies_hz,
     segmented_natural_frequency_hz,
@@ -43,13 +43,13 @@ def _range(values: Sequence[float]) -> list[float]:
 
 
 def _ratios(
-    summary: MotionSummary, frequency_hz: float, beam: Beam, mode: int
+    summary: MotionPattern, frequency_hz: float, beam: Beam, mode: int
 ) -> tuple[float, float]:
     """Return the top rung's tip speed and ω² rms|W| over those of `mode`, both at resonance."""
     own_hz = natural_frequency_hz(beam, mode)
     displacement_m = float(modal_displacement_m(beam, mode, 1.0, own_hz))
     own = own_hz * displacement_m * mode_constants(mode).root / beam.length_m
-    inertia = summary.displacement_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
+    inertia = summary.rms_m_per_v * frequency_hz**2 / (own_hz**2 * displacement_m)
     return summary.rotation_per_v * frequency_hz / own, inertia
 
 
@@ -58,22 +58,22 @@ def _mode_row(mode: int) -> dict[str, object] | None:
     frequency_hz = segmented_natural_frequency_hz(Beam(), mode, patched=True, shear=True)
     beams = [replace(Beam(), damping_ratio=float(ratio)) for ratio in DAMPING_RATIOS]
     motions = [segmented_motion(beam, frequency_hz, patched=True, shear=True) for beam in beams]
-    solved = [motion_summary(motion) for motion in motions]
-    if len({summary.pattern.edges_m.size for summary in solved}) > 1:
+    solved = [motion_pattern(motion) for motion in motions]
+    if len({summary.edges_m.size for summary in solved}) > 1:
         return None
     ratios = [_ratios(s, frequency_hz, beam, mode) for s, beam in zip(solved, beams, strict=True)]
     speed_ratios, inertia_ratios = zip(*ratios, strict=True)
-    edges = np.array([summary.pattern.edges_m for summary in solved])
+    edges = np.array([summary.edges_m for summary in solved])
     fine = np.linspace(0.0, Beam().length_m, 20 * AREA_CELLS + 1)
     # the running areas ∫₀ˣ|W|dx / rms, m
-    areas = np.array([s.pattern.window(fine, fine[-1]).mean * fine for s in solved])
+    areas = np.array([s.window(fine, fine[-1]).mean * fine for s in solved])
     middle = (areas.max(axis=0) + areas.min(axis=0)) / 2
     coarse = middle[::20]
     off = np.abs(areas - np.interp(fine, fine[::20], coarse)).max()
     return {
         "edges_m": ((edges.max(axis=0) + edges.min(axis=0)) / 2).tolist(),
         "slack_m": ((0.5 + _MARGIN) * np.ptp(edges, axis=0) + 1e-8).tolist(),
-        "moves_right": solved[0].pattern.moves_right.tolist(),
+        "moves_right": solved[0].moves_right.tolist(),
         "area_m": coarse.tolist(),
         "area_slack_m": float(off * (1 + _MARGIN)),
         "speed_ratio": _range(speed_ratios),
@@ -123,16 +123,16 @@ def _sum_errors(frequency_hz: float, damping_ratio: float) -> tuple[float, float
     """
     beam = replace(Beam(), damping_ratio=damping_ratio)
     motion = segmented_motion(beam, frequency_hz, patched=True, shear=True)
-    top = motion_summary(motion)
+    top = motion_pattern(motion)
     everywhere = np.zeros(1, dtype=np.intp)
     field = modal_sum_field(beam, everywhere, np.array([frequency_hz]), np.array([damping_ratio]))
     places, found = cast(ModalPattern, field.pattern).direction()
     exact = direction(motion.state(places))[0]
     ends = np.linspace(0.0, beam.length_m, 1500)
     ours = field.displacement_m[0] * field.pattern.window(ends, ends[-1]).mean
-    area = ends * (ours / top.displacement_m_per_v - top.pattern.window(ends, ends[-1]).mean)
+    area = ends * (ours / top.rms_m_per_v - top.window(ends, ends[-1]).mean)
     return (
-        float(np.abs(found - exact).max() / (top.displacement_m_per_v * top.rotation_per_v)),
+        float(np.abs(found - exact).max() / (top.rms_m_per_v * top.rotation_per_v)),
         float(np.ptp(area)),
         abs(float(field.rotation[0]) / top.rotation_per_v - 1),
     )

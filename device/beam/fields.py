@@ -29,10 +29,7 @@ def _folded_sine_integral(angle: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidPattern(Pattern):
-    """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
-
-    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 everything moves left.
-    """
+    """φ ≈ √2 sin(bξ - π/4), far from both ends: zones of λ/4 begin at 3λ/8, and left before it."""
 
     mode: int
 
@@ -66,10 +63,7 @@ def _difference(ends: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Eq15Pattern(SinusoidPattern):
-    """Eq 15's piecewise-linear a/u with the far field's magnitude.
-
-    Eq 15 gives no magnitude and, for the whole beam, no ratio: both are the sinusoid's.
-    """
+    """Eq 15's a/u; the far field's magnitude, and ratio for the whole beam, which Eq 15 lacks."""
 
     overlap: Overlap = "first"
 
@@ -116,10 +110,7 @@ class Field:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signal:
-    """The drive's voltage and frequency, numbers or arrays of shape (n,).
-
-    A `frequency_hz` of None is the resonance; a `damping_ratio` of None is the beam's own.
-    """
+    """Voltage and frequency, (n,) or numbers; None: the resonance, and the beam's own damping."""
 
     voltage_v: FloatArray | float
     frequency_hz: FloatArray | float | None

@@ -66,10 +66,7 @@ def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> 
 
 
 def _bottoms(slopes: tuple[FloatArray, ...], sign: FloatArray) -> FloatArray:
-    """Return where cubics of this sign are nearest to 0, from c1, c2 and c3: (32).
-
-    They fall towards 0 at the beginning of the cell and away from it at its end.
-    """
+    """Return where cubics that dip towards 0 inside their cell are nearest to it, by (32)."""
     c1, c2, c3 = slopes
     # Of the zeros of c1 + 2 c2 τ + 3 c3 τ² the one at which the cubic bends away from 0, by the
     # formula in which c2 and the root do not cancel.

@@ -66,10 +66,7 @@ def _root_offset(order: int) -> float:
 
 @lru_cache(maxsize=512)
 def mode_constants(order: int) -> ModeConstants:
-    """Return the constants of mode `order` (1, 2, …).
-
-    Raise `OutOfRangeError` if the order is not a whole number of at least 1.
-    """
+    """Return the constants of mode `order`, or raise `OutOfRangeError` if there is no such mode."""
     whole("mode", order, 1)
     order = int(order)
     offset = _root_offset(order)

@@ -133,10 +133,7 @@ def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
 
 
 def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
-    """Return the sum of the bare Euler-Bernoulli beam's modes 1 … `count`, each with its response.
-
-    The sum is smooth. The rotation is the slope, as there is no shear.
-    """
+    """Return the sum of the bare Euler-Bernoulli beam's modes 1 to `count`, without shear."""
     amplitudes = [
         modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
     ]
@@ -299,12 +296,14 @@ class MotionPattern(Pattern):
     Attributes:
         motion: the motion itself, for windows narrower than any cell.
         rms_m_per_v: the rms of |W| over the beam.
+        rotation_per_v: the rms of the rotation over the beam, rad/V.
         edges_m: zone edges, from 0 to the length; `moves_right` is 1 or 0 for each zone.
         pieces: the cells, cut at the zone edges too, so that one search finds cell and zone.
     """
 
     motion: Motion
     rms_m_per_v: float
+    rotation_per_v: float
     edges_m: FloatArray
     moves_right: FloatArray
     pieces: _Pieces
@@ -416,16 +415,7 @@ def _pieces(
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MotionSummary:
-    """A motion's pattern with its rms deflection, m/V, and rms rotation, rad/V."""
-
-    pattern: MotionPattern
-    displacement_m_per_v: float
-    rotation_per_v: float
-
-
-def motion_summary(motion: Motion) -> MotionSummary:
+def motion_pattern(motion: Motion) -> MotionPattern:
     """Return the pattern of a motion; this is the work that all places share."""
     places = sample_places(motion)
     inner = zone_edges_m(motion, places)
@@ -433,19 +423,16 @@ def motion_summary(motion: Motion) -> MotionSummary:
     moves_right = (direction(motion.state((edges[1:] + edges[:-1]) / 2))[0] > 0).astype(np.float64)
     cells = _cells(motion)
     length_m = motion.length_m
-    rms = float(np.sqrt(np.sum(cells.half_m * cells.deflection**2 * _WEIGHTS) / length_m))
-    pattern = MotionPattern(
+    rms, rotation = (
+        float(np.sqrt(np.sum(cells.half_m * values**2 * _WEIGHTS) / length_m))
+        for values in (cells.deflection, cells.rotation)
+    )
+    return MotionPattern(
         length_m=length_m,
         motion=motion,
         rms_m_per_v=rms,
+        rotation_per_v=rotation,
         edges_m=edges,
         moves_right=moves_right,
         pieces=_pieces(cells, rms, edges, moves_right),
-    )
-    return MotionSummary(
-        pattern=pattern,
-        displacement_m_per_v=rms,
-        rotation_per_v=float(
-            np.sqrt(np.sum(cells.half_m * cells.rotation**2 * _WEIGHTS) / length_m)
-        ),
     )

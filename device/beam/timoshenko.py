@@ -242,10 +242,7 @@ def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shea
 def segmented_natural_frequencies_hz(
     beam: Beam, most: int, *, patched: bool, shear: bool
 ) -> FloatArray:
-    """Return the lowest natural frequencies below the cut-off, at most `most` of them, Hz.
-
-    See `segmented_natural_frequency_hz`; all are refined at once.
-    """
+    """Return the lowest natural frequencies below the cut-off, at most `most` of them, Hz."""
     parts = sections(beam, patched=patched, shear=shear)
     steps = np.arange(1, _STEPS_PER_MODE * (most + 1) + 1) * (math.pi / _STEPS_PER_MODE)
     trial_hz = _host_frequency_hz(parts[0], np.asarray(steps / beam.length_m))

@@ -50,12 +50,10 @@ _CAUSES = {
 class Health:
     """What the board says of itself in one answer."""
 
-    output: bool
     cause: str
     boot: int
-    target_v: float
+    drive: ReadBack
     instant_v: float
-    frequency_hz: float
     monitor_v: float
     temperature_c: float | None = None
 
@@ -151,11 +149,7 @@ class Board(Driver):
         return self.read_back()
 
     def read_back(self) -> ReadBack:
-        """Get the drive and the sensors, all of one moment.
-
-        Raises:
-            DeviceError: the device says or its monitor shows something else than what is driven.
-        """
+        """Get drive and sensors, all of one moment; `DeviceError` if they are not as driven."""
         asked_s = self.monotonic()
         read_back, instant_v = self.link.query(_READ_BACK, _read_back)
         self._heard(read_back, instant_v)
@@ -175,24 +169,13 @@ class Board(Driver):
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
         asked_s = self.monotonic()
         health = self.link.query(query, lambda reply: _health(reply, with_temperature=measured))
-        drive = ReadBack(
-            output=health.output,
-            voltage_v=health.target_v,
-            frequency_hz=health.frequency_hz,
-            monitor_v=health.monitor_v,
-        )
+        drive = health.drive
         self._heard(drive, health.instant_v)
-        # The restart comes before what it causes: output off, limits lost.
-        if health.boot != self._boot:
-            raise DeviceError(
-                f"the device restarted (boot {self._boot}, now {health.boot}): brown-out?"
-            )
-        if health.cause != "NONE":
-            raise DeviceError(f"the device: {_CAUSES.get(health.cause, health.cause)}")
-        if health.output != (self.driven is not None):
-            raise DeviceError(_unexpected(health.output))
-        self._require_amplitude(asked_s, health.target_v, health.instant_v, health.monitor_v)
-        self.require_frequency(health.frequency_hz)
+        self._require_untripped(health.boot, health.cause)
+        if drive.output != (self.driven is not None):
+            raise DeviceError(_unexpected(drive.output))
+        self._require_amplitude(asked_s, drive.voltage_v, health.instant_v, health.monitor_v)
+        self.require_frequency(drive.frequency_hz)
         if health.temperature_c is not None:
             self._require_cool(health.temperature_c)
 
@@ -237,10 +220,7 @@ class Board(Driver):
         return self.number("MEAS:VIBR?")
 
     def force_source(self) -> "Board":
-        """Return this board, if its firmware samples forces.
-
-        Raise `CannotRecord` if it does not.
-        """
+        """Return this board; raise `CannotRecord` if its firmware samples no forces."""
         version = _FIRMWARE.match(self._firmware)
         if version is None or (int(version[1]), int(version[2])) < _FIRST_THAT_RECORDS:
             raise CannotRecord(
@@ -268,12 +248,16 @@ class Board(Driver):
     def _keeps_its_promises(self) -> None:
         """Check that limit and watchdog are as set, and that nothing has tripped since."""
         cause, boot, limit_v, watchdog_s = self.link.query(_PROMISES, lambda said: fields(said, 4))
-        if whole(boot) != self._boot:
+        self._require_untripped(whole(boot), cause)
+        _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
+        _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
+
+    def _require_untripped(self, boot: int, cause: str) -> None:
+        # The restart comes before what it causes: output off, limits lost.
+        if boot != self._boot:
             raise DeviceError(f"the device restarted (boot {self._boot}, now {boot}): brown-out?")
         if cause != "NONE":
             raise DeviceError(f"the device: {_CAUSES.get(cause, cause)}")
-        _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
-        _kept("SYST:WATC", self.limits.watchdog_s, number(watchdog_s))
 
     def _require_cool(self, temperature_c: float) -> None:
         most_c = self.limits.max_temperature_c
@@ -359,13 +343,14 @@ def _tripped(reply: str) -> bool:
 def _health(reply: str, *, with_temperature: bool) -> Health:
     on, cause, boot, *numbers = fields(reply, 8 if with_temperature else 7)
     target_v, instant_v, frequency_hz, monitor_v, *temperature_c = map(number, numbers)
+    drive = ReadBack(
+        output=switch(on), voltage_v=target_v, frequency_hz=frequency_hz, monitor_v=monitor_v
+    )
     return Health(
-        output=switch(on),
         cause=cause,
         boot=whole(boot),
-        target_v=target_v,
+        drive=drive,
         instant_v=instant_v,
-        frequency_hz=frequency_hz,
         monitor_v=monitor_v,
         temperature_c=temperature_c[0] if temperature_c else None,
     )

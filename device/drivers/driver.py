@@ -44,10 +44,9 @@ _FINGER = ("force_n", "position_m", "finger_s")
 # The console shows these between two polls, because only the port's owner may ask the device.
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """The last answers of a device about its drive, and about the finger if it has sensors.
+    """The last answers on drive and finger; `at_s` and `finger_s` are theirs on the driver's clock.
 
-    `at_s` and `finger_s` are the times of these answers on the driver's clock, s. `amplitude_v` is
-    the amplitude at that moment, which lies below the commanded one during a ramp.
+    `amplitude_v` is that moment's amplitude, below the commanded one during a ramp.
     """
 
     at_s: float
@@ -140,10 +139,7 @@ class Driver(ABC):
 
     @abstractmethod
     def check(self) -> None:
-        """Check that the device does what it was told; any query keeps its watchdog quiet.
-
-        Raise `DeviceError` if it does not; the message says what it does instead.
-        """
+        """Raise `DeviceError` unless the device does what it was told; this feeds its watchdog."""
 
     def _heard(self, said: ReadBack, amplitude_v: float) -> None:
         """Keep what the device said; an answer without sensors keeps the last finger."""
@@ -169,10 +165,7 @@ class Driver(ABC):
         return False
 
     def force_source(self) -> ForceSource:
-        """Return what samples forces for the force channel.
-
-        Raise `CannotRecord` if the device does not.
-        """
+        """Return what samples forces; raise `CannotRecord` if the device does not."""
         raise CannotRecord(
             f"a {self.dialect} device records no forces: force_channel.rate_hz needs a board or a "
             "gauge"
@@ -206,26 +199,17 @@ class Driver(ABC):
         return self.link.certain([self.output_query], lambda answers: switch(answers[0]))
 
     def switch_on(self, command: str) -> None:
-        """Switch the output on; `reading` shows it as on from the command on.
-
-        Raise `DeviceError` if the device refuses or does not answer.
-        """
+        """Switch the output on, as `reading` shows at once; `DeviceError` if the device refuses."""
         if self.reading is not None:
             self.reading = replace(self.reading, at_s=self.monotonic(), output=True)
         self.send(command)
 
     def send_off(self) -> None:
-        """Send off once, without waiting for anything.
-
-        Raise `DeviceError` if the port is gone or does not take it.
-        """
+        """Send off once, without waiting; raise `DeviceError` if the port does not take it."""
         self.link.tell(self.off_command)
 
     def off(self) -> None:
-        """Turn the output off and read it back. A device that is not ours is left alone.
-
-        Raise `OutputUnknown` if the device does not confirm it, or was not asked.
-        """
+        """Turn the output off and read it back; raise `OutputUnknown` if that is not confirmed."""
         # Forgotten first: whatever fails below, nobody may take the output as meant to be on.
         self.driven = None
         if self.foreign is not None:
@@ -261,10 +245,7 @@ class Driver(ABC):
             return self.still_on()
 
     def still_on(self) -> str:
-        """Return what shows that the output is not off after all; nothing if it is off.
-
-        Raise `DeviceError` if the device does not say.
-        """
+        """Return what shows that the output is still on, '' if it is off; raises `DeviceError`."""
         return "says that its output is on" if self.output() else ""
 
     def close(self) -> None:
@@ -291,10 +272,7 @@ class Driver(ABC):
             raise DeviceError(f"{header} was set to {value:g} and reads back as {kept:g}")
 
     def require_frequency(self, said_hz: float) -> None:
-        """Check that the drive has the frequency that was last set.
-
-        Raise `DeviceError` if it has another one.
-        """
+        """Raise `DeviceError` unless the drive has the frequency that was last set."""
         if self.driven is None:
             return
         set_hz = self.driven.frequency_hz
@@ -322,10 +300,7 @@ class Driver(ABC):
             )
 
     def drained_errors(self) -> list[str]:
-        """Empty the device's error queue and return its errors.
-
-        An answer that is garbled is not asked for again: its error is lost, so that is an error.
-        """
+        """Empty and return the error queue; a garbled answer has lost its error and raises one."""
         errors: list[str] = []
         while (error := queued_error(self.link.ask("SYST:ERR?"))) is not None:
             errors.append(error)
@@ -360,10 +335,7 @@ def driver_of(dialect: str) -> type[Driver]:
 
 
 def driver_for(idn: str) -> type[Driver]:
-    """Return the driver for a device that answers `*IDN?` with `idn`.
-
-    Raise `ForeignDevice` if there is none.
-    """
+    """Return the driver for what answers `*IDN?` with `idn`; raise `ForeignDevice` without one."""
     for driver in drivers().values():
         if driver.idn.match(idn):
             return driver

@@ -49,10 +49,7 @@ class Ramp:
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """What a generator reports about itself at one moment.
-
-    `fault` names a setting that is not as every drive needs it; it is empty if there is none.
-    """
+    """What a generator says of itself; `fault` names a setting that no drive can have."""
 
     output: bool
     vpp: float
@@ -72,10 +69,7 @@ class Generator(Driver):
 
     @abstractmethod
     def _set_up(self, idn: str) -> float:
-        """Apply all settings, and the smallest amplitude; return it, Vpp.
-
-        The order matters: an amplitude depends on the load and the unit that are set.
-        """
+        """Apply all settings, first load and unit; return the smallest amplitude, Vpp."""
 
     @abstractmethod
     def _remarks(self) -> tuple[str, ...]:
@@ -161,10 +155,7 @@ class Generator(Driver):
         return False
 
     def read_back(self) -> ReadBack:
-        """Read the drive; a generator has no sensors.
-
-        Raise `DeviceError` if the output or a setting differs from what was commanded.
-        """
+        """Read the drive (there are no sensors); raise `DeviceError` if it is not as commanded."""
         status = self._status()
         amplitude_v = self.limits.amplifier.amplitude_v(status.vpp)
         said = ReadBack(
@@ -235,10 +226,7 @@ class ScpiGenerator(Generator):
         """Return the names of the model that answers `*IDN?` with `idn`."""
 
     def _set_up(self, idn: str) -> float:
-        """Apply all settings. The smallest amplitude precedes the limits.
-
-        Limits that the amplitude exceeds cannot be switched on.
-        """
+        """Apply all settings; limits come last, for they must not lie below the amplitude."""
         words = self._words = self._words_of(idn)
         self.on_command = f"{words.output} ON"
         # Whatever was set at the panel: a sine that is set with `FUNC` keeps its modulation.

@@ -33,12 +33,10 @@ class Amplifier:
                 positive(f"amplifier {name}", value)
 
     def vpp(self, amplitude_v: float) -> float:
-        """Return the generator's peak-to-peak setting for an amplitude at the beam.
+        """Return the generator's setting for an amplitude; `LimitExceeded` without a gain.
 
         >>> Amplifier(gain=20).vpp(200.0)
         20.0
-
-        Raise `LimitExceeded` if nobody has said what the gain is.
         """
         return 2 * amplitude_v / self._known_gain()
 
@@ -47,10 +45,7 @@ class Amplifier:
         return vpp * self._known_gain() / 2
 
     def check(self, amplitude_v: float, frequency_hz: float) -> None:
-        """Refuse a drive that the amplifier cannot follow, or the generator cannot give.
-
-        Raise `LimitExceeded` if its slew, its current or the generator's voltage would be exceeded.
-        """
+        """Raise `LimitExceeded` for a drive beyond slew, current or the generator's voltage."""
         # Checked even where the study file was: the frequency is now the measured resonance.
         slew = slew_v_per_us(amplitude_v, frequency_hz)
         _within("slew_v_per_us", slew, self.max_slew_v_per_us)
@@ -91,10 +86,7 @@ class Setpoint(CommandedDrive):
     """A drive that can be checked against the limits of a rig."""
 
     def checked(self, limits: Limits) -> "Setpoint":
-        """Return this setpoint if it stays within `limits`.
-
-        Raise `LimitExceeded` if it does not; nothing is clipped.
-        """
+        """Return this setpoint; raise `LimitExceeded` beyond `limits`, as nothing is clipped."""
         # Checked here as well as in study, plan and device, because each of these can be wrong.
         _require("voltage_v", self.voltage_v, 0, limits.max_voltage_v)
         _require("frequency_hz", self.frequency_hz, 1, limits.max_frequency_hz)

@@ -105,10 +105,7 @@ class Forces:
 
 
 def scale_of(sizes: Sequence[float]) -> Scale:
-    """Return the `sizes` of one count as a scale: N, N, m.
-
-    Raise `ProtocolError` if no such sensor is on a rig, so that its forces cannot be believed.
-    """
+    """Return the `sizes` of one count: N, N, m; `ProtocolError` if no such sensor is on a rig."""
     largest = [size * FULL_SCALE for size in sizes]
     # Not strict: that there are three sizes is tested beside it.
     within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
@@ -164,10 +161,7 @@ def encoded(block: Block) -> bytes:
 
 
 def decoded(content: bytes) -> Block:
-    """Return the block of samples that `content` holds.
-
-    Raise `ProtocolError` if it is cut short, was changed on its way, or contradicts itself.
-    """
+    """Return the block in `content`; raise `ProtocolError` if it is damaged or contradictory."""
     body, digest = content[: -_CRC.size], content[-_CRC.size :]
     if len(body) < _HEADER.size:
         raise ProtocolError(f"a block of samples must have 20 bytes or more, got {len(content)}")
@@ -286,10 +280,7 @@ class Recorder:
         return block
 
     def add(self, block: Block, now_s: float) -> None:
-        """Add a block that is the next one, heard at `now_s` on the host's clock.
-
-        Raise `DeviceError` if the source has given no samples for `SILENT_S`.
-        """
+        """Add the next block, heard at `now_s`; raise `DeviceError` if none came for `SILENT_S`."""
         if block.count:
             self._heard_s = now_s
             self._keep(block)
@@ -301,10 +292,7 @@ class Recorder:
         self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
 
     def samples(self, offset: ClockOffset) -> Samples:
-        """Return the recording; `offset` is that of the clocks at its end.
-
-        Raise `DeviceError` if one of the clocks was set or stood still since the beginning.
-        """
+        """Return the recording; raise `DeviceError` if `offset`, of its end, shows a set clock."""
         clocks = throughout((self.offset, offset))
         # The error is half of the range, so that clocks may move by twice as much.
         if clocks.error_s > MISDATED_S:
@@ -325,10 +313,7 @@ class Recorder:
         )
 
     def require_until(self, source_s: float) -> None:
-        """Check that the samples reach to `source_s` on the source's clock.
-
-        Raise `DeviceError` if they end a block or more before it.
-        """
+        """Raise `DeviceError` if samples end a block before `source_s`, on the source's clock."""
         end_s = self._first_s + self.count / self.rate_hz
         missing = round((source_s - end_s) * self.rate_hz)
         # Up to a block may lie between the question for the time and the stop.
@@ -434,20 +419,13 @@ class Recording:
         return self._recorder.due_s - self._clock_s()
 
     def fetch(self) -> int:
-        """Ask for the next block; return how many samples came.
-
-        Raise `DeviceError` if samples were lost, or the source does not answer with what is due.
-        """
+        """Ask for the next block, return its count; raise `DeviceError` if another one comes."""
         block = self._source.sampled(self._recorder.count, self._recorder.checked)
         self._recorder.add(block, self._clock_s())
         return block.count
 
     def finished(self) -> Samples:
-        """Stop, and return everything up to this moment.
-
-        Raises:
-            DeviceError: as `fetch`, the source does not stop, or a clock was set meanwhile.
-        """
+        """Stop, and return everything up to this moment; raise `DeviceError` as `fetch` does."""
         # Asked before the stop, so that samples that are missing at the end are noticed.
         ended_s = self._source.device_time_s()
         self._source.stop_sampling()

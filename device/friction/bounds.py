@@ -259,10 +259,7 @@ def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> Top
 
 
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
-    """Return the range of the top rung's friction coefficient, by a law with extremes at corners.
-
-    All scenes are certified, and all are `resonant` or none is.
-    """
+    """Return the range of the top rung's μ' by a law with extremes at corners, all certified."""
     terms = resonant_terms(batch) if resonant else driven_terms(batch)
     return _law_range(terms, batch, choice)
 
@@ -284,10 +281,7 @@ _ROUNDING_M = 1e-15  # of a running length or area, which a narrow window divide
 
 
 def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Range]:
-    """Return the prediction of `timoshenko-modes`, and the range in which the top rung's μ' lies.
-
-    All scenes are `reduced_certified`.
-    """
+    """Return `timoshenko-modes` of certified scenes, and the range of the top rung's μ'."""
     table, contact = _table()["modal_sum"], batch.contact
     bins = _bins(batch.beam, reduced_frequency_hz(batch))
     direction, area_m, rotation = (

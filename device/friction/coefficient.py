@@ -111,10 +111,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """Predictions with the name of each one's rung and its certified error; shape (n,).
-
-    `error_bound` bounds |μ' - μ'(top rung)|; nan where nothing is certified.
-    """
+    """Predictions, their rungs, and bounds of |μ' - μ'(top rung)|, nan for none; shape (n,)."""
 
     prediction: Prediction
     rung: NDArray[np.object_]
@@ -204,15 +201,14 @@ def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen
     rung, bounds = np.empty(batch.size, dtype=np.object_), np.zeros(batch.size)
     rung.fill(TOP_RUNG)  # `np.full` would make a new text for each scene
     is_open = np.ones(batch.size, dtype=np.bool_)
+
+    def certified_parts() -> Iterator[Part]:
+        for which, resonant in _by_drive(batch, choice.law):
+            yield from _cheap_parts(batch, which, choice, tolerance, resonant=resonant)
+        yield from _reduced_part(batch, np.flatnonzero(is_open), choice, tolerance)
+
     parts = []
-    for which, resonant in _by_drive(batch, choice.law):
-        for taken, name, bound, prediction in _cheap_parts(
-            batch, which, choice, tolerance, resonant=resonant
-        ):
-            rung[taken], bounds[taken], is_open[taken] = name, bound, False
-            parts.append((taken, prediction))
-    rest = np.flatnonzero(is_open)
-    for taken, name, bound, prediction in _reduced_part(batch, rest, choice, tolerance):
+    for taken, name, bound, prediction in certified_parts():
         rung[taken], bounds[taken], is_open[taken] = name, bound, False
         parts.append((taken, prediction))
     rest = np.flatnonzero(is_open)

@@ -17,10 +17,10 @@ from device.friction.laws import Law, anisotropy, law_by_name
 from device.friction.rungs import (
     MODAL_RUNGS,
     REDUCED_RUNG,
-    check_rung,
     modal_rung_field,
     modal_sum_field,
     reference_tip_speed_m_s,
+    rung_by_name,
     rung_field,
     rung_resonance_hz,
 )
@@ -226,10 +226,7 @@ def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Fi
 
 
 def reduced_frequency_hz(batch: Batch) -> FloatArray:
-    """Return each scene's frequency, with the resonance of `timoshenko-modes` where none is given.
-
-    Raise `OutOfRangeError` if the mode lies beyond the beam's cut-off.
-    """
+    """Return the frequencies, where none is given the resonance of `timoshenko-modes`."""
     resonant = np.isnan(batch.frequency_hz)
     if not resonant.any():
         return batch.frequency_hz
@@ -238,11 +235,8 @@ def reduced_frequency_hz(batch: Batch) -> FloatArray:
 
 
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """Return the prediction of one named rung for a batch of scenes.
-
-    Raise `OutOfRangeError` if the rung does not exist, or the mode lies beyond its cut-off.
-    """
-    check_rung(rung)
+    """Return a rung's prediction; raise `OutOfRangeError` for an unknown rung or mode."""
+    rung_by_name(rung)
     if rung == REDUCED_RUNG:
         return field_prediction(batch.contact, reduced_field(batch), rung, choice)
     if rung not in MODAL_RUNGS:

@@ -22,7 +22,7 @@ from device.errors import OutOfRangeError
 from device.friction.scenes import Drive
 
 if TYPE_CHECKING:
-    from device.beam.motion import MotionSummary
+    from device.beam.motion import MotionPattern
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,33 +52,32 @@ def modal_rung_field(
 
 
 @lru_cache(maxsize=4096)
-def _summary(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> "MotionSummary":
-    """Return the segmented beam's motion per volt, set up once for a beam and a frequency."""
-    from device.beam.motion import motion_summary, segmented_motion
+def _segmented_pattern(
+    beam: Beam, frequency_hz: float, *, patched: bool, shear: bool
+) -> "MotionPattern":
+    from device.beam.motion import motion_pattern, segmented_motion
 
-    return motion_summary(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
+    return motion_pattern(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
 
 
 @lru_cache(maxsize=256)
-def _modal_summary(beam: Beam, frequency_hz: float, count: int) -> "MotionSummary":
-    """Return the sum of the first `count` modes per volt, set up once per beam and frequency."""
-    from device.beam.motion import modal_motion, motion_summary
+def _modal_pattern(beam: Beam, frequency_hz: float, count: int) -> "MotionPattern":
+    from device.beam.motion import modal_motion, motion_pattern
 
-    return motion_summary(modal_motion(beam, frequency_hz, count))
+    return motion_pattern(modal_motion(beam, frequency_hz, count))
 
 
-def _driven(summary: "MotionSummary", frequency_hz: float, voltage_v: float) -> Field:
+def _driven(pattern: "MotionPattern", frequency_hz: float, voltage_v: float) -> Field:
     """Return the field of a motion per volt at a voltage."""
     return Field(
-        pattern=summary.pattern,
+        pattern=pattern,
         frequency_hz=np.asarray(frequency_hz),
-        displacement_m=np.asarray(summary.displacement_m_per_v * voltage_v),
-        rotation=np.asarray(summary.rotation_per_v * voltage_v),
+        displacement_m=np.asarray(pattern.rms_m_per_v * voltage_v),
+        rotation=np.asarray(pattern.rotation_per_v * voltage_v),
     )
 
 
 def _modal(name: str) -> Rung:
-    """Return a rung of one mode of the bare beam."""
 
     def field_of(beam: Beam, drive: Drive, overlap: Overlap) -> Field:
         signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
@@ -97,8 +96,8 @@ def _segmented(*, patched: bool, shear: bool) -> Rung:
 
     def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
         frequency_hz = _frequency_hz(drive) or resonance_hz(beam, drive.mode)
-        summary = _summary(beam, frequency_hz, patched=patched, shear=shear)
-        return _driven(summary, frequency_hz, drive.voltage_v)
+        pattern = _segmented_pattern(beam, frequency_hz, patched=patched, shear=shear)
+        return _driven(pattern, frequency_hz, drive.voltage_v)
 
     return Rung(field_of=field_of, resonance_hz=resonance_hz)
 
@@ -111,7 +110,7 @@ def _modes(count: int) -> Rung:
             rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
             raise OutOfRangeError("mode", rule, drive.mode)
         frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
-        return _driven(_modal_summary(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
+        return _driven(_modal_pattern(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
 
     return Rung(field_of=field_of)
 
@@ -166,8 +165,8 @@ def forget_set_ups() -> None:
     from device.beam.timoshenko_modes import modal_basis
 
     rung_field.cache_clear()
-    _summary.cache_clear()
-    _modal_summary.cache_clear()
+    _segmented_pattern.cache_clear()
+    _modal_pattern.cache_clear()
     modal_basis.cache_clear()
     segmented_natural_frequency_hz.cache_clear()
 
@@ -192,11 +191,8 @@ RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
 _RUNGS = {**{name: _modal(name) for name in MODAL_RUNGS}, **SEGMENTED_RUNGS}
 
 
-def rung(name: str) -> Rung:
-    """Return the rung of that name, one of `RUNG_NAMES`; `modes:12` is the sum of twelve modes.
-
-    Raise `OutOfRangeError` if the rung does not exist.
-    """
+def rung_by_name(name: str) -> Rung:
+    """Return one of `RUNG_NAMES` (`modes:12`: a sum of twelve), or raise `OutOfRangeError`."""
     if name in _RUNGS:
         return _RUNGS[name]
     found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
@@ -204,11 +200,6 @@ def rung(name: str) -> Rung:
         return _modes(int(found[1]))
     names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
     raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
-
-
-def check_rung(name: str) -> None:
-    """Refuse a name that `rung` does not know."""
-    rung(name)
 
 
 @lru_cache(maxsize=64)
@@ -220,12 +211,12 @@ def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") 
     Raises:
         OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off or its sum.
     """
-    return rung(name).field_of(beam, drive, overlap)
+    return rung_by_name(name).field_of(beam, drive, overlap)
 
 
 def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
     """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
-    return rung(name).resonance_hz(beam, mode)
+    return rung_by_name(name).resonance_hz(beam, mode)
 
 
 @lru_cache(maxsize=32)

@@ -67,10 +67,7 @@ class LineGauge(GaugeDriver):
 
 
 def block(line: str, scale: Scale) -> Block:
-    """Return the samples in `line`: `first;time;count;t,n,x;…;digest`, as counts of `scale`.
-
-    Raise `ProtocolError` if it was changed on its way, or contradicts itself.
-    """
+    """Return `first;time;count;t,n,x;…;digest` as counts; raise `ProtocolError` if damaged."""
     body, _, digest = line.rpartition(";")
     # The digest covers the text, because a digit that changed on the way is a number still.
     if f"{zlib.crc32(body.encode('ascii')):08X}" != digest.upper():

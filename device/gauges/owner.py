@@ -1,4 +1,4 @@
-"""The owner of a gauge's port: a thread of its own, so that a slow gauge delays no stop."""
+"""Owners of ports: a gauge has a thread of its own, so that a slow one delays no stop."""
 
 import contextlib
 import queue
@@ -7,20 +7,21 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, TypeVar
 
 from device.drivers.driver import defined_in
 from device.errors import DeviceError
-from device.force_channel.recording import Block, Forces, Recording, Samples, Scale
+from device.force_channel.recording import Forces, ForceSource, Recording, Samples
 from device.link.link import Link, Register, open_link
 from protocol.address import AddressError
 
 # What a gauge's driver is: a source of samples behind a link of its own.
 
 
-class GaugeDriver(ABC):
+class GaugeDriver(ForceSource, ABC):
     """Samples forces over `link`. Not thread-safe: one owner."""
 
     dialect: ClassVar[str]
@@ -29,17 +30,13 @@ class GaugeDriver(ABC):
     expected: ClassVar[str]
     """These gauges in words, for messages."""
     register: ClassVar[Register]
-    """The register by which the link gets into step."""
 
     def __init__(self, link: Link) -> None:
         link.register = self.register
         self.link = link
 
     def meet(self) -> str:
-        """Check that the expected gauge answers, in the expected unit; return its identity.
-
-        Raise `DeviceError` if something else does; nothing was set.
-        """
+        """Return the identity; `DeviceError`, with nothing set, for another device or unit."""
         idn = self.link.identify()
         if self.idn.match(idn) is None:
             raise DeviceError(f"expected {self.expected}, got {idn!r}")
@@ -50,22 +47,6 @@ class GaugeDriver(ABC):
     @abstractmethod
     def _require_unit(self) -> None:
         """Check that forces are in newtons; raise `DeviceError` if they are in something else."""
-
-    @abstractmethod
-    def start_sampling(self, rate_hz: float) -> Scale:
-        """Set the rate and start; samples are numbered from 0. Return the size of one count."""
-
-    @abstractmethod
-    def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
-        """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
-
-    @abstractmethod
-    def stop_sampling(self) -> None:
-        """Stop; what was sampled can still be asked for."""
-
-    @abstractmethod
-    def device_time_s(self) -> float:
-        """Get the gauge's own time, s."""
 
     def close(self) -> None:
         self.link.close()
@@ -93,26 +74,75 @@ class Job:
             self.result.set_exception(error)
 
 
-class GaugeOwner:
-    """A gauge whose calls are made one after the other. Its methods may be called from any thread.
+class PortOwner(ABC):
+    """Makes the calls to a port one by one: in a thread once it has one, else in the caller's."""
 
-    An error of the gauge begins with `gauge: `.
-    """
+    unbroken: Callable[[], AbstractContextManager[None]] = nullcontext
+    """Surrounds each step: where the caller works, no signal may leave half a command behind."""
+
+    def __init__(self) -> None:
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._owner: threading.Thread | None = None
+
+    def step(self, wait_s: float | None = 0.0) -> bool:
+        """As the owner, make the next call within `wait_s` and what is due; False once closed."""
+        with self.unbroken():
+            with contextlib.suppress(queue.Empty):
+                job = self._jobs.get(timeout=wait_s)
+                if job is None:
+                    return False
+                self._make(job)
+            self._go_on()
+        return True
+
+    @abstractmethod
+    def idle_s(self) -> float | None:
+        """Return how long the owner may wait for a call; None if only a call gives it work."""
+
+    @abstractmethod
+    def _go_on(self) -> None:
+        """Do what is due; no error may leave it."""
+
+    def _make(self, job: Job) -> None:
+        job.settle()
+
+    def _begin(self, name: str) -> None:
+        # A daemon, so that a device that hangs does not keep the program from ending.
+        self._owner = threading.Thread(target=self._serve, name=name, daemon=True)
+        self._owner.start()
+
+    def _serve(self) -> None:
+        while self.step(self.idle_s()):
+            pass
+
+    def _put(self, work: Callable[[], _Result]) -> "Future[_Result]":
+        job = Job(work=work)
+        self._jobs.put(job)
+        # Without a thread, as on a stepped clock, the caller does the owner's work.
+        if self._owner is None:
+            self.step()
+        return job.result
+
+    def _end(self) -> None:
+        self._jobs.put(None)
+        if self._owner is not None:
+            self._owner.join()
+
+
+class GaugeOwner(PortOwner):
+    """A gauge whose calls are made one by one, from any thread; its errors begin with `gauge: `."""
 
     def __init__(self, gauge: GaugeDriver) -> None:
+        super().__init__()
         self._gauge = gauge
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._recording: Recording | None = None
         self._fault: DeviceError | None = None
         self._on_fault: Callable[[], object] = lambda: None
-        self._thread: threading.Thread | None = None
 
     def start(self, on_fault: Callable[[], object]) -> None:
         """Give the port to a thread of its own, which calls `on_fault` when the gauge fails."""
         self._on_fault = on_fault
-        # A daemon, so that a gauge that hangs does not keep the program from ending.
-        self._thread = threading.Thread(target=self._serve, name="gauge owner", daemon=True)
-        self._thread.start()
+        self._begin("gauge owner")
 
     @property
     def latest(self) -> Forces | None:
@@ -120,10 +150,7 @@ class GaugeOwner:
         return None if recording is None else recording.latest
 
     def meet(self) -> str:
-        """Identify the gauge and forget a fault; return its identity.
-
-        Raise `DeviceError` if it is another device, or measures in another unit.
-        """
+        """Forget a fault, return the identity; raise `DeviceError` for another device or unit."""
         self._recording = self._fault = None
         return self._owned(self._gauge.meet)
 
@@ -151,43 +178,19 @@ class GaugeOwner:
             raise self._fault
 
     def close(self) -> None:
-        self._jobs.put(None)
-        if self._thread is not None:
-            self._thread.join()
+        self._end()
         self._gauge.close()
 
-    def step(self, wait_s: float = 0.0) -> bool:
-        """Make the next call, if one comes within `wait_s`, and fetch what is due; for the owner.
-
-        Returns False once the gauge is closed.
-        """
-        with contextlib.suppress(queue.Empty):
-            job = self._jobs.get(timeout=wait_s)
-            if job is None:
-                return False
-            job.settle()
-        self._fetch()
-        return True
-
     def _owned(self, work: Callable[[], _Result]) -> _Result:
-        job = Job(work=work)
-        self._jobs.put(job)
-        # Without a thread, as on a stepped clock, the caller does the owner's work.
-        if self._thread is None:
-            self.step()
+        given = self._put(work)
         # Asked for and not caught: a stop that comes while we wait is no error of the gauge.
-        if isinstance(error := job.result.exception(), Exception):
+        if isinstance(error := given.exception(), Exception):
             raise _of_gauge(error) from error
-        result: _Result = job.result.result()
-        return result
+        return given.result()
 
     # What follows is the owner's work.
 
-    def _serve(self) -> None:
-        while self.step(self._wait_s()):
-            pass
-
-    def _wait_s(self) -> float:
+    def idle_s(self) -> float:
         recording = self._recording
         # Looked at often, because another thread may begin or abandon a recording.
         return _LOOK_S if recording is None else min(max(recording.wait_s(), 0.0), _LOOK_S)
@@ -201,7 +204,7 @@ class GaugeOwner:
         finally:
             self._recording = None
 
-    def _fetch(self) -> None:
+    def _go_on(self) -> None:
         """Ask for the block that is due, if there is one; a gauge that fails is asked no more."""
         try:
             if (recording := self._recording) is not None and recording.wait_s() <= 0:

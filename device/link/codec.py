@@ -24,11 +24,7 @@ _SCPI_NOT_A_NUMBER = 9.9e37
 
 
 def encoded(line: str) -> bytes:
-    """Return `line` as bytes on the wire.
-
-    Raises:
-        ValueError: it contains a control character, which could end it early, or is not ASCII.
-    """
+    """Return `line` as bytes; raise `ValueError` if it has a control character or is not ASCII."""
     # A line feed within a command would make two commands of it.
     if not line.isascii() or not line.isprintable():
         raise ValueError(f"a command must be printable ASCII, got {line!r}")
@@ -36,12 +32,10 @@ def encoded(line: str) -> bytes:
 
 
 def number_text(value: float) -> str:
-    """Return `value` with ten significant digits, enough for a frequency in mHz.
+    """Return `value` with ten significant digits; raise `ValueError` if it is not finite.
 
     >>> number_text(24221.37)
     '24221.37'
-
-    Raise `ValueError` if it is not finite.
     """
     if not math.isfinite(value):
         raise ValueError(f"a number on the wire must be finite, got {value}")
@@ -141,11 +135,9 @@ class BlockBuffer:
         """What has come so far."""
 
     def feed(self, chunk: bytes) -> tuple[bytes, bytes] | None:
-        """Add `chunk`; return the block's content and what follows its line end, once it is whole.
+        """Add `chunk`; return a whole block's content and what follows its line end.
 
-        Raises:
-            ProtocolError: it does not begin as a block, is longer than `LONGEST_BLOCK`, or does
-                not end in a line end.
+        Raise `ProtocolError` if it is not a block, too long, or without a line end.
         """
         self.pending += chunk
         begin = self._begin()

@@ -76,10 +76,7 @@ class Link:
         self.register = EVENT_ENABLE
 
     def tell(self, command: str) -> None:
-        """Send `command`, which has no answer, as one line in one write.
-
-        Raise `DeviceError` if the port is gone or does not accept it.
-        """
+        """Send `command` as one line in one write; raise `DeviceError` if the port refuses it."""
         begin_s = self._monotonic()
         try:
             self._port.send(encoded(command))
@@ -182,11 +179,7 @@ class Link:
         self._in_step = not self._lines
 
     def stay_silent(self, seconds: float) -> None:
-        """Send nothing for a while; what comes meanwhile is no answer to anything.
-
-        Raises:
-            EmergencyStop: as any other wait.
-        """
+        """Send nothing for a while; what comes is no answer. Raises `EmergencyStop` as any wait."""
         deadline_s = self._monotonic() + seconds
         while self._next_line(deadline_s) is not None:
             self._in_step = False
@@ -345,10 +338,5 @@ class Link:
 
 
 def open_link(url: str) -> Link:
-    """Return a link over the serial port or pySerial URL `url`, opened for exclusive use.
-
-    Raises:
-        AddressError: `url` is not the address of a device.
-        DeviceError: the port is missing, in use or not accessible; the message gives the remedy.
-    """
+    """Return a link over the port at `url`, opened for exclusive use; raises as `open_port`."""
     return Link(open_port(url))

@@ -96,11 +96,9 @@ def _descriptor(port: serial.SerialBase) -> int | None:
 
 
 def open_port(url: str) -> SerialPort:
-    """Return the serial port, `socket://` or `rfc2217://` at `url`, opened for exclusive use.
+    """Return the port at `url`, opened for exclusive use.
 
-    Raises:
-        AddressError: `url` is not an address (`checked_address`), or is a plain file or folder.
-        DeviceError: the port is missing, in use or not accessible; the message gives the remedy.
+    Raise `AddressError` for no address of a device, `DeviceError` with a remedy if it is missing.
     """
     checked_address(url)
     if Path(url).is_file() or Path(url).is_dir():
@@ -115,13 +113,10 @@ def open_port(url: str) -> SerialPort:
     except ValueError as error:
         raise AddressError(f"{url}: not the address of a device ({error})") from error
     except PORT_ERRORS as error:
-        raise DeviceError(f"{url}: {advice(error)}{_over_bluetooth(url)}") from error
+        bluetooth = any(word in url.lower() for word in ("rfcomm", "bluetooth"))
+        pairing = "; a Bluetooth device must be paired and bound first" if bluetooth else ""
+        raise DeviceError(f"{url}: {advice(error)}{pairing}") from error
     return SerialPort(port)
-
-
-def _over_bluetooth(url: str) -> str:
-    bluetooth = any(word in url.lower() for word in ("rfcomm", "bluetooth"))
-    return "; a Bluetooth device must be paired and bound first" if bluetooth else ""
 
 
 def advice(error: BaseException) -> str:

@@ -24,11 +24,7 @@ class BeamControl(ABC):
     def touch(
         self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
     ) -> float:
-        """Put the finger down; return the friction coefficient it feels.
-
-        It moves on in `direction` until it is put elsewhere or lifted. Without a speed it slides
-        to and fro about its place.
-        """
+        """Put the finger down, to move on or, without a speed, to and fro; return its friction."""
         answer = self._ask(f"touch {force_n!r} {position_m!r} {direction} {speed_m_s!r}")
         return float(answer["friction_coefficient"])
 
@@ -133,10 +129,7 @@ class Endpoints:
 
 
 class Friction(TypedDict, total=False):
-    """Law and rung of a simulated beam's friction, and its damping.
-
-    Without them law and rung are those of the report, and the damping follows from the seed.
-    """
+    """Law and rung of a simulated beam, by default the report's, and damping, else the seed's."""
 
     law: str | None
     rung: str | None
@@ -153,12 +146,10 @@ def simulator_process(
     keep: bool = False,
     **friction: Unpack[Friction],
 ) -> Iterator[Endpoints]:
-    """Start `touchbeam simulate-device` and end it, by its process, on the way out.
+    """Start `touchbeam simulate-device`, and end it on the way out.
 
-    `touchbeam` is the command that starts touchbeam; the others are as in `server.simulate`. The
-    wire is a pseudo-terminal where the system has them, else a loopback port. A gauge is beside
-    it, on a wire of its own.
-
+    `touchbeam` is the command; the others are as in `server.simulate`. The wire is by default a
+    pseudo-terminal, where the system has them, else a loopback port; a gauge has one of its own.
     Raise `DeviceError` if it did not get ready.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as folder:

@@ -9,7 +9,6 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from typing import Any
 
 from device.drivers.driver import driver_of
 from device.drivers.limits import Limits
@@ -107,15 +106,12 @@ class InProcessDevice(BeamControl):
         self.on_step()
 
     def gauge_port(self) -> "InProcessPort":
-        """Return the host's end of the line to the gauge on the same beam; as `port`."""
+        """Return the host's end of the gauge's line; as `port`."""
         self._gauge_line.open()
         return InProcessPort(self, self._gauge_line)
 
     def port(self) -> "InProcessPort":
-        """Return the host's end of the line, newly opened; the one before it is closed.
-
-        Raise `OSError` if the port has vanished.
-        """
+        """Return the host's end, newly opened and alone; raise `OSError` if it has vanished."""
         self._line.open()
         return InProcessPort(self, self._line)
 
@@ -251,30 +247,6 @@ class _Pieces:
         self.waiting = 0
 
 
-class _InProcessRig(Rig):
-    """A rig whose owner is the caller. A signal waits until a call to the device is over."""
-
-    def __init__(self, *args: Any, unbroken: Unbroken, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._unbroken = unbroken
-
-    def step(self, wait_s: float | None = 0.0) -> bool:
-        with self._unbroken():
-            return super().step(wait_s)
-
-
-class _InProcessGaugeOwner(GaugeOwner):
-    """A gauge's owner that is the caller, too."""
-
-    def __init__(self, gauge: GaugeDriver, unbroken: Unbroken) -> None:
-        super().__init__(gauge)
-        self._unbroken = unbroken
-
-    def step(self, wait_s: float = 0.0) -> bool:
-        with self._unbroken():
-            return super().step(wait_s)
-
-
 def in_process_rig(
     device: InProcessDevice,
     limits: Limits,
@@ -286,11 +258,14 @@ def in_process_rig(
 
     A `gauge` of that kind records the forces instead of the device.
     """
-    now_s, unbroken, owner = device.now_s, device.unbroken, None
+    now_s, owner = device.now_s, None
     if gauge is not None:
-        owner = _InProcessGaugeOwner(gauge(Link(device.gauge_port(), now_s)), unbroken)
+        owner = GaugeOwner(gauge(Link(device.gauge_port(), now_s)))
+        owner.unbroken = device.unbroken
     driver = driver_of(dialect)(Link(device.port(), now_s), limits, now_s)
-    return _InProcessRig(driver, limits, calibration, now_s, owner, unbroken=unbroken)
+    rig = Rig(driver, limits, calibration, now_s, owner)
+    rig.unbroken = device.unbroken
+    return rig
 
 
 class InProcessHand(BeamControl):

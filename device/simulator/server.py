@@ -265,10 +265,7 @@ class Server:
         return answer
 
     def _wait(self, *, listening: bool) -> None:
-        """Wait until somebody does something or something is due, a tick at most.
-
-        A line that hung up is nobody.
-        """
+        """Wait until something happens or is due, a tick at most; a line that hung up is nobody."""
         faults = self._device.broken.active
         listening = listening and self._there and "deaf" not in faults
         sources: list[Any] = [self._line] if listening else []
@@ -348,10 +345,7 @@ def simulate(
 
 
 class _Ending:
-    """The wish that the device ends: heeded while it serves, not while it is made or cleared away.
-
-    One that comes before ends it as soon as it would serve.
-    """
+    """The wish that the device ends: heeded only while it serves, or as soon as it would."""
 
     def __init__(self) -> None:
         self._asked = False

@@ -69,10 +69,7 @@ class PtyLine:
         return self._master
 
     def receive(self) -> bytes | None:
-        """Return what came, maybe nothing; None once the host is gone.
-
-        Our own hold on the host's end is given up once the host has spoken.
-        """
+        """As a `Line`; our hold on the host's end is given up once the host has spoken."""
         try:
             data = os.read(self._master, _CHUNK)
         except BlockingIOError:
@@ -131,7 +128,11 @@ class TcpLine:
         try:
             data = self._host.recv(_CHUNK)
         except BlockingIOError:
-            self._turn_away()
+            # One host at a time: a second one finds its connection closed. The first is looked at
+            # before, because the newcomer is the next host if that one has hung up.
+            if self._next is not None:
+                self._next.close()
+                self._next = None
             return b""
         except OSError:
             data = b""
@@ -150,16 +151,6 @@ class TcpLine:
         for end in (self._listener, self._host, self._next):
             if end is not None:
                 end.close()
-
-    def _turn_away(self) -> None:
-        """One host at a time: a second one finds its connection closed.
-
-        It comes first here and the first host is looked at afterwards: if that one has hung up,
-        the newcomer is the next host.
-        """
-        if self._next is not None:
-            self._next.close()
-            self._next = None
 
     def _accepted(self) -> socket.socket | None:
         try:

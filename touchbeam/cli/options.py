@@ -101,10 +101,10 @@ SimulatedLawOption = Annotated[
 
 def _rung(name: str) -> str:
     from device.errors import OutOfRangeError
-    from device.friction.rungs import check_rung
+    from device.friction.rungs import rung_by_name
 
     try:
-        check_rung(name)
+        rung_by_name(name)
     except OutOfRangeError as error:
         raise ValueError(str(error)) from error
     return name

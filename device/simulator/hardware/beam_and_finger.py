@@ -74,11 +74,7 @@ _DIRECTIONS: dict[str, scenes.Direction] = {"right": "right", "left": "left"}
 
 @dataclass(frozen=True, kw_only=True)
 class Finger:
-    """A finger on the beam: its load, and its right edge at a device time, from which it moves.
-
-    One without a speed slides to and fro about its place, at the speed that the law takes for
-    granted.
-    """
+    """A finger on the beam; one without a speed slides to and fro about its place."""
 
     force_n: float
     position_m: float
@@ -176,10 +172,7 @@ class SimulatedBeam:
         self._friction(finger, np.zeros(1), np.ones(1), natural_frequency_hz(self.beam, MODE))
 
     def change(self, name: str, value: float) -> None:
-        """Change a number of the skin or of the force sensor.
-
-        Raise `ValueError` if neither has one of that name.
-        """
+        """Change a number of skin or force sensor; raise `ValueError` if neither has that name."""
         for part in ("skin", "sensor"):
             if name in vars(getattr(self, part)):
                 setattr(self, part, replace(getattr(self, part), **{name: value}))
@@ -215,12 +208,7 @@ class SimulatedBeam:
         self.finger = None
 
     def swap(self, body_spacing_m: float) -> None:
-        """Mount a beam with this spacing of its ciliary bodies; 0 for one without.
-
-        No friction law here depends on the spacing: bodies are dense in all of them.
-
-        Raise `ValueError` if the spacing is negative.
-        """
+        """Mount a beam with this spacing of bodies, 0 for none; `ValueError` if it is negative."""
         # Written so that NaN is refused, too.
         if not body_spacing_m >= 0:
             raise ValueError(f"the spacing must be 0 m or more, got {body_spacing_m}")
@@ -236,10 +224,7 @@ class SimulatedBeam:
     def forces(
         self, times_s: FloatArray, voltage_v: FloatArray, frequency_hz: float
     ) -> list[FloatArray]:
-        """Return tangential force, normal force and position at some times, each of shape (n,).
-
-        `voltage_v`, shape (n,), is what is on the beam then.
-        """
+        """Return both forces and the place at `times_s`, each (n,); `voltage_v` is the beam's."""
         if self.finger is None:
             return [np.zeros(times_s.size) for _ in range(3)]
         friction = self._friction(self.finger, times_s, voltage_v, frequency_hz)

@@ -128,10 +128,7 @@ class Instrument:
             self.trip("WATC", wall_s)
 
     def trip(self, cause: str, wall_s: float) -> None:
-        """Turn the output off and keep it off: `WATC` or `TEMP`. Nothing keeps protection from it.
-
-        The power stage is cut behind the output's own switch.
-        """
+        """Cut the power stage, because of `WATC` or `TEMP`, behind the output's own switch."""
         # Not by `switch`, so that no fault of the switch keeps protection from it.
         self.voltage_v, self.output = 0.0, False
         self.cause, self.tripped_wall_s = cause, wall_s

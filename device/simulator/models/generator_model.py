@@ -142,10 +142,7 @@ class Channel:
         return None
 
     def set_levels(self, low_v: float, high_v: float) -> None:
-        """Set amplitude and offset by the lowest and highest voltage.
-
-        Raise `ScpiError` if the low level is not below the high one, or neither can be given.
-        """
+        """Set amplitude and offset by both ends; `ScpiError` unless they rise and can be given."""
         if low_v >= high_v:
             raise ScpiError(-221, "Settings conflict; low level is greater than high level")
         if max(abs(low_v), abs(high_v)) > self.shown * MOST_EMF_VPP / 2:
@@ -154,10 +151,7 @@ class Channel:
         self.emf_offset_v = (high_v + low_v) / 2 / self.shown
 
     def limit(self, on: bool) -> None:
-        """Switch the limits on or off.
-
-        Raise `ScpiError` if what is set now exceeds them; they stay off.
-        """
+        """Switch the limits; `ScpiError`, and they stay off, if what is set now exceeds them."""
         fits_below = self.level_v(1) <= self.limit_high_v * (1 + 1e-9)
         if on and not (fits_below and self.level_v(-1) >= self.limit_low_v * (1 + 1e-9)):
             raise ScpiError(-221, "Settings conflict; signal exceeds the voltage limits")

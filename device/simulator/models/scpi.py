@@ -44,9 +44,8 @@ def nothing(argument: str) -> None:
 def number(argument: str, units: Mapping[str, float] = NO_UNIT) -> float:
     """Return the number that `argument` gives, in the base unit of `units`.
 
-    Raises:
-        ScpiError: missing (-109), no number (-104), more than one (-108), a unit where none
-            belongs (-138) or a wrong one (-131).
+    Errors: missing (-109), not a number (-104), several (-108), an unwanted unit (-138) or a
+    wrong one (-131).
     """
     text = given(argument)
     if "," in text:
@@ -65,11 +64,7 @@ def number(argument: str, units: Mapping[str, float] = NO_UNIT) -> float:
 
 
 def quantity(argument: str, units: Mapping[str, float], lowest: float, highest: float) -> float:
-    """Return the number that `argument` gives, with its unit, `MIN` or `MAX`.
-
-    Raises:
-        ScpiError: as `number`, or out of range (-222).
-    """
+    """Return the number, with its unit, `MIN` or `MAX`; as `number`, and -222 if out of range."""
     extreme = extremes(argument, lowest, highest)
     value = number(argument, units) if extreme is None else extreme
     if not lowest <= value <= highest:
@@ -200,10 +195,7 @@ class Headers:
         self._known: dict[str, tuple[Handler, int]] = {}
 
     def found(self, header: str) -> tuple[Handler, int]:
-        """Return what `header` does, and the channel it names (1 if none).
-
-        Raise `ScpiError` if it is no header (-102), unknown (-113), or of no channel here (-114).
-        """
+        """Return what `header` does and its channel (1 if none); errors -102, -113 and -114."""
         if header not in self._known:
             # Kept, because a session asks the same few headers again and again.
             self._known[header] = self._looked_up(header)

@@ -10,7 +10,7 @@ import pytest
 
 from device.beam.beam import Beam
 from device.beam.modes import modal_displacement_m, natural_frequency_hz
-from device.beam.motion import modal_motion, motion_summary, segmented_motion
+from device.beam.motion import modal_motion, motion_pattern, segmented_motion
 from device.beam.timoshenko import segmented_natural_frequency_hz
 from device.friction.changes import CONDITIONS, Moment, predicted_contrast
 from device.friction.coefficient import friction_coefficient
@@ -207,10 +207,10 @@ def test_a_sharp_resonance_costs_no_more_than_rounding_its_frequency() -> None:
 
 def test_without_shear_and_patches_the_beam_is_the_sum_of_its_modes() -> None:
     beam, frequency_hz = Beam(damping_ratio=1e-4), 15_000.0
-    direct = motion_summary(segmented_motion(beam, frequency_hz, patched=False, shear=False))
-    summed = motion_summary(modal_motion(beam, frequency_hz, 60))
-    assert direct.displacement_m_per_v == pytest.approx(summed.displacement_m_per_v, rel=1e-4)
-    assert direct.pattern.edges_m == pytest.approx(summed.pattern.edges_m, abs=3e-5)
+    direct = motion_pattern(segmented_motion(beam, frequency_hz, patched=False, shear=False))
+    summed = motion_pattern(modal_motion(beam, frequency_hz, 60))
+    assert direct.rms_m_per_v == pytest.approx(summed.rms_m_per_v, rel=1e-4)
+    assert direct.edges_m == pytest.approx(summed.edges_m, abs=3e-5)
 
 
 def test_at_a_sharp_resonance_the_sum_of_modes_is_one_mode() -> None:

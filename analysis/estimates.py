@@ -18,6 +18,11 @@ FloatArray: TypeAlias = NDArray[np.float64]
 Interval: TypeAlias = tuple[float, float]
 Json: TypeAlias = dict[str, Any]
 
+LEVEL = 0.05
+"""Something is said to differ where p, corrected, is smaller; all else hold with the rest, 95%."""
+LOWER, UPPER = ENDS = LEVEL / 2, 1 - LEVEL / 2
+"""Quantiles at the ends of an interval."""
+
 
 @dataclass(frozen=True)
 class NotEstimable:

@@ -11,7 +11,6 @@ from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 from analysis.claims.claim import Claims, Finding, human_finding
 from analysis.claims.coverage import MU, along_path, mu
 from analysis.claims.published_scores import (
-    ALPHA,
     PUBLISHED,
     SCORES,
     about_subjects,
@@ -19,7 +18,7 @@ from analysis.claims.published_scores import (
     interval_of_all,
     short,
 )
-from analysis.estimates import FloatArray, Interval
+from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, Interval
 from analysis.sensitivity.lines import SMALL_SPREAD, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from device.friction import changes
@@ -95,13 +94,13 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
         )
 
     # F needs to exceed its critical value with a probability of .8; solved for τ²Q/σ².
-    detectable = float(fdtri(*df, 1 - ALPHA) / fdtri(*df, 1 - _POWER)) - 1
+    detectable = float(fdtri(*df, 1 - LEVEL) / fdtri(*df, 1 - _POWER)) - 1
     return GainSpread(
         f=f,
         df=df,
         p=float(fdtrc(*df, f)),
         mean=float(scores.mean(axis=0) @ centred / information),
-        sd_interval=(limit(1 - ALPHA / 2), limit(ALPHA / 2)),
+        sd_interval=(limit(UPPER), limit(LOWER)),
         detectable_sd=float(np.sqrt(detectable * variance / information)),
     )
 
@@ -183,7 +182,7 @@ def prediction_interval(others: FloatArray) -> Interval:
     """Return the 95% interval of one more value, as far as the others are normal."""
     # One more value scatters as the others do, and their mean is uncertain, too.
     spread = others.std(ddof=1) * np.sqrt(1 + 1 / others.size)
-    half = float(stdtrit(others.size - 1, 1 - ALPHA / 2) * spread)
+    half = float(stdtrit(others.size - 1, UPPER) * spread)
     return float(others.mean()) - half, float(others.mean()) + half
 
 
@@ -319,7 +318,7 @@ def _ranking_follows_model(law: str) -> Finding:
     # The condition with the higher mean first, so that the law has to put it first as well.
     pairs = [sorted(pair, key=lambda name: -means[name]) for pair in combinations(means, 2)]
     told = {(a, b): PUBLISHED.p_holm(a, [b])[b] for a, b in pairs}
-    decided = {pair: p for pair, p in told.items() if p < ALPHA}
+    decided = {pair: p for pair, p in told.items() if p < LEVEL}
     scope = [contrasts[a] > contrasts[b] if (a, b) in decided else None for a, b in pairs]
     return human_finding(
         "pairs told apart: "

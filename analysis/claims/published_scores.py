@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from analysis.claims.claim import Claims, Finding, human_finding
-from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, LOWER, BoolArray, FloatArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import AdditiveEffects, additive_effects
 from analysis.statistics.intervals import mean_interval
 from analysis.statistics.signed_rank import pairwise_signed_ranks
 from device.friction.changes import CONDITIONS
-
-ALPHA = 0.05
 
 
 def short(p: float) -> str:
@@ -44,7 +42,7 @@ def interval_of_all(count: int) -> Interval:
     >>> round(interval_of_all(9)[0], 3)
     0.664
     """
-    return 0.025 ** (1 / count), 1.0
+    return LOWER ** (1 / count), 1.0
 
 
 def _over_subjects(values: FloatArray) -> Interval:
@@ -112,7 +110,7 @@ class HumanScores:
         # Means that contradict the claim need no test.
         if self.means[one] <= self.means[other]:
             return False
-        return True if self._p_holm[frozenset((one, other))] < ALPHA else None
+        return True if self._p_holm[frozenset((one, other))] < LEVEL else None
 
     def compared(self, one: str, others: Iterable[str]) -> str:
         """Return Holm's p of a condition against others in words."""

@@ -11,13 +11,12 @@ from itertools import combinations, product
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, Json, NotEstimable, plain
+from analysis.estimates import LEVEL, FloatArray, Interval, Json, NotEstimable, plain
 from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
 from analysis.multiverse.universes import Choice, Options, Universe, universes
 from analysis.statistics.intervals import mean_interval
 from analysis.statistics.omnibus import Friedman
-from analysis.statistics.signed_rank import LEVEL
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import law_order
 from device.friction.changes import CONDITIONS

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
-from analysis.estimates import BoolArray, FloatArray
+from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray
 from analysis.power.diagnosis import ESTIMATES, RANK, columns
 from analysis.power.job import Design
 from analysis.statistics.many_tables import pairs_of
-from analysis.statistics.signed_rank import LEVEL, holm_of_rows
+from analysis.statistics.signed_rank import holm_of_rows
 from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, above
 
 
@@ -298,7 +298,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     known = subjects > 1
     mean, error, df = mean[known], error[known], subjects[known] - 1
     truth = float(mean.mean()) if len(mean) else float("nan")
-    half = stdtrit(df, 0.975) * error
+    half = stdtrit(df, UPPER) * error
     significant, off = np.abs(mean) > half, mean - truth
     has_sign = abs(truth) > 2 * share(mean).error
     found = (significant & has_sign).astype(np.float64)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from analysis.estimates import Interval, NotEstimable
+from analysis.estimates import LEVEL, Interval, NotEstimable
 from analysis.report.findings import Findings
 from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
 from analysis.sensitivity.lines import UNEQUAL, Lines
@@ -24,7 +24,7 @@ from analysis.statistics.groups import (
     TwoGroups,
 )
 from analysis.statistics.omnibus import SkillingsMack
-from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 from analysis.trials.trial_statistics import Detected
 from device.friction.changes import LAW

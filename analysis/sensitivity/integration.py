@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LOWER, UPPER, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 
 # Maps points of shape (count, dimensions) to log densities of shape (count,).
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -452,8 +452,8 @@ def intervals_95(
     weights: FloatArray, means: FloatArray, sds: FloatArray, skews: FloatArray | None = None
 ) -> list[Interval]:
     """Return the central 95% interval of each mixture."""
-    low = mixture_quantile(weights, means, sds, 0.025, skews)
-    high = mixture_quantile(weights, means, sds, 0.975, skews)
+    low = mixture_quantile(weights, means, sds, LOWER, skews)
+    high = mixture_quantile(weights, means, sds, UPPER, skews)
     return list(zip(low.tolist(), high.tolist(), strict=True))
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components
@@ -153,7 +153,7 @@ class Noticing:
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
         medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
         rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
-        low, high = np.quantile(rates, [0.025, 0.975], axis=0)
+        low, high = np.quantile(rates, ENDS, axis=0)
         count = len(self.subjects)
         return tuple(
             ChangeDetection(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
 from analysis.sensitivity.lines import Ratings
@@ -31,8 +31,6 @@ MOST_DRAWS, LARGE_DRAWS = 1000, 150
 """Number of replicated studies: the second from LARGE trials on."""
 CELLS = 200_000
 """Number of trials times draws that are compared at once."""
-LEVEL = 0.05
-"""A model is withheld if one of its statistics has a smaller p after Holm's correction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,5 +310,5 @@ def _check(compared: dict[str, _Compared]) -> PredictiveCheck:
 
 
 def _interval(values: FloatArray) -> Interval:
-    low, high = np.quantile(values, [0.025, 0.975]).tolist()
+    low, high = np.quantile(values, ENDS).tolist()
     return low, high

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
 from analysis.sliding.rig_model import (
     MODE,
@@ -114,7 +114,7 @@ def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: f
         spare = points - 3
         best = int(np.argmin(squares))
         # (12), mathematics/sliding
-        rise = f_distribution.ppf(0.95, 1, spare) * max(1.0, squares[best] / spare)
+        rise = f_distribution.ppf(1 - LEVEL, 1, spare) * max(1.0, squares[best] / spare)
         inside = np.flatnonzero(squares <= squares[best] + rise)
         if inside[0] == 0 or inside[-1] == steps.size - 1:
             place_m = NotEstimable(

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import f as f_distribution
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.sliding import rig_model
 from analysis.sliding.rig_model import slopes
 
@@ -287,7 +287,7 @@ class _Fit:
     def rise(self) -> float:
         """The rise of the deviance at the ends of a 95% interval, (8) of mathematics/sliding."""
         spare = self.problem.places.x_m.size - len(self.free)
-        return float(f_distribution.ppf(0.95, 1, spare)) * max(1.0, self.least / spare)
+        return float(f_distribution.ppf(1 - LEVEL, 1, spare)) * max(1.0, self.least / spare)
 
     def estimate(self, name: str) -> Estimate:
         """Return a property with its profile interval: the others are at their best throughout."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import UPPER, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.intervals import NO_WIDTH
 from analysis.statistics.omnibus import SEED
@@ -111,8 +111,8 @@ def _halves(fit: TwoWay) -> tuple[FloatArray, FloatArray]:
     apart = (own - own.mean(axis=0)) @ root
     factor = shares * (1 - 2 / subjects) + shares.mean() / subjects + (apart**2).sum(axis=1)
     return (
-        stdtrit(subjects - 1, 0.975) * robust,
-        stdtrit(fit.residual_df, 0.975) * np.sqrt(fit.residual_variance * factor),
+        stdtrit(subjects - 1, UPPER) * robust,
+        stdtrit(fit.residual_df, UPPER) * np.sqrt(fit.residual_variance * factor),
     )
 
 

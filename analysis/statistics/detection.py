@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.special import betaincinv, betaln, ndtr, ndtri, stdtrit
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import ENDS, UPPER, FloatArray, IntArray, Interval, NotEstimable
 
 _STEPS = 128
 _Z = ndtri((np.arange(_STEPS) + 0.5) / _STEPS)
 """Equally probable standard normal values: pairs of them stand for a joint distribution."""
 _WIDE = np.linspace(-1.5, 1.5, 3 * _STEPS) * _Z[-1]
-_ENDS = (0.025, 0.975)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +89,9 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
         hits=rates[0],
         false_alarms=rates[1],
         d_prime=z_hit - z_alarm,
-        d_prime_interval=_pair(np.quantile(x - y, _ENDS)),
+        d_prime_interval=_pair(np.quantile(x - y, ENDS)),
         criterion=-(z_hit + z_alarm) / 2,
-        criterion_interval=_pair(np.quantile(-(x + y) / 2, _ENDS)),
+        criterion_interval=_pair(np.quantile(-(x + y) / 2, ENDS)),
         p=float(noticed_p(hits[None], alarms[None])[0]),
     )
 
@@ -103,7 +102,7 @@ def _pair(ends: Any) -> Interval:
 
 
 def _share_interval(told: int, trials: int, a: float, b: float) -> Interval:
-    low, high = _pair(betaincinv(a, b, _ENDS))
+    low, high = _pair(betaincinv(a, b, ENDS))
     # A share of 0 or 1 lies within its interval (Brown, Cai and DasGupta 2001, section 4.1.1).
     return 0.0 if told == 0 else low, 1.0 if told == trials else high
 
@@ -127,7 +126,7 @@ def _spread(each: IntArray, counts: FloatArray) -> tuple[FloatArray, FloatArray,
     # Rounding can take a perfect correlation beyond 1.
     together = float(np.clip(variance[0, 1] / np.sqrt(own.prod()), -1, 1)) if known.all() else 0.0
     # (3): the spread of few people is itself uncertain, which t allows for (Korn and Graubard).
-    return share, effective * float((ndtri(0.975) / stdtrit(people - 1, 0.975)) ** 2), together
+    return share, effective * float((ndtri(UPPER) / stdtrit(people - 1, UPPER)) ** 2), together
 
 
 def _z_of_rate(a: float, b: float, z: FloatArray) -> FloatArray:

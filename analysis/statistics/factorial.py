@@ -12,7 +12,16 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtrc, fdtrc, ncfdtr, stdtrit
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import (
+    LEVEL,
+    LOWER,
+    UPPER,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Interval,
+    NotEstimable,
+)
 from analysis.statistics.intervals import mean_interval
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_CELLS, SEED, MonteCarlo
 from analysis.statistics.ordinal import (
@@ -23,7 +32,7 @@ from analysis.statistics.ordinal import (
     score_counts,
     unpacked,
 )
-from analysis.statistics.signed_rank import DECIMALS, LEVEL, holm
+from analysis.statistics.signed_rank import DECIMALS, holm
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""
@@ -273,7 +282,7 @@ def _eta2_interval(f: float, df: int, error_df: int) -> Interval | NotEstimable:
         return float(ncfdtr(df, error_df, lam, f)) - chance
 
     ends = []
-    for chance in (0.975, 0.025):
+    for chance in (UPPER, LOWER):
         above = df * f + 10.0
         while excess(above, chance) > 0:
             above *= 1.5
@@ -312,7 +321,7 @@ def cell_intervals(crossed: Crossed, *names: str) -> tuple[FloatArray, FloatArra
     people, levels = len(cells), cells[0].size
     level = cells.reshape(people, -1).mean(axis=1).reshape(-1, *[1] * (cells.ndim - 1))
     spread = (cells - level).std(axis=0, ddof=1) * np.sqrt(levels / (levels - 1) / people)
-    return cells.mean(axis=0), float(stdtrit(people - 1, 0.975)) * spread
+    return cells.mean(axis=0), float(stdtrit(people - 1, UPPER)) * spread
 
 
 # The same effects on the latent scale of an ordinal mixed model, which no end of the scale bends.
@@ -390,13 +399,13 @@ def latent_factorial(
     counts = score_counts(scores, subject, cell, len(design))
     if isinstance(counts, NotEstimable):
         return counts
-    data = ScoreCounts(counts=counts, design=design)
-    fit = fitted_levels(data, "probit")
+    data = ScoreCounts(counts=counts, link="probit", design=design)
+    fit = fitted_levels(data)
     if isinstance(fit, NotEstimable):
         return fit
     best, covariance = fit
-    wider = fitted_cells(best, data, "probit")
-    if wider is not None:
+    wider = fitted_cells(best, covariance, data)
+    if not isinstance(wider, NotEstimable):
         best, covariance = wider
     at = data.coefficients
     values, errors = best.packed[at], covariance[at, at]
@@ -417,7 +426,7 @@ def latent_factorial(
             )
         ),
         subject_sd=abs(float(unpacked(best.packed, data).sds[0])),
-        cell_sd=None if wider is None else abs(float(best.packed[-1])),
+        cell_sd=None if isinstance(wider, NotEstimable) else abs(float(best.packed[-1])) or None,
     )
 
 

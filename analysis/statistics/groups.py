@@ -12,9 +12,9 @@ from math import comb, prod
 import numpy as np
 from scipy.special import ndtri
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, IntArray, Interval, NotEstimable
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_CELLS, MOST_SHUFFLES, SEED
-from analysis.statistics.signed_rank import DECIMALS, LEVEL, doubled_midranks, holm
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm
 
 LARGEST_EXACT = 100
 """People in two groups up to whom rank sums have exact chances: some 50 ms."""
@@ -165,10 +165,10 @@ def _shift_interval(apart: FloatArray, n: int, m: int) -> Interval | NotEstimabl
 def _outside(n: int, m: int) -> int:
     """Return the place of the interval's end among the sorted differences, from 1; 0 if none."""
     if n + m > LARGEST_EXACT:
-        half = float(ndtri(1 - LEVEL / 2)) * np.sqrt(n * m * (n + m + 1) / 12)
+        half = float(ndtri(UPPER)) * np.sqrt(n * m * (n + m + 1) / 12)
         return int(n * m / 2 - half)
     ways = _ways_by_sum(np.arange(1, n + m + 1), n)[n * (n + 1) // 2 :]
-    return int((np.cumsum(ways) <= LEVEL / 2 * ways.sum()).sum())
+    return int((np.cumsum(ways) <= LOWER * ways.sum()).sum())
 
 
 # Any number of groups, one value of each person, and several measures.

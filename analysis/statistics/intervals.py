@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import UPPER, FloatArray, Interval, NotEstimable
 
 # Correlations of 1 have no Fisher transform.
 NEARLY_ONE = 1 - 1e-9
@@ -37,7 +37,7 @@ def mean_interval(values: FloatArray) -> Interval | NotEstimable:
     """
     if values.size < 2:
         return NotEstimable(f"an interval needs at least 2 subjects, got {values.size}")
-    half = stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size)
+    half = stdtrit(values.size - 1, UPPER) * values.std(ddof=1) / np.sqrt(values.size)
     if half <= NO_WIDTH:
         return NotEstimable("all subjects agree, which says nothing of how far they spread")
     return float(values.mean() - half), float(values.mean() + half)
@@ -50,7 +50,7 @@ def rank_biserial_interval(r: float, n: int) -> Interval:
     v = (4n + 2) / (3n(n + 1)) is the variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3,
     2014, for r), as Wilson's interval does for a share. It has a width at r = 1 too.
     """
-    spread = float(ndtri(0.975)) ** 2 * (4 * n + 2) / (3 * n * (n + 1))
+    spread = float(ndtri(UPPER)) ** 2 * (4 * n + 2) / (3 * n * (n + 1))
     half = float(np.sqrt(spread * (1 + spread - r**2)))
     return max(-1.0, (r - half) / (1 + spread)), min(1.0, (r + half) / (1 + spread))
 
@@ -73,7 +73,7 @@ def concordance_interval(ranks: FloatArray) -> Interval | NotEstimable:
     without = (((total - ranks) ** 2).sum(axis=1) - left) / ((n - 2) * left)
     middle = np.arctanh(np.clip(all_r, -NEARLY_ONE, NEARLY_ONE))
     left_out = np.arctanh(np.clip(without, -NEARLY_ONE, NEARLY_ONE))
-    half = stdtrit(n - 1, 0.975) * np.sqrt((n - 1) * left_out.var())
+    half = stdtrit(n - 1, UPPER) * np.sqrt((n - 1) * left_out.var())
     if half <= NO_WIDTH:
         return NotEstimable("without any one subject it is the same, so that no spread is known")
     low, high = (1 + (n - 1) * np.tanh(np.array([middle - half, middle + half]))) / n

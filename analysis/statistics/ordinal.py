@@ -13,7 +13,7 @@ from numpy.polynomial.hermite_e import hermegauss
 from scipy.optimize import minimize
 from scipy.special import chdtrc, chdtri, log_expit, log_ndtr, logit, logsumexp, ndtri
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, UPPER, FloatArray, IntArray, Interval, NotEstimable
 from analysis.statistics.signed_rank import DECIMALS
 
 # Marginal likelihood of ordered scores with random levels of subjects and of their cells.
@@ -34,11 +34,13 @@ MANY = 200
 class ScoreCounts:
     """Number of scores, shape (subjects, conditions, categories), from the lowest score up.
 
-    `design` has the effect of each condition per coefficient, shape (conditions, coefficients);
-    without it each condition but the first has a coefficient of its own.
+    `link` is the distribution of the latent residual. `design` has the effect of each condition per
+    coefficient, shape (conditions, coefficients); without it each condition but the first has a
+    coefficient of its own.
     """
 
     counts: FloatArray
+    link: Link
     design: FloatArray | None = None
 
     @cached_property
@@ -93,9 +95,7 @@ def unpacked(packed: FloatArray, data: ScoreCounts) -> Parameters:
     )
 
 
-def log_likelihood(
-    packed: FloatArray, data: ScoreCounts, link: Link, nodes: int
-) -> tuple[float, FloatArray]:
+def log_likelihood(packed: FloatArray, data: ScoreCounts, nodes: int) -> tuple[float, FloatArray]:
     """Return the log-likelihood (2) and its gradient with respect to the packed parameters.
 
     (1): P(score <= k | subject s, condition j) = F(θ_k - β_j - σ u_s - ω v_sj), all u, v ~ N(0, 1),
@@ -110,7 +110,7 @@ def log_likelihood(
     own, log_own = _own_nodes(nodes, data) if len(parameters.sds) > 1 else _normal_nodes(0.0, 1)
     standard = np.stack([np.repeat(levels, len(own)), np.tile(own, nodes)])[: len(parameters.sds)]
     location = parameters.effects[:, None] + parameters.sds @ standard
-    log_p, slopes = _log_probabilities(parameters.thresholds, location, link)
+    log_p, slopes = _log_probabilities(parameters.thresholds, location, data.link)
     log_p_of = log_p.reshape(*log_p.shape[:2], nodes, len(own))
     weights, total = np.zeros(log_p_of.shape), 0.0
     for counts in data.alike:
@@ -269,24 +269,22 @@ class Maximum:
     nodes: int
 
 
-def maximum(start: FloatArray, data: ScoreCounts, link: Link) -> Maximum:
+def maximum(start: FloatArray, data: ScoreCounts) -> Maximum:
     """Return the maximum that a climb from `start` reaches."""
     nodes, most, rounding = NODES[len(unpacked(start, data).sds)]
-    packed, value = _climb(start, data, link, nodes)
+    packed, value = _climb(start, data, nodes)
     while nodes < most and np.abs(packed).max() < FARTHEST / 2:
-        finer = log_likelihood(packed, data, link, 2 * nodes)[0]
+        finer = log_likelihood(packed, data, 2 * nodes)[0]
         if abs(finer - value) < rounding:
             break
         nodes *= 2
-        packed, value = _climb(packed, data, link, nodes)
+        packed, value = _climb(packed, data, nodes)
     return Maximum(packed=packed, value=value, nodes=nodes)
 
 
-def _climb(
-    start: FloatArray, data: ScoreCounts, link: Link, nodes: int
-) -> tuple[FloatArray, float]:
+def _climb(start: FloatArray, data: ScoreCounts, nodes: int) -> tuple[FloatArray, float]:
     def cost(packed: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = log_likelihood(packed, data, link, nodes)
+        value, gradient = log_likelihood(packed, data, nodes)
         return -value, -gradient
 
     found = minimize(
@@ -307,31 +305,29 @@ def _bounds(packed: FloatArray, data: ScoreCounts) -> list[tuple[float, float]]:
     return bounds
 
 
-def start_of(data: ScoreCounts, link: Link) -> FloatArray:
+def start_of(data: ScoreCounts) -> FloatArray:
     """Return the initial parameters: no condition effects, and subjects with unit variance."""
     shares = np.cumsum(data.counts.sum(axis=(0, 1)))[:-1] / data.counts.sum()
-    quantile = ndtri if link == "probit" else logit
+    quantile = ndtri if data.link == "probit" else logit
     thresholds = np.asarray(quantile(shares)) * np.sqrt(2.0)
     none = np.zeros(data.coding.shape[1])
     return np.concatenate([thresholds[:1], np.log(np.diff(thresholds)), none, np.ones(1)])
 
 
-def covariance_at(
-    found: Maximum, data: ScoreCounts, link: Link
-) -> FloatArray | NotEstimable | None:
+def covariance_at(found: Maximum, data: ScoreCounts) -> FloatArray | NotEstimable | None:
     """Return the inverse observed information, None if the parameters are not at a maximum.
 
     If all but the last parameter, a standard deviation, have a maximum, say so.
     """
     packed, nodes = found.packed, found.nodes
-    slope = np.abs(log_likelihood(packed, data, link, nodes)[1]).max()
+    slope = np.abs(log_likelihood(packed, data, nodes)[1]).max()
     if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
         return None
     step = 1e-5
     columns = []
     for direction in np.eye(len(packed)) * step:
-        ahead = log_likelihood(packed + direction, data, link, nodes)[1]
-        behind = log_likelihood(packed - direction, data, link, nodes)[1]
+        ahead = log_likelihood(packed + direction, data, nodes)[1]
+        behind = log_likelihood(packed - direction, data, nodes)[1]
         columns.append((behind - ahead) / (2 * step))
     information = np.array(columns)
     information = (information + information.T) / 2
@@ -345,38 +341,32 @@ def covariance_at(
     return np.asarray(np.linalg.inv(information))
 
 
-def profile_limit(
-    best: Maximum, side: float, first: float, data: ScoreCounts, link: Link
-) -> float | None:
+def profile_limit(best: Maximum, side: float, first: float, data: ScoreCounts) -> float | None:
     """Return the end of the last parameter's 95% interval by the profile (5), at least 0.
 
-    Parameters:
-        best: the maximum.
-        side: 1 for the upper, -1 for the lower end.
-        first: where the search starts.
-        data, link: of the maximum.
+    `side` is 1 for the upper, -1 for the lower end; the search starts at `first`.
     """
     _, most, _ = NODES[len(unpacked(best.packed, data).sds)]
-    least = best.value - float(chdtri(1, 0.05)) / 2
+    least = best.value - float(chdtri(1, LEVEL)) / 2
     nodes, packed = best.nodes, np.append(best.packed[:-1], first)
     # A larger SD may need more nodes than the maximum does.
     while nodes <= most:
-        packed = _farthest(packed, side, least, nodes, data, link)
-        if abs(log_likelihood(packed, data, link, 2 * nodes)[0] - least) < FAR_OFF:
+        packed = _farthest(packed, side, least, nodes, data)
+        if abs(log_likelihood(packed, data, 2 * nodes)[0] - least) < FAR_OFF:
             return float(packed[-1])
         nodes *= 2
     return None
 
 
 def _farthest(
-    start: FloatArray, side: float, least: float, nodes: int, data: ScoreCounts, link: Link
+    start: FloatArray, side: float, least: float, nodes: int, data: ScoreCounts
 ) -> FloatArray:
     """Return the parameters with the largest last one, times `side`, that are this likely."""
     towards = np.append(np.zeros(len(start) - 1), -side)
 
     @cache
     def above(packed: bytes) -> tuple[float, FloatArray]:
-        value, gradient = log_likelihood(np.frombuffer(packed), data, link, nodes)
+        value, gradient = log_likelihood(np.frombuffer(packed), data, nodes)
         return value - least, gradient
 
     def rise(packed: FloatArray) -> float:
@@ -406,7 +396,7 @@ ROUNDING = 1e-6
 # First value of the interaction's SD.
 FIRST_SD = 0.5
 # An SD of so many standard errors has a likelihood like a normal one among many subjects.
-STANDARD_ERRORS, NORMAL_95 = 5.0, float(ndtri(0.975))
+STANDARD_ERRORS, NORMAL_95 = 5.0, float(ndtri(UPPER))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -477,8 +467,8 @@ def ordinal_effects_of_trials(
     for name, given in zip(conditions, counts.sum(axis=(0, 2)), strict=True):
         if given == 0:
             return NotEstimable(f"no score was given under {name}")
-    data = ScoreCounts(counts=counts)
-    fit = fitted_levels(data, link)
+    data = ScoreCounts(counts=counts, link=link)
+    fit = fitted_levels(data)
     if isinstance(fit, NotEstimable):
         return fit
     best, covariance = fit
@@ -492,14 +482,18 @@ def ordinal_effects_of_trials(
         categories=tuple(np.unique(np.round(scores, DECIMALS)).tolist()),
         subject_sd=abs(float(fitted.sds[0])),
         log_likelihood=best.value,
-        interaction=_interaction(best, covariance, data, link, conditions),
+        interaction=_interaction(best, covariance, data, conditions),
     )
 
 
-def fitted_levels(data: ScoreCounts, link: Link) -> tuple[Maximum, FloatArray] | NotEstimable:
-    """Return the maximum without levels of cells, and the covariance of its parameters."""
-    best = maximum(start_of(data, link), data, link)
-    covariance = covariance_at(best, data, link)
+Fitted: TypeAlias = tuple[Maximum, FloatArray]
+"""A maximum and the covariance of its parameters."""
+
+
+def fitted_levels(data: ScoreCounts) -> Fitted | NotEstimable:
+    """Return the fit without levels of cells."""
+    best = maximum(start_of(data), data)
+    covariance = covariance_at(best, data)
     if isinstance(covariance, NotEstimable):
         return covariance
     if covariance is None:
@@ -508,7 +502,7 @@ def fitted_levels(data: ScoreCounts, link: Link) -> tuple[Maximum, FloatArray] |
             "subjects"
         )
     # A climb stops elsewhere on every processor; a step of Newton's from there does not.
-    slope = log_likelihood(best.packed, data, link, best.nodes)[1]
+    slope = log_likelihood(best.packed, data, best.nodes)[1]
     return replace(best, packed=best.packed + covariance @ slope), covariance
 
 
@@ -538,56 +532,38 @@ def score_counts(
 
 
 def fitted_cells(
-    without: Maximum, data: ScoreCounts, link: Link
-) -> tuple[Maximum, FloatArray] | None:
-    """Return the maximum with levels of subjects' cells and its covariance, if these differ.
+    without: Maximum, covariance: FloatArray, data: ScoreCounts
+) -> Fitted | NotEstimable:
+    """Return the fit with levels of subjects' cells; their SD is 0 where these do not differ.
 
-    None stands for no cell that was scored twice, for no difference between cells, and for one
-    that the scores do not determine.
-    """
-    if data.counts.sum(axis=2).max() < 2:
-        return None
-    best = maximum(np.append(without.packed, FIRST_SD), data, link)
-    if 2 * (best.value - without.value) < ROUNDING:
-        return None
-    covariance = covariance_at(best, data, link)
-    return (best, covariance) if isinstance(covariance, np.ndarray) else None
-
-
-def _interaction(
-    without: Maximum,
-    covariance: FloatArray,
-    data: ScoreCounts,
-    link: Link,
-    conditions: tuple[str, ...],
-) -> Interaction | NotEstimable:
-    """Return the fit with a random level of each subject under each condition.
-
-    Parameters:
-        without: the maximum without it.
-        covariance: that of its parameters.
-        data, link: of both.
-        conditions: names.
+    `covariance` is that of the parameters of the fit `without` them, and stays if the SD is 0.
     """
     if data.counts.sum(axis=2).max() < 2:
         return NotEstimable("no subject scored a condition twice")
-    best = maximum(np.append(without.packed, FIRST_SD), data, link)
+    best = maximum(np.append(without.packed, FIRST_SD), data)
+    if 2 * (best.value - without.value) < ROUNDING:
+        return replace(without, packed=np.append(without.packed, 0.0), nodes=best.nodes), covariance
+    known = covariance_at(best, data)
+    if isinstance(known, np.ndarray):
+        return best, known
+    return NotEstimable(
+        "the scores do not determine the standard deviation between a subject's conditions"
+    )
+
+
+def _interaction(
+    without: Maximum, covariance: FloatArray, data: ScoreCounts, conditions: tuple[str, ...]
+) -> Interaction | NotEstimable:
+    found = fitted_cells(without, covariance, data)
+    if isinstance(found, NotEstimable):
+        return found
+    best, covariance = found
     ratio = 2 * (best.value - without.value)
-    if ratio < ROUNDING:
-        at_0 = np.append(without.packed, 0.0)
-        best = Maximum(packed=at_0, value=without.value, nodes=best.nodes)
-        ratio, spread = 0.0, 0.0
-    else:
-        known = covariance_at(best, data, link)
-        if not isinstance(known, np.ndarray):
-            return NotEstimable(
-                "the scores do not determine the standard deviation between a subject's conditions"
-            )
-        covariance, spread = known, float(np.sqrt(known[-1, -1]))
+    spread = float(np.sqrt(covariance[-1, -1])) if ratio else 0.0
     fitted = unpacked(best.packed, data)
     return Interaction(
         sd=abs(float(fitted.sds[1])),
-        sd_interval=_interval(best, ratio, spread, data, link),
+        sd_interval=_interval(best, ratio, spread, data),
         likelihood_ratio=ratio,
         p=float(chdtrc(1, ratio)) / 2 if ratio else 1.0,
         effects=_named(conditions, fitted.effects[1:]),
@@ -598,26 +574,21 @@ def _interaction(
 
 
 def _interval(
-    best: Maximum, ratio: float, spread: float, data: ScoreCounts, link: Link
+    best: Maximum, ratio: float, spread: float, data: ScoreCounts
 ) -> Interval | NotEstimable:
     """Return the 95% interval of the last SD by the profile likelihood.
 
     Of many subjects, where the SD is well above 0, the profile is the parabola of its standard
-    error.
-
-    Parameters:
-        best: the maximum.
-        ratio: twice the rise of the log-likelihood from an SD of 0 to the maximum.
-        spread: standard error of the SD, 0 where it is unknown.
-        data, link: of the maximum.
+    error. `ratio` is twice the rise of the log-likelihood from an SD of 0, and `spread` the SD's
+    standard error, 0 where it is unknown.
     """
     sd = abs(float(best.packed[-1]))
     if len(data.counts) >= MANY and sd > STANDARD_ERRORS * spread > 0:
         return sd - NORMAL_95 * spread, sd + NORMAL_95 * spread
     limits = [0.0]
-    for side in (-1.0, 1.0) if ratio > chdtri(1, 0.05) else (1.0,):
+    for side in (-1.0, 1.0) if ratio > chdtri(1, LEVEL) else (1.0,):
         first = max(sd + side * (2 * spread or FIRST_SD), 0.0)
-        found = profile_limit(best, side, first, data, link)
+        found = profile_limit(best, side, first, data)
         if found is None:
             return NotEstimable("the likelihood does not limit the standard deviation")
         limits.append(found)

@@ -8,14 +8,12 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.intervals import mean_interval, rank_biserial_interval
 
 # Differences such as 7.3 - 7.2 and 5.1 - 5.0 are equal but for rounding error.
 DECIMALS = 9
-# Conditions differ if p after Holm's correction is smaller.
-LEVEL = 0.05
 
 
 def doubled_midranks(values: FloatArray) -> IntArray:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.special import fdtri
 
-from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
+from analysis.estimates import UPPER, BoolArray, FloatArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 
 
@@ -228,13 +228,12 @@ def _icc_intervals(fit: TwoWay, agreement: float) -> Mapping[str, Interval] | No
     n, k = (given - targets) / (raters - 1), (given - raters) / (targets - 1)
     rows, columns = fit.row_squares / (targets - 1), fit.column_squares / (raters - 1)
     f = rows / noise
-    signal = np.array(
-        [f / fdtri(targets - 1, df, 0.975) - 1, f * fdtri(df, targets - 1, 0.975) - 1]
-    )
+    ends = fdtri(targets - 1, df, UPPER), fdtri(df, targets - 1, UPPER)
+    signal = np.array([f / ends[0] - 1, f * ends[1] - 1])
     share = np.float64(k * agreement / (n * (1 - agreement)) if agreement < 1 else 0.0)
     level, rest = share * columns, (1 + share * (n - 1)) * noise
     v = (level + rest) ** 2 / (level**2 / (raters - 1) + rest**2 / df)
-    below, above = fdtri(targets - 1, v, 0.975), fdtri(v, targets - 1, 0.975)
+    below, above = fdtri(targets - 1, v, UPPER), fdtri(v, targets - 1, UPPER)
     both = k * columns + (k * n - k - n) * noise
     agree = np.array(
         [

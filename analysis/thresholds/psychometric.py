@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
-from analysis.estimates import FloatArray, Interval
+from analysis.estimates import ENDS, FloatArray, Interval
 from analysis.thresholds.curve_posterior import Answers, Curve, Posterior, Shape, posterior
 from protocol.errors import BadInput
 
@@ -30,7 +30,7 @@ ENOUGH_LEVELS = 3
 POOR_FIT = 0.025
 RISES = 1.645
 """z of a trend that is expected to rise: one-sided 5%."""
-ENDS, MIDDLE = np.array([0.025, 0.975]), np.array(0.5)
+LIMITS, MIDDLE = np.array(ENDS), np.array(0.5)
 NOTHING = (math.nan, math.nan)
 
 
@@ -156,11 +156,11 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     curve = Curve(shape, share)
     found = posterior(answers, curve)
     # The mode between the ends of the interval.
-    ends = np.insert(found.quantiles(0, ENDS), 1, found.mode[0]) * unit + low
+    ends = np.insert(found.quantiles(0, LIMITS), 1, found.mode[0]) * unit + low
     thresholds = ends if shape == "normal" else np.exp(ends)
-    log_widths = np.insert(found.quantiles(1, ENDS), 1, found.mode[1])
+    log_widths = np.insert(found.quantiles(1, LIMITS), 1, found.mode[1])
     slopes = curve.width / (np.exp(log_widths) * unit)
-    low_lapse, high_lapse = found.quantiles(2, ENDS)
+    low_lapse, high_lapse = found.quantiles(2, LIMITS)
     p = _deviance_p(answers, found, curve, seed)
     return Threshold(
         threshold=float(thresholds[1]),

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import stdtr, stdtrit
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, UPPER, FloatArray, Interval, NotEstimable
 from analysis.sensitivity.linear_model import LineSums, line_sums, without_noise
 from analysis.sensitivity.lines import Ratings, axes_of
 from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
@@ -444,7 +444,7 @@ def critical_correlation(pairs: int) -> float | NotEstimable:
     """
     if pairs < 3:
         return NotEstimable(f"a correlation is tested with at least 3 pairs, got {pairs}")
-    t = float(stdtrit(pairs - 2, 0.975))
+    t = float(stdtrit(pairs - 2, UPPER))
     return t / float(np.sqrt(pairs - 2 + t**2))
 
 
@@ -475,7 +475,7 @@ def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimabl
     if count <= MOST_COUNTED:
         orders = _orders_by_product(*deviations.astype(int).tolist())
         shares = np.cumsum(orders[::-1])[::-1] / orders.sum()
-        p, rare = float(shares[round(observed)]), np.flatnonzero((orders > 0) & (shares < 0.05))
+        p, rare = float(shares[round(observed)]), np.flatnonzero((orders > 0) & (shares < LEVEL))
         if not rare.size:
             return p, NotEstimable(f"no order of these {count} conditions has p < .05")
         return p, float(rare[0]) / largest

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LOWER, UPPER, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.lines import Ratings
 
 _POOLED = NotEstimable(
@@ -78,7 +78,7 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     # Slopes that are equal leave a spread that is rounding alone.
     if error <= 1e-12 * max(1.0, abs(slope)):
         return NotEstimable("the subjects' slopes do not vary, so their mean cannot be tested")
-    half = float(stdtrit(df, 0.975)) * error
+    half = float(stdtrit(df, UPPER)) * error
     p = float(2 * stdtr(df, -abs(slope) / error))
     return Drift(points_per_trial=slope, interval=(slope - half, slope + half), df=df, p=p)
 
@@ -156,8 +156,8 @@ def proportion(count: int, trials: int) -> Proportion | NotEstimable:
     if trials == 0:
         return NotEstimable("there were no such trials")
     # At no or at all successes the beta distribution of one limit does not exist.
-    low = float(betaincinv(count, trials - count + 1, 0.025)) if count > 0 else 0.0
-    high = float(betaincinv(count + 1, trials - count, 0.975)) if count < trials else 1.0
+    low = float(betaincinv(count, trials - count + 1, LOWER)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, trials - count, UPPER)) if count < trials else 1.0
     return Proportion(count=count, trials=trials, share=count / trials, interval=(low, high))
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.published import SCALE
 from analysis.loading.score_table import ScoreTable
@@ -35,7 +35,7 @@ from analysis.statistics.factorial import (
     latent_factorial,
 )
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.signed_rank import LEVEL, holm
+from analysis.statistics.signed_rank import holm
 from analysis.statistics.summary import table4
 from analysis.trials.contrasts import (
     ContrastRange,

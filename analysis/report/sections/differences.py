@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from analysis.estimates import Json, NotEstimable, or_null, why
+from analysis.estimates import LEVEL, Json, NotEstimable, or_null, why
 from analysis.loading.score_table import ScoreTable
 from analysis.report import blocks
 from analysis.report.as_json import friedman_json, pair_json, skillings_mack_json
@@ -14,7 +14,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.omnibus import Friedman
-from analysis.statistics.signed_rank import LEVEL, PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 
 

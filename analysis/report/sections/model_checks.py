@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
-from analysis.estimates import Json, NotEstimable, plain
+from analysis.estimates import LEVEL, Json, NotEstimable, plain
 from analysis.kept import Kept
 from analysis.report.as_json import unknown
 from analysis.report.blocks import Block, Column, Figure, Section, Table, estimate, p_cell
@@ -14,7 +14,7 @@ from analysis.report.findings import Findings, Scale
 from analysis.report.wording import interval, number
 from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.predictive_checks import LEVEL, PredictiveCheck
+from analysis.sensitivity.predictive_checks import PredictiveCheck
 from analysis.trials.contrasts import FACTORS, RUNGS, ContrastRange
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS

@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from analysis.estimates import Json, NotEstimable, plain
+from analysis.estimates import LEVEL, Json, NotEstimable, plain
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_lock import StudyLock
 from analysis.report.blocks import Block, Column, Items, Section, Table, at, columns
@@ -27,7 +27,7 @@ from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
-from analysis.statistics.signed_rank import LARGEST_EXACT, LEVEL
+from analysis.statistics.signed_rank import LARGEST_EXACT
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import beta, fisher_exact
 
-from analysis.estimates import IntArray, NotEstimable
+from analysis.estimates import LEVEL, IntArray, NotEstimable
 from analysis.statistics.detection import Detection, detection, noticed_p
-from analysis.statistics.signed_rank import LEVEL
 
 Z = NormalDist().inv_cdf
 

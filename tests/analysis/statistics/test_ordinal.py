@@ -103,12 +103,12 @@ def test_the_likelihood_agrees_with_adaptive_quadrature(published: ScoreTable, l
 @pytest.mark.parametrize("link", LINKS)
 def test_the_gradient_is_that_of_the_likelihood(link: Link) -> None:
     rng = np.random.default_rng(1)
-    data = ScoreCounts(counts=rng.integers(0, 3, (6, 3, 4)).astype(np.float64))
+    data = ScoreCounts(counts=rng.integers(0, 3, (6, 3, 4)).astype(np.float64), link=link)
     packed = np.array([-1.0, 0.1, -0.4, 0.5, -0.7, 0.8])
-    gradient = log_likelihood(packed, data, link, 81)[1]
+    gradient = log_likelihood(packed, data, 81)[1]
     for direction, slope in zip(np.eye(6) * 1e-6, gradient, strict=True):
-        ahead = log_likelihood(packed + direction, data, link, 81)[0]
-        behind = log_likelihood(packed - direction, data, link, 81)[0]
+        ahead = log_likelihood(packed + direction, data, 81)[0]
+        behind = log_likelihood(packed - direction, data, 81)[0]
         assert slope == pytest.approx((ahead - behind) / 2e-6, rel=1e-6, abs=1e-6)
 
 
@@ -206,6 +206,6 @@ def test_the_slope_at_the_maximum_is_none(table_of: TableOf, link: Link) -> None
     categories = np.searchsorted(found.categories, scores)
     thresholds, effects = np.array(found.thresholds), [*found.effects.values()]
     packed = [thresholds[0], *np.log(np.diff(thresholds)), *effects, found.subject_sd]
-    data = ScoreCounts(counts=np.eye(len(found.categories))[categories])
-    slope = log_likelihood(np.array(packed), data, link, 81)[1]
+    data = ScoreCounts(counts=np.eye(len(found.categories))[categories], link=link)
+    slope = log_likelihood(np.array(packed), data, 81)[1]
     assert slope == pytest.approx(0, abs=1e-10)

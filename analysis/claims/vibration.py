@@ -5,16 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.claims import coverage
 from analysis.claims.claim import Claims, Finding, finding
-from analysis.claims.coverage import (
-    BEAM,
-    MU,
-    ZONES,
-    full_coverage,
-    local_curve,
-    local_scene,
-    trough_places_m,
-)
 from device.beam.modes import FloatArray, modal_displacement_m, mode_shape, natural_frequency_hz
 from device.beam.motion import MotionPattern
 from device.friction.coefficient import friction_coefficient
@@ -32,7 +24,7 @@ CLAIMS = Claims()
 )
 def _eq1_right_of_peak() -> Finding:
     """Mode 6: |φ| falls just right of every inner peak and grows just left of it."""
-    antinodes = ZONES.antinodes_m / BEAM.length_m
+    antinodes = coverage.ZONES.antinodes_m / coverage.BEAM.length_m
     step = 1e-3
     # Squared, so that peaks and troughs of the shape count alike.
     after = mode_shape(6, antinodes + step) ** 2 - mode_shape(6, antinodes + 2 * step) ** 2
@@ -50,8 +42,8 @@ def _eq1_right_of_peak() -> Finding:
 def _direction_changes_at_peaks() -> Finding:
     """Mode 6: every inner peak is a zone edge, and every zone edge is a peak."""
     # The beam's ends are edges without a change of direction.
-    inner = ZONES.edges_m[1:-1]
-    antinodes = set(ZONES.antinodes_m.tolist())
+    inner = coverage.ZONES.edges_m[1:-1]
+    antinodes = set(coverage.ZONES.antinodes_m.tolist())
     shared = sum(edge in antinodes for edge in inner.tolist())
     found = {"zone_edges": inner.size, "antinodes": len(antinodes), "edges_at_them": shared}
     return finding(shared == len(antinodes), shared == inner.size, **found)
@@ -67,7 +59,7 @@ def _right_of_peak_smoother(law: str) -> Finding:
     """Mean over the peaks of μ' right minus left of the peak under a 2 mm contact."""
     rightward = Scene(touch=FingerContact(contact_m=2e-3))
     # The last one lies under the sheets, where nobody touches.
-    peaks = ZONES.antinodes_m[:-1]
+    peaks = coverage.ZONES.antinodes_m[:-1]
     # A place is the finger's right edge: contacts begin 1 mm beyond the peak, and end 1 mm before
     # it.
     places = np.concatenate([peaks + 3e-3, peaks - 1e-3])
@@ -86,8 +78,10 @@ def _right_of_peak_smoother(law: str) -> Finding:
 )
 def _helping_lowers_opposing_raises(law: str) -> Finding:
     """Full coverage: μ' with a/u = 1 below μ, with a/u = 0 above μ."""
-    helped, opposed = (full_coverage(law, same_direction=a) for a in (20.0, 0.0))
-    return finding([helped < MU, opposed > MU], all_helping=helped, all_opposing=opposed)
+    helped, opposed = (coverage.full_coverage(law, same_direction=a) for a in (20.0, 0.0))
+    return finding(
+        [helped < coverage.MU, opposed > coverage.MU], all_helping=helped, all_opposing=opposed
+    )
 
 
 @CLAIMS.add(
@@ -97,9 +91,9 @@ def _helping_lowers_opposing_raises(law: str) -> Finding:
 )
 def _acceleration_near_resonance() -> Finding:
     """ω²|q| of mode 6 at 0.90 to 1.10 of its natural frequency rises, then falls."""
-    natural_hz = natural_frequency_hz(BEAM, 6)
+    natural_hz = natural_frequency_hz(coverage.BEAM, 6)
     frequencies = natural_hz * np.array([0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1])
-    displacement = modal_displacement_m(BEAM, 6, 100.0, frequencies)
+    displacement = modal_displacement_m(coverage.BEAM, 6, 100.0, frequencies)
     acceleration = (2 * math.pi * frequencies) ** 2 * displacement
     rises = np.diff(acceleration) > 0
     return finding(
@@ -111,7 +105,7 @@ def _acceleration_near_resonance() -> Finding:
 
 def _top_rung_edges_m(drive: Drive) -> FloatArray:
     """Return the zone edges of the beam that the top rung computes for a drive."""
-    pattern = rung_field(TOP_RUNG, BEAM, drive).pattern
+    pattern = rung_field(TOP_RUNG, coverage.BEAM, drive).pattern
     assert isinstance(pattern, MotionPattern)
     return pattern.edges_m
 
@@ -129,7 +123,7 @@ def _zones_of_modes() -> dict[int, int]:
 )
 def _frequency_changes_mode() -> Finding:
     """Top rung: the number of zones 2% off the resonance, and at the adjacent resonances."""
-    resonance_hz = rung_resonance_hz(TOP_RUNG, BEAM, 6)
+    resonance_hz = rung_resonance_hz(TOP_RUNG, coverage.BEAM, 6)
     ratios = (0.9, 0.98, 1.0, 1.02, 1.1)
     edges_m = {
         ratio: _top_rung_edges_m(Drive(frequency_hz=ratio * resonance_hz)) for ratio in ratios
@@ -161,7 +155,7 @@ def _next_mode_other_distribution() -> Finding:
 @CLAIMS.add("Section 2, Fig 5", "friction varies periodically as the finger travels", "equal gaps")
 def _periodic_variation(law: str) -> Finding:
     """At least three troughs along the beam, with gaps equal to within 5%."""
-    troughs = trough_places_m(local_curve(law, local_scene()))
+    troughs = coverage.trough_places_m(coverage.local_curve(law, coverage.local_scene()))
     gaps = np.diff(troughs)
     spread = float(gaps.std() / gaps.mean()) if gaps.size > 1 else math.nan
     periodic = troughs.size >= 3 and spread < 0.05

@@ -25,35 +25,7 @@ from analysis.loading.records import (
 )
 from analysis.loading.study_lock import rig_in_force
 from device.friction.scenes import Calibration
-from protocol.journal.events import (
-    Answered,
-    BeamMounted,
-    DeviceArmed,
-    DeviceOff,
-    Event,
-    NoteTaken,
-    Paused,
-    PracticeRenewed,
-    QuestionAnswered,
-    ResonanceMeasured,
-    RigDescribed,
-    ScoresImported,
-    SessionCompleted,
-    SessionExcluded,
-    SessionIncluded,
-    SessionOpened,
-    SessionResumed,
-    SessionTerms,
-    StoredEvent,
-    TouchEnded,
-    TouchRecorded,
-    TouchStarted,
-    TrialAborted,
-    TrialDeferred,
-    TrialExcluded,
-    TrialIncluded,
-    TrialStarted,
-)
+from protocol.journal import events as journal
 from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample
 from protocol.study.touch import Touch
 
@@ -99,7 +71,7 @@ class Course:
         self._at_desk: dict[str, AnswerRow] = {}
         self._early_notes: list[str] = []
         self._beam: str | None = None
-        self._resonance: ResonanceMeasured | None = None
+        self._resonance: journal.ResonanceMeasured | None = None
         self._study_sha256: str | None = None
         self._study_text: str | None = None
         self._rig: Calibration | None = None
@@ -113,7 +85,7 @@ class Course:
         """The running attempt, or the last one."""
         return self._rows.attempts.last
 
-    def read(self, events: Iterable[StoredEvent]) -> None:
+    def read(self, events: Iterable[journal.StoredEvent]) -> None:
         """Add all events of the session; those without a handler say nothing about trials."""
         take = self._take  # looking this method up takes longer than most of its work
         for stored in events:
@@ -132,11 +104,11 @@ class Course:
                 attempt.inclusion = why
 
     @singledispatchmethod
-    def _take(self, _: Event) -> None:
+    def _take(self, _: journal.Event) -> None:
         pass
 
     @_take.register
-    def _scores_imported(self, event: ScoresImported) -> None:
+    def _scores_imported(self, event: journal.ScoresImported) -> None:
         """Add a trial for each condition; its course is unknown."""
         self._rows.sessions.append(
             SessionRow(
@@ -159,12 +131,12 @@ class Course:
             )
 
     @_take.register
-    def _session_opened(self, event: SessionOpened) -> None:
+    def _session_opened(self, event: journal.SessionOpened) -> None:
         self._rows.sessions.append(SessionRow(session_kind=event.kind, **_named_alike(event)))
         self._under(event)
 
     @_take.register
-    def _session_resumed(self, event: SessionResumed) -> None:
+    def _session_resumed(self, event: journal.SessionResumed) -> None:
         told = self._session.versions = dict(self._session.versions)
         for name, now in event.versions.items():  # none by which a part was recorded goes untold
             if str(told.setdefault(name, now)).rpartition(CHANGED)[2] != now:
@@ -172,7 +144,7 @@ class Course:
         self._under(event)
         self._incident("resumed")
 
-    def _under(self, event: SessionTerms) -> None:
+    def _under(self, event: journal.SessionTerms) -> None:
         """Continue with the study and the plan with which the session was opened or resumed."""
         # A resumption need not repeat what the session was opened with.
         self._session.virtual = event.virtual or self._session.virtual
@@ -184,31 +156,31 @@ class Course:
             self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
 
     @_take.register
-    def _practice_renewed(self, event: PracticeRenewed) -> None:
+    def _practice_renewed(self, event: journal.PracticeRenewed) -> None:
         for index in event.indices:  # as in the session's own state, the answers count no longer
             for attempt in self._attempts.get(index, []):
                 attempt.answered = False
         self._incident("practised again")
 
     @_take.register
-    def _device_armed(self, event: DeviceArmed) -> None:
+    def _device_armed(self, event: journal.DeviceArmed) -> None:
         self._session.device = event.idn
 
     @_take.register
-    def _rig_described(self, event: RigDescribed) -> None:
+    def _rig_described(self, event: journal.RigDescribed) -> None:
         self._session.operator_noted = {**self._session.operator_noted, **event.answers}
         self._incident("rig", "; ".join(f"{name}: {said}" for name, said in event.answers.items()))
 
     @_take.register
-    def _beam_mounted(self, event: BeamMounted) -> None:
+    def _beam_mounted(self, event: journal.BeamMounted) -> None:
         self._beam = event.beam
 
     @_take.register
-    def _resonance_measured(self, event: ResonanceMeasured) -> None:
+    def _resonance_measured(self, event: journal.ResonanceMeasured) -> None:
         self._resonance = event
 
     @_take.register
-    def _trial_started(self, event: TrialStarted) -> None:
+    def _trial_started(self, event: journal.TrialStarted) -> None:
         planned, resonance = self._planned[event.index], self._resonance
         attempts = self._attempts.setdefault(event.index, [])
         attempt = AttemptRow.begun(
@@ -229,7 +201,7 @@ class Course:
         self._rows.attempts.append(attempt)
 
     @_take.register
-    def _touch_started(self, event: TouchStarted) -> None:
+    def _touch_started(self, event: journal.TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
         self._rows.touches.append(
             TouchRow.begun(
@@ -243,11 +215,11 @@ class Course:
         )
 
     @_take.register
-    def _touch_recorded(self, event: TouchRecorded) -> None:
+    def _touch_recorded(self, event: journal.TouchRecorded) -> None:
         self._rows.forces[self._rows.touches.last_id] = reduced(event)
 
     @_take.register
-    def _touch_ended(self, event: TouchEnded) -> None:
+    def _touch_ended(self, event: journal.TouchEnded) -> None:
         touch = self._rows.touches.last
         touch.force_n = event.judged.force_n
         touch.force_ok = event.judged.force_ok
@@ -262,7 +234,7 @@ class Course:
         self._rows.samples.extend(chain.from_iterable(event.trace))
 
     @_take.register
-    def _answered(self, event: Answered) -> None:
+    def _answered(self, event: journal.Answered) -> None:
         attempt = self._attempt
         attempt.answered = True
         attempt.change, attempt.agrees, attempt.score = event.change, event.agrees, event.score
@@ -278,7 +250,7 @@ class Course:
             self._add_answer(given, "trial", attempt_id=self._rows.attempts.last_id)
 
     @_take.register
-    def _question_answered(self, event: QuestionAnswered) -> None:
+    def _question_answered(self, event: journal.QuestionAnswered) -> None:
         row = self._at_desk.get(event.name)
         if row is not None:  # the operator corrects it
             row.answer, row.reaction_time_s = _plain(event.answer), event.reaction_time_s
@@ -308,22 +280,22 @@ class Course:
         return row
 
     @_take.register
-    def _trial_aborted(self, event: TrialAborted) -> None:
+    def _trial_aborted(self, event: journal.TrialAborted) -> None:
         self._attempt.abort_reason = event.why
         self._incident("trial aborted", event.why, event.index)
 
     @_take.register
-    def _trial_deferred(self, event: TrialDeferred) -> None:
+    def _trial_deferred(self, event: journal.TrialDeferred) -> None:
         why = f"not as instructed: {', '.join(event.missed)}"
         self._attempt.abort_reason = why
         self._incident("trial repeated", why, event.index)
 
     @_take.register
-    def _paused(self, _: Paused) -> None:
+    def _paused(self, _: journal.Paused) -> None:
         self._incident("paused")
 
     @_take.register
-    def _note_taken(self, event: NoteTaken) -> None:
+    def _note_taken(self, event: journal.NoteTaken) -> None:
         """Add a note to the running or the last attempt, or else to the first one to come."""
         if self._attempts:
             told = self._attempt.notes
@@ -333,32 +305,32 @@ class Course:
         self._incident("note", event.text)
 
     @_take.register
-    def _device_off(self, event: DeviceOff) -> None:
+    def _device_off(self, event: journal.DeviceOff) -> None:
         # To switch off is the normal end; only a voltage that may still be there is worth a note.
         if not event.confirmed:
             self._incident("device off, not confirmed", event.why)
 
     @_take.register
-    def _session_completed(self, _: SessionCompleted) -> None:
+    def _session_completed(self, _: journal.SessionCompleted) -> None:
         self._session.session_completed = True
 
     @_take.register
-    def _trial_excluded(self, event: TrialExcluded) -> None:
+    def _trial_excluded(self, event: journal.TrialExcluded) -> None:
         self._excluded[event.index] = event.reason
         self._included.pop(event.index, None)
 
     @_take.register
-    def _trial_included(self, event: TrialIncluded) -> None:
+    def _trial_included(self, event: journal.TrialIncluded) -> None:
         excluded = self._excluded.pop(event.index)
         self._included[event.index] = event.reason
         self._included_again(excluded, event.reason, event.index)
 
     @_take.register
-    def _session_excluded(self, event: SessionExcluded) -> None:
+    def _session_excluded(self, event: journal.SessionExcluded) -> None:
         self._session.exclusion, self._session.inclusion = event.reason, None
 
     @_take.register
-    def _session_included(self, event: SessionIncluded) -> None:
+    def _session_included(self, event: journal.SessionIncluded) -> None:
         self._included_again(self._session.exclusion or "", event.reason)
         self._session.exclusion, self._session.inclusion = None, event.reason
 
@@ -390,7 +362,7 @@ def _plain(answer: Any) -> Any:
     return tuple(answer) if isinstance(answer, list) else answer
 
 
-def _named_alike(event: ScoresImported | SessionOpened) -> dict[str, Any]:
+def _named_alike(event: journal.ScoresImported | journal.SessionOpened) -> dict[str, Any]:
     """Return what the event and the row of its session have under the same name."""
     return {name: value for name, value in vars(event).items() if name in _SESSION_COLUMNS}
 

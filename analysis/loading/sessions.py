@@ -14,15 +14,7 @@ from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident
 from analysis.loading.study_lock import Decisions
-from protocol.journal.events import (
-    NOBODY,
-    SessionCompleted,
-    SessionOpened,
-    StoredEvent,
-    StudyAmended,
-    StudyRegistered,
-    Withdrawn,
-)
+from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N
 
 _Told = TypeVar("_Told", Incident, Exclusion)
@@ -130,7 +122,7 @@ def _lines(attempts: pd.DataFrame, column: str) -> "pd.Series[str]":
     return attempts.dropna(subset=[column]).groupby(TRIAL)[column].agg("\n".join)
 
 
-def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
+def load_sessions(chains: Iterable[Sequence[journal.StoredEvent]]) -> Sessions:
     """Return the sessions whose events `chains` yields, one session at a time.
 
     Events of a withdrawn session are not read, whether they are erased or not. Sliding experiments
@@ -143,16 +135,16 @@ def load_sessions(chains: Iterable[Sequence[StoredEvent]]) -> Sessions:
         for events in chains:
             if not events:
                 continue
-            if events[0].tag in {StudyAmended.TAG, StudyRegistered.TAG}:
+            if events[0].tag in {journal.StudyAmended.TAG, journal.StudyRegistered.TAG}:
                 decisions = [(event.utc, event.record) for event in events]
                 continue
             tags = {event.tag for event in events}
-            if Withdrawn.TAG in tags:
+            if journal.Withdrawn.TAG in tags:
                 withdrawn += 1
-                withdrawn_completed += SessionCompleted.TAG in tags
+                withdrawn_completed += journal.SessionCompleted.TAG in tags
                 continue
             opened = events[0].record
-            if isinstance(opened, SessionOpened) and opened.participant in NOBODY:
+            if isinstance(opened, journal.SessionOpened) and opened.participant in journal.NOBODY:
                 continue
             Course(rows).read(events)
             # Only between sessions, because later events still change the rows of the running one.

@@ -10,16 +10,11 @@ import pandas as pd
 
 from analysis.loading.records import values
 from device.friction.scenes import NOMINAL, Calibration
-from protocol.journal.events import (
-    Event,
-    SessionTerms,
-    StudyAmended,
-    StudyRegistered,
-)
+from protocol.journal import events as journal
 from protocol.registration.deviations import Amendment, SessionRun
 from protocol.registration.registration import Registration, registration_in
 
-Decisions = Sequence[tuple[datetime, Event]]
+Decisions = Sequence[tuple[datetime, journal.Event]]
 """Decisions on the study as a whole, each with its UTC, in their order."""
 
 
@@ -67,7 +62,9 @@ def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None
     Raises:
         BadInput: the registration in the journal was changed.
     """
-    registered = [(utc, event) for utc, event in decisions if isinstance(event, StudyRegistered)]
+    registered = [
+        (utc, event) for utc, event in decisions if isinstance(event, journal.StudyRegistered)
+    ]
     if not registered:
         return None
     utc, event = registered[-1]
@@ -82,7 +79,7 @@ def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None
             Amendment(utc=when, reason=change.reason)
             for when, change in decisions
             # An amendment that broke an earlier registration is no deviation from this one.
-            if isinstance(change, StudyAmended) and change.breaks == found.digest
+            if isinstance(change, journal.StudyAmended) and change.breaks == found.digest
         ),
         sessions=tuple(map(_run, sessions.to_dict("records"))),
         completed=len(completed),
@@ -102,7 +99,7 @@ def _run(session: Mapping[Any, Any]) -> SessionRun:
     )
 
 
-def rig_in_force(event: SessionTerms) -> Calibration | None:
+def rig_in_force(event: journal.SessionTerms) -> Calibration | None:
     """Return the rig under which a registered session predicts, None for any other session."""
     if event.registration is None:
         return None

@@ -6,14 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray
+from analysis.sensitivity import integration
 from analysis.sensitivity.curvature import LatentTrials
-from analysis.sensitivity.integration import (
-    LogDensity,
-    Marginals,
-    WeightedPoints,
-    mode_of,
-    weighted_points,
-)
 from analysis.sensitivity.laplace import LARGE, Components, LatentField, LatentModes
 from analysis.sensitivity.marginals import Combinations, marginals
 
@@ -51,11 +45,11 @@ class LatentPosterior:
     """Weighted points, the logarithms of the components, and the mode at each."""
 
     trials: LatentTrials
-    points: WeightedPoints
+    points: integration.WeightedPoints
     residual_sds: FloatArray
     modes: LatentModes
 
-    def marginals(self, combinations: Combinations) -> Marginals:
+    def marginals(self, combinations: Combinations) -> integration.Marginals:
         """Return posteriors of combinations of the latent parameters."""
         points, weights = self.points.points, self.points.weights
         return marginals(self.trials, self.modes, points, weights, self.residual_sds, combinations)
@@ -101,7 +95,7 @@ class _Density:
         trials: LatentTrials,
         start: FloatArray,
         components: Callable[[FloatArray], Components],
-        log_prior: LogDensity,
+        log_prior: integration.LogDensity,
     ) -> None:
         self._field, self._components, self._log_prior = LatentField(trials), components, log_prior
         first = self._field.modes(components(start[None]), self._field.start(1))
@@ -120,18 +114,18 @@ def integrated(
     trials: LatentTrials,
     start: FloatArray,
     components: Callable[[FloatArray], Components],
-    log_prior: LogDensity,
+    log_prior: integration.LogDensity,
 ) -> LatentPosterior:
     """Return the posterior of the trials' parameters, integrated from `start` over `components`."""
     density = _Density(trials, start, components, log_prior)
     if len(trials.x) > LARGE:
         few = trials.some(-(-len(trials.x) // MODE_TRIALS))
-        start, _ = mode_of(_Density(few, start, components, log_prior), start)
-        points, kept = weighted_points(density, start, LARGE_POINTS, LARGE_EFFECTIVE)
+        start, _ = integration.mode_of(_Density(few, start, components, log_prior), start)
+        points, kept = integration.weighted_points(density, start, LARGE_POINTS, LARGE_EFFECTIVE)
     else:
         wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
         wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
-        points, kept = weighted_points(density, start, wanted)
+        points, kept = integration.weighted_points(density, start, wanted)
     # The last evaluation was at the returned points, so these are their modes.
     sds = components(points.points).residual_sd
     modes = density.known[1].at(kept)
@@ -142,13 +136,13 @@ def log_evidence(
     trials: LatentTrials,
     start: FloatArray,
     components: Callable[[FloatArray], Components],
-    log_prior: LogDensity,
+    log_prior: integration.LogDensity,
 ) -> float:
     """Return the logarithm of the integral alone of which `integrated` gives the posterior."""
     if len(trials.x) > LARGE:
         return integrated(trials, start, components, log_prior).points.log_evidence
     density = _Density(trials, start, components, log_prior)
-    points, _ = weighted_points(density, start, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE)
+    points, _ = integration.weighted_points(density, start, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE)
     return points.log_evidence
 
 

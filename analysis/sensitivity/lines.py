@@ -9,16 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from analysis.estimates import (
-    LEVEL,
-    LOWER,
-    UPPER,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Interval,
-    NotEstimable,
-)
+from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.integration import Marginals, WeightedPoints
 
 # Ratings of single trials, with their predicted contrasts.
@@ -81,7 +72,7 @@ def _check_positions(name: str, positions: IntArray, count: int) -> None:
 
 SMALL_SPREAD = 0.25
 """A spread of gains that is small, as a share of the gain: skin alone spreads them by as much."""
-LEVELS = (0.5, LOWER, UPPER, 1 - LEVEL)
+LEVELS = (0.5, *ENDS, 1 - LEVEL)
 """Quantiles of an SD between subjects that a fit says."""
 UNEQUAL = 0.025
 """Below this probability of equal gains, gains differ."""
@@ -347,7 +338,7 @@ def _small_gain_sd(known: LineMixture) -> float:
 def _jnd(known: LineMixture) -> list[list[float]]:
     """Return lower limit, median and upper limit of each JND, infinite without a positive gain."""
     in_noise = known.gain.over(known.residual_sd)
-    steepest_first = [in_noise.quantile(known.points.weights, p) for p in (UPPER, 0.5, LOWER)]
+    steepest_first = [in_noise.quantile(known.points.weights, p) for p in (ENDS[1], 0.5, ENDS[0])]
     rows = np.transpose(steepest_first).tolist()
     return [[1 / gain if gain > 0 else math.inf for gain in row] for row in rows]
 

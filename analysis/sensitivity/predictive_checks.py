@@ -8,17 +8,11 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import LEAN, Noticing
-from analysis.sensitivity.ordinal_model import (
-    OrdinalSensitivity,
-    PreparedTrials,
-    latent_posterior,
-    lines_or_refusal,
-    prepared_ratings,
-)
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
     TwoStageSensitivity,
@@ -73,7 +67,7 @@ class PredictiveCheck:
 class CheckedOrdinal:
     """M2, or why there is none, and its check, also if that rejects the model."""
 
-    fit: OrdinalSensitivity | NotEstimable
+    fit: ordinal_model.OrdinalSensitivity | NotEstimable
     check: PredictiveCheck | NotEstimable
 
 
@@ -87,11 +81,11 @@ class CheckedTwoStage:
 
 def checked_ordinal(ratings: Ratings) -> CheckedOrdinal:
     """Return M2 with its check of scores by condition and by subject."""
-    ready = prepared_ratings(ratings)
+    ready = ordinal_model.prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return CheckedOrdinal(fit=ready, check=ready)
-    posterior = latent_posterior(ready)
-    found = lines_or_refusal(ready, posterior)
+    posterior = ordinal_model.latent_posterior(ready)
+    found = ordinal_model.lines_or_refusal(ready, posterior)
     if isinstance(found, NotEstimable):
         return CheckedOrdinal(fit=found, check=found)
     check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
@@ -131,7 +125,10 @@ class _Compared:
 
 
 def _compared_scores(
-    ready: PreparedTrials, posterior: LatentPosterior, ratings: Ratings, rng: np.random.Generator
+    ready: ordinal_model.PreparedTrials,
+    posterior: LatentPosterior,
+    ratings: Ratings,
+    rng: np.random.Generator,
 ) -> dict[str, _Compared]:
     trials, known, axes = ratings.given, ready.trials, ready.axes
     count = _draws(len(trials.rating))

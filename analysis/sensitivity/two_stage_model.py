@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import expit
 
 from analysis.estimates import BoolArray, IntArray, NotEstimable
+from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.curvature import BEYOND, mills_ratio
 from analysis.sensitivity.latent_posterior import LatentPosterior
 from analysis.sensitivity.lines import Ratings
@@ -19,13 +20,6 @@ from analysis.sensitivity.noticing import (
     ChangeDetection,
     Noticing,
     noticing,
-)
-from analysis.sensitivity.ordinal_model import (
-    OrdinalSensitivity,
-    PreparedTrials,
-    latent_posterior,
-    lines_or_refusal,
-    prepared_ratings,
 )
 
 # The noise of people who hardly notice anything is known to be large, and not how large.
@@ -84,7 +78,7 @@ class TwoStageSensitivity:
     they are of the other kind, NaN if that cannot be told.
     """
 
-    ratings: OrdinalSensitivity
+    ratings: ordinal_model.OrdinalSensitivity
     detection: tuple[ChangeDetection, ...]
     reference_contrast: float
     scored: Kind
@@ -98,13 +92,13 @@ class RatingStage:
 
     kind: Kind
     ratings: Ratings
-    ready: PreparedTrials
+    ready: ordinal_model.PreparedTrials
     posterior: LatentPosterior
 
     @cached_property
-    def fit(self) -> OrdinalSensitivity | NotEstimable:
+    def fit(self) -> ordinal_model.OrdinalSensitivity | NotEstimable:
         """The estimates, or why there are none."""
-        found = lines_or_refusal(self.ready, self.posterior)
+        found = ordinal_model.lines_or_refusal(self.ready, self.posterior)
         return found if isinstance(found, NotEstimable) else found[0]
 
 
@@ -153,7 +147,7 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
     """
     if refusal := _refusal(trials):
         return refusal
-    ready = prepared_ratings(trials.noticed)
+    ready = ordinal_model.prepared_ratings(trials.noticed)
     if isinstance(ready, NotEstimable):
         return NotEstimable(f"of the changes that were noticed, {ready.reason}")
     first = noticing(trials.ratings, trials.answer, trials.two_sided)
@@ -166,9 +160,11 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
 
 
 def _stage(kind: Kind, ratings: Ratings) -> RatingStage:
-    ready = prepared_ratings(ratings)
-    assert isinstance(ready, PreparedTrials)
-    return RatingStage(kind=kind, ratings=ratings, ready=ready, posterior=latent_posterior(ready))
+    ready = ordinal_model.prepared_ratings(ratings)
+    assert isinstance(ready, ordinal_model.PreparedTrials)
+    return RatingStage(
+        kind=kind, ratings=ratings, ready=ready, posterior=ordinal_model.latent_posterior(ready)
+    )
 
 
 def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:

@@ -18,15 +18,10 @@ from scipy.optimize import minimize
 
 from analysis.estimates import FloatArray
 from device.beam.beam import Beam
+from device.friction import rungs
 from device.friction.changes import LAW
 from device.friction.contact import Contact, contact_state
 from device.friction.laws import ContactTerms, law_by_name
-from device.friction.rungs import (
-    REDUCED_RUNG,
-    modal_sum_field,
-    reference_tip_speed_m_s,
-    rung_resonance_hz,
-)
 from device.friction.scenes import Direction, Structure
 
 # Passes of a block along the beam, and their friction by place.
@@ -260,7 +255,9 @@ def rig_at(found: FloatArray) -> RigProperties:
 @lru_cache(maxsize=64)
 def _resonance_hz(patch_centre_m: float) -> float:
     patches = replace(_STRUCTURE.beam.patches, centre_m=patch_centre_m)
-    return rung_resonance_hz(REDUCED_RUNG, replace(_STRUCTURE.beam, patches=patches), MODE)
+    return rungs.rung_resonance_hz(
+        rungs.REDUCED_RUNG, replace(_STRUCTURE.beam, patches=patches), MODE
+    )
 
 
 NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
@@ -344,7 +341,7 @@ def _terms(places: Places, rigs: tuple[RigProperties, ...]) -> ContactTerms:
     drive = (offsets + places.of).ravel()
     beam = replace(first.beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
     size = len(known)
-    field = modal_sum_field(beam, drive, frequency_hz, damping)
+    field = rungs.modal_sum_field(beam, drive, frequency_hz, damping)
     contact = Contact(
         beam=beam,
         coverage="local",
@@ -361,7 +358,7 @@ def _terms(places: Places, rigs: tuple[RigProperties, ...]) -> ContactTerms:
         same_direction_fraction=None,
     )
     driven = field.scaled(np.tile(places.each("voltage_v"), size))
-    found = contact_state(contact, driven, reference_tip_speed_m_s(REDUCED_RUNG)).terms
+    found = contact_state(contact, driven, rungs.reference_tip_speed_m_s(rungs.REDUCED_RUNG)).terms
     leftward = np.array([one.direction == "left" for one in places.settings])[places.of]
     shape = (size, places.x_m.size)
     shaped = {

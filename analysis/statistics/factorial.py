@@ -12,27 +12,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import chdtrc, fdtrc, ncfdtr, stdtrit
 
-from analysis.estimates import (
-    LEVEL,
-    LOWER,
-    UPPER,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Interval,
-    NotEstimable,
-)
+from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.statistics import ordinal
 from analysis.statistics.intervals import mean_interval
-from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_CELLS, SEED, MonteCarlo
-from analysis.statistics.ordinal import (
-    NORMAL_95,
-    ScoreCounts,
-    fitted_cells,
-    fitted_levels,
-    score_counts,
-    unpacked,
-)
-from analysis.statistics.signed_rank import DECIMALS, holm
+from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
+from analysis.statistics.signed_rank import DECIMALS, holm_of
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""
@@ -147,15 +131,10 @@ def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Fact
     wide = by_session or crossed
     names = [(name,) for name in wide.factors] + list(combinations(wide.factors, 2))
     found = [_of(wide if SESSION in of else crossed, of) for of in names]
-    corrected = iter(holm([it.p for it in found if isinstance(it, Effect)]))
     return Factorial(
         effects=tuple(
-            TestedEffect(
-                factors=of,
-                effect=it,
-                p_holm=next(corrected) if isinstance(it, Effect) else it,
-            )
-            for of, it in zip(names, found, strict=True)
+            TestedEffect(factors=of, effect=it, p_holm=p)
+            for of, it, p in zip(names, found, holm_of(found), strict=True)
         ),
         levels=tuple(
             mean
@@ -246,7 +225,7 @@ def exact_p(own: FloatArray) -> float | None:
 
 def _monte_carlo(own: FloatArray) -> MonteCarlo:
     """Return p of random arrangements from a fixed seed, as `omnibus.monte_carlo_p` does."""
-    shuffles = int(np.clip(MOST_CELLS // own.size, LEAST_SHUFFLES, MOST_SHUFFLES))
+    shuffles = shuffles_of(own.size, MOST_SHUFFLES)
     rng = np.random.default_rng(SEED)
     sums = np.zeros((shuffles, *own.shape[1:]))
     for person in own:
@@ -257,9 +236,7 @@ def _monte_carlo(own: FloatArray) -> MonteCarlo:
             along[axis] = levels
             moved = np.take_along_axis(moved, order.reshape(along), axis)
         sums += moved
-    reached = int(_reach(sums.reshape(shuffles, -1), own).sum())
-    p = (1 + reached) / (1 + shuffles)
-    return MonteCarlo(p=p, error=float(np.sqrt(p * (1 - p) / (1 + shuffles))), shuffles=shuffles)
+    return MonteCarlo.of(int(_reach(sums.reshape(shuffles, -1), own).sum()), shuffles)
 
 
 def _reach(sums: FloatArray, own: FloatArray) -> BoolArray:
@@ -282,7 +259,7 @@ def _eta2_interval(f: float, df: int, error_df: int) -> Interval | NotEstimable:
         return float(ncfdtr(df, error_df, lam, f)) - chance
 
     ends = []
-    for chance in (UPPER, LOWER):
+    for chance in reversed(ENDS):
         above = df * f + 10.0
         while excess(above, chance) > 0:
             above *= 1.5
@@ -321,7 +298,7 @@ def cell_intervals(crossed: Crossed, *names: str) -> tuple[FloatArray, FloatArra
     people, levels = len(cells), cells[0].size
     level = cells.reshape(people, -1).mean(axis=1).reshape(-1, *[1] * (cells.ndim - 1))
     spread = (cells - level).std(axis=0, ddof=1) * np.sqrt(levels / (levels - 1) / people)
-    return cells.mean(axis=0), float(stdtrit(people - 1, UPPER)) * spread
+    return cells.mean(axis=0), float(stdtrit(people - 1, ENDS[1])) * spread
 
 
 # The same effects on the latent scale of an ordinal mixed model, which no end of the scale bends.
@@ -345,12 +322,6 @@ class LatentLevel:
     level: str
     effect: float
     standard_error: float
-
-    @property
-    def effect_interval(self) -> Interval:
-        """The 95% interval."""
-        half = NORMAL_95 * self.standard_error
-        return self.effect - half, self.effect + half
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -396,15 +367,15 @@ def latent_factorial(
         for of in terms
     ]
     design = np.concatenate(columns, axis=1)
-    counts = score_counts(scores, subject, cell, len(design))
+    counts = ordinal.score_counts(scores, subject, cell, len(design))
     if isinstance(counts, NotEstimable):
         return counts
-    data = ScoreCounts(counts=counts, link="probit", design=design)
-    fit = fitted_levels(data)
+    data = ordinal.ScoreCounts(counts=counts, link="probit", design=design)
+    fit = ordinal.fitted_levels(data)
     if isinstance(fit, NotEstimable):
         return fit
     best, covariance = fit
-    wider = fitted_cells(best, covariance, data)
+    wider = ordinal.fitted_cells(best, covariance, data)
     if not isinstance(wider, NotEstimable):
         best, covariance = wider
     at = data.coefficients
@@ -425,7 +396,7 @@ def latent_factorial(
                 strict=True,
             )
         ),
-        subject_sd=abs(float(unpacked(best.packed, data).sds[0])),
+        subject_sd=abs(float(ordinal.unpacked(best.packed, data).sds[0])),
         cell_sd=None if isinstance(wider, NotEstimable) else abs(float(best.packed[-1])) or None,
     )
 

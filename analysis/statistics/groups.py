@@ -6,15 +6,15 @@ Numbers of equations are those of docs/mathematics/groups.md.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, islice
 from math import comb, prod
 
 import numpy as np
 from scipy.special import ndtri
 
 from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, IntArray, Interval, NotEstimable
-from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_CELLS, MOST_SHUFFLES, SEED
-from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm
+from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm, holm_of
 
 LARGEST_EXACT = 100
 """People in two groups up to whom rank sums have exact chances: some 50 ms."""
@@ -23,14 +23,6 @@ MOST_LISTED = 100_000
 
 
 # How people could have come into the groups: every way, or random ones where there are too many.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Permuted:
-    """A p over the ways to put people into groups, with its Monte Carlo error: 0 if exact."""
-
-    p: float
-    error: float
 
 
 @lru_cache(maxsize=4)
@@ -44,13 +36,15 @@ def _ways(sizes: tuple[int, ...]) -> tuple[IntArray, bool]:
             ways, left = np.column_stack([ways[row], group]), left[row]
             left[np.arange(len(row)), group] -= 1
         return ways, True
-    shuffles = int(np.clip(MOST_CELLS // people, LEAST_SHUFFLES, MOST_SHUFFLES))
+    shuffles = shuffles_of(people)
     ordered = np.tile(np.repeat(np.arange(len(sizes)), sizes), (shuffles, 1))
     return np.random.default_rng(SEED).permuted(ordered, axis=1), False
 
 
-def permuted(values: FloatArray, groups: IntArray) -> Permuted:
+def permuted(values: FloatArray, groups: IntArray) -> MonteCarlo:
     """Return the p of groups whose means of centred values differ as much as these, (3).
+
+    It is exact, without an error, where all ways can be listed.
 
     Parameters:
         values: shape (people, columns), with a mean of 0 in each column; NaN if missing.
@@ -66,9 +60,8 @@ def permuted(values: FloatArray, groups: IntArray) -> Permuted:
         spread += (sums**2 / np.maximum(counts, 1)).sum(axis=1)
     reached = int((spread[1:] >= spread[0] * (1 - 1e-9)).sum())
     if every:
-        return Permuted(p=reached / len(ways), error=0.0)
-    p = (1 + reached) / (1 + len(ways))
-    return Permuted(p=p, error=float(np.sqrt(p * (1 - p) / (1 + len(ways)))))
+        return MonteCarlo(p=reached / len(ways), error=0.0, shuffles=len(ways))
+    return MonteCarlo.of(reached, len(ways))
 
 
 # Two groups: the Wilcoxon-Mann-Whitney test, and the shift between them.
@@ -129,11 +122,12 @@ def two_groups(a: str, b: str, of_a: FloatArray, of_b: FloatArray) -> TwoGroups 
     if n + m > LARGEST_EXACT:
         centred = (ranks - ranks.mean())[:, None]
         tested = permuted(centred, np.repeat([0, 1], sizes))
+        p, error = tested.p, tested.error
     else:
         ways = _ways_by_sum(ranks, n)
         distance = np.abs(np.arange(len(ways)) * (n + m) - n * int(ranks.sum()))
         far = ways[distance >= distance[total]].sum() / ways.sum()
-        tested = Permuted(p=float(min(1.0, far)), error=0.0)
+        p, error = float(min(1.0, far)), 0.0
     u = (total - n * (n + 1)) / 2
     apart = of_a[:, None] - of_b
     return TwoGroups(
@@ -142,11 +136,17 @@ def two_groups(a: str, b: str, of_a: FloatArray, of_b: FloatArray) -> TwoGroups 
         n=sizes,
         u=u,
         superiority=u / (n * m),
-        p=tested.p,
-        error=tested.error,
+        p=p,
+        error=error,
         shift=float(np.median(apart)),
         shift_interval=_shift_interval(apart, n, m),
     )
+
+
+def corrected(pairs: Sequence[TwoGroups]) -> tuple[TwoGroups, ...]:
+    """Return the same with p corrected over all of them."""
+    p_holm = holm([pair.p for pair in pairs])
+    return tuple(replace(pair, p_holm=p) for pair, p in zip(pairs, p_holm, strict=True))
 
 
 def _shift_interval(apart: FloatArray, n: int, m: int) -> Interval | NotEstimable:
@@ -217,7 +217,7 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
         return NotEstimable("everybody has the same value")
     tests = [two_groups(names[a], names[b], own[a], own[b]) for a, b in combinations(some, 2)]
     pairs = [test for test in tests if isinstance(test, TwoGroups)]
-    statistic, tested = pairs[0].u, Permuted(p=pairs[0].p, error=pairs[0].error)
+    statistic, p, error = pairs[0].u, pairs[0].p, pairs[0].error
     if len(some) > 2:
         ranks = doubled_midranks(kept) / 2
         places = np.repeat(np.arange(len(some)), [own[group].size for group in some])
@@ -226,7 +226,7 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
         between = float((sums**2 / np.bincount(places)).sum())
         statistic = (len(ranks) - 1) * between / float((centred**2).sum())
         tested = permuted(centred[:, None], places)
-    corrected = holm([pair.p for pair in pairs])
+        p, error = tested.p, tested.error
     return Compared(
         groups=tuple(
             Group(
@@ -238,9 +238,9 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
             for name, found in zip(names, own, strict=True)
         ),
         statistic=statistic,
-        p=tested.p,
-        error=tested.error,
-        pairs=tuple(replace(pair, p_holm=p) for pair, p in zip(pairs, corrected, strict=True)),
+        p=p,
+        error=error,
+        pairs=corrected(pairs),
     )
 
 
@@ -352,19 +352,24 @@ def group_statistics(
     gain = compared(gains, groups, names)
     profiles = interaction(scores, groups)
     asked = {SCORE: mean, GAIN: gain, INTERACTION: profiles}
-    answered = {name: it.p for name, it in asked.items() if not isinstance(it, NotEstimable)}
-    corrected = holm(list(answered.values())) if answered else []
+    found = [compared(own, groups, names) for own in scores.T]
+    # All pairs in all conditions are one family.
+    pairs = iter(corrected([it for own in found if isinstance(own, Compared) for it in own.pairs]))
     return GroupStatistics(
         score=mean,
         gain=gain,
         interaction=profiles,
-        conditions=_over_all(
-            {
-                name: compared(own, groups, names)
-                for name, own in zip(conditions, scores.T, strict=True)
-            }
-        ),
-        p_holm=dict(zip(answered, corrected, strict=True)),
+        conditions={
+            name: replace(own, pairs=tuple(islice(pairs, len(own.pairs))))
+            if isinstance(own, Compared)
+            else own
+            for name, own in zip(conditions, found, strict=True)
+        },
+        p_holm={
+            name: p
+            for name, p in zip(asked, holm_of([*asked.values()]), strict=True)
+            if not isinstance(p, NotEstimable)
+        },
     )
 
 
@@ -382,17 +387,3 @@ def mean_scores(scores: FloatArray) -> FloatArray:
     means = np.nanmean(scores[:, some], axis=0)
     found[scored] = np.nanmean(scores[np.ix_(scored, some)] - means, axis=1) + means.mean()
     return found
-
-
-def _over_all(
-    found: Mapping[str, Compared | NotEstimable],
-) -> dict[str, Compared | NotEstimable]:
-    """Return the same with p corrected over the pairs of all of them together."""
-    every = [pair.p for it in found.values() if isinstance(it, Compared) for pair in it.pairs]
-    corrected = iter(holm(every) if every else [])
-    return {
-        name: it
-        if isinstance(it, NotEstimable)
-        else replace(it, pairs=tuple(replace(pair, p_holm=next(corrected)) for pair in it.pairs))
-        for name, it in found.items()
-    }

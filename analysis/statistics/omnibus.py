@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations
+from typing import Self
 
 import numpy as np
 from scipy.special import chdtrc
@@ -38,6 +39,17 @@ class MonteCarlo:
     error: float
     shuffles: int
 
+    @classmethod
+    def of(cls, extreme: int, shuffles: int) -> Self:
+        """Return the p of so many shufflings as extreme as what was observed."""
+        p = (1 + extreme) / (1 + shuffles)
+        return cls(p=p, error=float(np.sqrt(p * (1 - p) / (1 + shuffles))), shuffles=shuffles)
+
+
+def shuffles_of(cells: int, most: int = MOST_SHUFFLES) -> int:
+    """Return how often a table of so many cells is shuffled."""
+    return int(np.clip(MOST_CELLS // cells, LEAST_SHUFFLES, most))
+
 
 def monte_carlo_p(
     rows: FloatArray, given: BoolArray, statistic: Callable[[FloatArray], FloatArray]
@@ -51,7 +63,7 @@ def monte_carlo_p(
         given: shape (subjects, conditions).
         statistic: of sums, shape (shufflings, conditions); large if the conditions differ.
     """
-    shuffles = int(np.clip(MOST_CELLS // rows.size, LEAST_SHUFFLES, MOST_SHUFFLES))
+    shuffles = shuffles_of(rows.size)
     rng = np.random.default_rng(SEED)
     sums = np.zeros((shuffles, rows.shape[1]))
     for row, cells in zip(rows, given, strict=True):
@@ -59,9 +71,8 @@ def monte_carlo_p(
         same = own.size == 0 or bool((own == own[0]).all())
         sums[:, cells] += own if same else rng.permuted(np.tile(own, (shuffles, 1)), axis=1)
     observed = float(statistic(rows.sum(axis=0)[None])[0])
-    reached = int((statistic(sums) >= observed - 1e-9 * abs(observed)).sum())
-    p = (1 + reached) / (1 + shuffles)
-    return MonteCarlo(p=p, error=float(np.sqrt(p * (1 - p) / (1 + shuffles))), shuffles=shuffles)
+    extreme = statistic(sums) >= observed - 1e-9 * abs(observed)
+    return MonteCarlo.of(int(extreme.sum()), shuffles)
 
 
 # Limit on rank sums reached so far times arrangements of the next row: about 1 s and 300 MB.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import ndtr
@@ -120,15 +120,10 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
     """
     pairs = list(combinations(range(len(table.conditions)), 2))
     tests = [signed_rank(table.scores[:, a] - table.scores[:, b]) for a, b in pairs]
-    corrected = iter(holm([test.p for test in tests if isinstance(test, SignedRank)]))
+    names = table.conditions
     return tuple(
-        PairwiseTest(
-            a=table.conditions[a],
-            b=table.conditions[b],
-            test=test,
-            p_holm=next(corrected) if isinstance(test, SignedRank) else test,
-        )
-        for (a, b), test in zip(pairs, tests, strict=True)
+        PairwiseTest(a=names[a], b=names[b], test=test, p_holm=p)
+        for (a, b), test, p in zip(pairs, tests, holm_of(tests), strict=True)
     )
 
 
@@ -140,6 +135,12 @@ def holm(p_values: Sequence[float]) -> list[float]:
     """
     corrected: list[float] = holm_of_rows(np.array([p_values], dtype=np.float64))[0].tolist()
     return corrected
+
+
+def holm_of(tests: Sequence[Any]) -> list[float | NotEstimable]:
+    """Return the `p` of tests, corrected, in their order; one that has none counts for nothing."""
+    corrected = iter(holm([test.p for test in tests if not isinstance(test, NotEstimable)]))
+    return [test if isinstance(test, NotEstimable) else next(corrected) for test in tests]
 
 
 def holm_of_rows(p: FloatArray) -> FloatArray:

@@ -21,11 +21,7 @@ from protocol.study_file.limits import max_resonance_hz
 
 @dataclass(frozen=True, kw_only=True)
 class SessionLength:
-    """A session of `repeats` repeats and its duration.
-
-    `whole` says that the study allows it unchanged; otherwise other constraints of the design
-    were relaxed to plan it.
-    """
+    """A session of `repeats` repeats; unless `whole`, other constraints were relaxed to plan it."""
 
     repeats: int
     duration_s: float
@@ -33,10 +29,7 @@ class SessionLength:
 
 
 def session_lengths(study: Study) -> Iterator[SessionLength]:
-    """Yield sessions of the first slot with fewer, as many and more repeats than the study's.
-
-    The number of repeats never exceeds what a study file may set.
-    """
+    """Yield sessions of fewer, as many and more repeats, as far as a study file may set them."""
     repeats = study.design.repeats
     others = {1, 2, max(1, repeats // 2), repeats, repeats + 1, 2 * repeats, 4 * repeats}
     for other in sorted(other for other in others if other <= MOST_REPEATS):
@@ -140,10 +133,7 @@ def precisions(
     rating: Rating,
     people: Cohort,
 ) -> list[Precision]:
-    """Return the precision of each of `sessions`, assuming the same spread of contrasts.
-
-    `contrasts` are those of a session of `repeats` repeats.
-    """
+    """Return the precision of `sessions`, whose contrasts spread as in one of `repeats` repeats."""
     every = [contrast for own in contrasts.values() for contrast in own]
     largest = max(map(abs, every), default=0.0)
 
@@ -162,10 +152,7 @@ def precisions(
 
 
 def relative_gain_half_width(contrasts: Contrasts, share: float, people: Cohort) -> float:
-    """Return half the 95% interval of a gain less the group's mean, infinite if undetermined.
-
-    A participant has `share` times the trials of `contrasts`.
-    """
+    """Return half a relative gain's 95% interval for `share` times the trials of `contrasts`."""
     every = [contrast for own in contrasts.values() for contrast in own]
     spread, trials = share * squared_spread(every), round(share * len(every))
     # A line takes two of the trials: less than three leave no degree of freedom.
@@ -224,10 +211,9 @@ def t_quantile(probability: float, df: int) -> float:
 
 
 def _central(t: float, df: int) -> float:
-    """Return the probability within [-t, t].
+    """Return the probability within [-t, t] (Abramowitz and Stegun, 26.7.3 and 26.7.4).
 
-    Source: the finite sums of Abramowitz and Stegun, 26.7.3 and 26.7.4. Written here because
-    loading scipy only for this would slow `touchbeam check` down by 0.2 s.
+    Written here because loading scipy for it would slow `touchbeam check` down by 0.2 s.
     """
     angle, odd = atan(t / sqrt(df)), df % 2
     squared = cos(angle) ** 2
@@ -252,11 +238,7 @@ _SAMPLE_BYTES = {"board": 6, "gauge": 22}
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """A model's predictions: its friction law, its rung, and the contrast of a trial.
-
-    `contrast` is `None` for a trial without a question. `rig` describes the rig as calibrated; it
-    is empty without a calibration.
-    """
+    """A model's predictions: `contrast` is None of no question, `rig` '' if not calibrated."""
 
     law: str
     rung: str
@@ -266,10 +248,7 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """A cohort's plans, slot by slot, with their durations, beam swaps and extremes.
-
-    `slide` is the plan of the sliding experiment, None if the study says nothing of one.
-    """
+    """A cohort's plans, by slot, their durations, swaps and extremes, and the `slide`, if any."""
 
     study: Study
     plans: tuple[Plan, ...]
@@ -338,10 +317,7 @@ def assumed_cohort(shown: Preview) -> Cohort:
 
 
 def scored_contrasts(shown: Preview, model: Prediction) -> dict[str, list[float]]:
-    """Return the predicted contrasts of a participant's scored trials by condition.
-
-    Only the first slot's plan is used: every slot has the same trials in another order.
-    """
+    """Return the contrasts of scored trials by condition: every slot's are those of the first."""
     contrasts: dict[str, list[float]] = {}
     for trial in shown.plans[0].trials:
         contrast = model.contrast(trial) if trial.kind == "trial" else None

@@ -19,10 +19,7 @@ class Deviation(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRun:
-    """A session as it was run: under which registration, study file, version and calibration.
-
-    `calibration` is its origin, empty for the paper's values.
-    """
+    """A session as it was run; the origin of its `calibration` is empty for the paper's values."""
 
     name: str
     number: int

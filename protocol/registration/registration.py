@@ -114,11 +114,7 @@ def settings_digest(settings: Mapping[str, Setting]) -> str:
 
 
 def registration_in(text: str, source: str = FILE) -> Registration:
-    """Return the registration in the text of its file.
-
-    Raises:
-        BadInput: the text was changed after it was written; the message begins with `source`.
-    """
+    """Return the registration in its file's text; `BadInput` from `source` if that was changed."""
     # The digest comes before TOML is read, so that nothing of a changed file is believed.
     first, _, body = text.partition("\n")
     if first != f'digest = "{_digest(body)}"':
@@ -178,11 +174,7 @@ def registered_event(registration: Registration) -> events.StudyRegistered:
 
 
 def shared_registration(text: str, source: str = FILE) -> events.StoredEvent:
-    """Return the event of a registration that came with a data set, which tells no time.
-
-    Raises:
-        BadInput: the text was changed.
-    """
+    """Return the event of a data set's registration, without a time; `BadInput` if changed."""
     event = registered_event(registration_in(text, source))
     return events.StoredEvent(
         seq=0, tag=event.TAG, utc=UNKNOWN_UTC, monotonic_s=0.0, payload=event.to_json()
@@ -306,11 +298,7 @@ def _of_noticing(conditions: Iterable[str]) -> dict[str, str]:
 
 
 def require_known(name: str, known: Iterable[str]) -> None:
-    """Refuse the name of a hypothesis that the study does not have.
-
-    Raises:
-        BadInput: the message lists the names that it has.
-    """
+    """Raise `BadInput` for a hypothesis that the study does not have; the message lists its own."""
     names = list(known)
     if name not in names:
         raise BadInput(f"no hypothesis {name!r}; there are {', '.join(map(repr, names))}")
@@ -320,14 +308,10 @@ def require_known(name: str, known: Iterable[str]) -> None:
 
 
 def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> str:
-    """Return why the trials of a registered session are not those of its digest; '' if they are.
+    """Return why a session's trials are not those of its registration's digest; '' if they are.
 
-    The plan is drawn from the study file and the digest that the journal holds, so that a journal
-    proves its orders by itself.
-
-    Args:
-        opened: the session's first event.
-        under: the same, or a later one that resumes the session.
+    The plan is drawn from what the journal holds, so that it proves its orders by itself. `under`
+    is `opened`, the session's first event, or a later one that resumes it.
     """
     # A session without a registration promises no order, and after a withdrawal nothing is left to
     # prove.

@@ -97,10 +97,7 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> Study
 def withdraw(
     journal: Journal, clock: Clock, participant: str, *, rehearsal: bool = False
 ) -> list[str]:
-    """Erase the data of `participant` in `sessions_of`; return the names of these sessions.
-
-    The events remain without their payloads, and their chains still verify.
-    """
+    """Erase the data of `participant`, whose chains still verify; return the sessions' names."""
     sessions = sessions_of(journal, participant, rehearsal=rehearsal)
     # All sessions or none: an error must not leave a participant half withdrawn.
     with journal.alone():
@@ -128,9 +125,9 @@ def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
 
 
 def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[str]:
-    """Return the names of the sessions of `participant`, or else of the rehearsals of that name.
+    """Return a participant's sessions, or rehearsals if there are none or they are asked for.
 
-    With `rehearsal`, those of the rehearsals only; raises `BadInput` if there are none.
+    Raise `BadInput` if there is nothing of that name.
     """
     if participant in NOBODY:
         what = "the sliding experiment" if participant == SLIDE else "a script"

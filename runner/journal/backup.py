@@ -10,11 +10,10 @@ from runner.journal.verification import SessionVerdict, verdicts
 
 
 def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerdict]]:
-    """Copy the journal at `path` into the new file `file`.
+    """Copy the journal at `path`, as it is now, into the new file `file`.
 
-    Events that are appended meanwhile are not in the copy. It is on the disk when this returns; a
-    failure leaves nothing behind. Return the triggers that the copy lacks, and a verdict on each of
-    its chains.
+    It is on the disk when this returns; a failure leaves nothing behind. Return the triggers that
+    the copy lacks, and a verdict on each of its chains.
 
     Raises:
         BadInput: `file` exists.

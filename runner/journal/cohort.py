@@ -125,10 +125,8 @@ def group_for(
     """Return the group of `participant`, None in a study without groups.
 
     A group that was given once stays. Else it is the one `asked` for, or by chance the next in the
-    order of arrival whose slot is free. Rehearsals are drawn unless one is asked for.
-
-    Raises:
-        BadInput: there is no such group, or it is another one, or somebody has to say which.
+    order of arrival whose slot is free. Rehearsals are drawn unless one is asked for. Raise
+    `BadInput` for no such group, another one, or if somebody has to say which.
     """
     names, free = ", ".join(study.groups) or "none", {}
     if asked is not None and asked not in study.groups:

@@ -55,10 +55,8 @@ def has_wal_reset_bug(version: str) -> bool:
 def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sqlite3.Connection:
     """Return a connection to an existing file, whose schema and pages are not trusted.
 
-    Each statement is a transaction of its own. Signals take effect while SQLite is at work.
-
-    Raises:
-        sqlite3.Error: it cannot be opened, or SQLite would reach a file elsewhere through it.
+    Each statement is a transaction of its own. Signals take effect while SQLite is at work. Raise
+    `sqlite3.Error` if it cannot be opened, or SQLite would reach a file elsewhere through it.
     """
     # Before SQLite sees the file: to recover a rollback journal it needs only to open it.
     _require_reaching_no_other(path)
@@ -78,10 +76,7 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
 
 
 def _require_reaching_no_other(path: Path) -> None:
-    """Refuse links, and a rollback journal that names a file, which SQLite would delete.
-
-    A killed process of touchbeam can leave a rollback journal, too; it names no file.
-    """
+    """Refuse links, and a rollback journal that names a file, which SQLite would delete."""
     if path.is_symlink():
         raise sqlite3.DatabaseError("it is a link; use the study or the file to which it leads")
     if path.exists() and not path.is_file():
@@ -142,11 +137,7 @@ def is_writable(path: Path) -> bool:
 
 
 def lacks_writing(error: BaseException | None) -> bool:
-    """Return whether SQLite failed because it could not write beside a file that it should read.
-
-    To read a file with a log, SQLite makes an index of the log beside it, which a full disk or a
-    read-only folder refuses.
-    """
+    """Return whether SQLite lacked room or rights for the log's index, which it makes to read."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in {  # errors of Python have no code
         sqlite3.SQLITE_FULL,
         sqlite3.SQLITE_IOERR,
@@ -159,10 +150,8 @@ def connected_to_copy(path: Path) -> sqlite3.Connection:
     """Return a connection to a private copy of a file and its log, both as at one moment.
 
     The copy is in the system's temporary folder, or in memory if that is full. It loses its name
-    at once, so that it vanishes with the connection, whatever becomes of this process.
-
-    Raises:
-        sqlite3.Error: there is no room for a copy, or the file is being changed all the time.
+    at once, so that it vanishes with the connection, whatever becomes of this process. Raise
+    `sqlite3.Error` if there is no room for it, or the file is being changed all the time.
     """
     _require_reaching_no_other(path)
     # The disk of the temporary folder may be the full one. Then the copy is kept in memory.
@@ -248,11 +237,9 @@ def checked_version(
 ) -> int:
     """Return the version of the schema, after comparing all of it; 0 for a file without tables.
 
-    The body of one transaction, so that all of it is read from the same state. If there is a list
-    `lacking`, missing triggers are no error, and their names are added to it.
-
-    Raises:
-        sqlite3.DatabaseError: the schema is another one.
+    The body of one transaction, so that all of it is read from the same state. Missing triggers
+    are added to the list `lacking`, if there is one. Raise `sqlite3.DatabaseError` for another
+    schema.
     """
     version = int(connection.execute("PRAGMA user_version").fetchone()[0])
     # Another schema may mean something else by the same columns, so that nothing is guessed.
@@ -316,10 +303,7 @@ def copied_log(connection: sqlite3.Connection, path: Path, tip: tuple[str, str] 
 
     The next commit may then start the log from its beginning. Return False if a reader needs a part
     of it, or another process holds the write lock. `tip` is a chain and its last hash, as written
-    by this process.
-
-    Raises:
-        LogNotCopiedError: the main file lacks events; the log is copied to a file beside it.
+    by this process. Raise `LogNotCopiedError` if the main file lacks events; the log is then kept.
     """
     try:
         with (
@@ -369,8 +353,7 @@ def _tips(connection: sqlite3.Connection) -> Tips:
 def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None:
     """Close a connection; the last one to leave the file also merges and removes its log.
 
-    Others are waited for `patience_s` long. Raises `LogNotCopiedError` if the merged file lacks
-    events; the log is then kept beside it.
+    Others are waited for `patience_s` long. Raises `LogNotCopiedError` as `copied_log`.
     """
     with stops_deferred():
         close_keeping_log(connection, path)
@@ -384,11 +367,7 @@ def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None
 
 
 def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
-    """Close a connection without SQLite's own checkpoint of a log with events.
-
-    SQLite checkpoints when the last connection is closed, which a connection that can only read
-    cannot do.
-    """
+    """Close a connection without SQLite's checkpoint, which one that can only read cannot make."""
     with closing(connection), suppress(*SQLITE_ERRORS, OSError):
         if _has_events(log_of(path)):
             with closing(connected(path, "mode=ro")) as last:

@@ -66,10 +66,7 @@ _SCHEMAS = {
 
 @contextmanager
 def journal_if_used(path: Path) -> Iterator[Journal]:
-    """Yield the journal at `path`; create it if missing, remove it again if nothing was written.
-
-    Another process that has opened it in between gets an error when it appends.
-    """
+    """Yield the journal at `path`, made if it is missing and removed again if it stays unused."""
     before = path.exists()
     try:
         with open_journal(path) as journal:
@@ -83,10 +80,7 @@ def journal_if_used(path: Path) -> Iterator[Journal]:
 
 
 def unused(path: Path) -> bool:
-    """Return whether the journal at `path` is missing or has no events.
-
-    If it cannot be read, for example because the disk is full, its size decides.
-    """
+    """Return whether a journal is missing or has no events, by its size if it cannot be read."""
     if not path.exists():
         return True
     try:
@@ -141,10 +135,7 @@ def _read(path: Path, connect: Connect, *, to_verify: bool, is_copy: bool = Fals
 
 
 def _access(path: Path) -> str:
-    """Return SQLite's URI parameter for reading the journal, whose folder may be read-only.
-
-    In a writable folder SQLite opens it read-write, so that it can remove its log afterwards.
-    """
+    """Return SQLite's URI parameter for reading: in a writable folder it must remove its log."""
     if database.is_writable(path):
         return "mode=rw"
     # Without a log no session runs, and SQLite needs no files beside it, which it cannot make.
@@ -155,10 +146,7 @@ def _access(path: Path) -> str:
 def _opening(
     path: Path, what: str, connect: Connect, *, create: bool = False
 ) -> Iterator[sqlite3.Connection]:
-    """Yield what `connect` returns for the journal at `path`, closed only if the body fails.
-
-    Errors of SQLite and of the system become a `JournalError`, and so does a log that is aside.
-    """
+    """Yield what `connect` returns, closed only if the body fails; errors become `JournalError`."""
     # Opened without its log, the journal would lack events.
     if (aside := database.log_aside(path)).exists():
         raise JournalError(
@@ -188,12 +176,9 @@ def _opening(
 def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:
     """Return the journal at `path` opened for writing; create it if missing.
 
-    Events go to the write-ahead log. Only `Journal.checkpoint` and the close copy them into the
-    main file, so that a copy of it is consistent at any moment. `random_bytes` is the source of the
-    salts, which must be unpredictable.
-
-    Raises:
-        JournalError: it cannot be opened, or its schema is not touchbeam's; it is unchanged.
+    Only `Journal.checkpoint` and the close copy events from the write-ahead log into the main file,
+    so that a copy of it is consistent at any moment. `random_bytes` gives the salts, which must be
+    unpredictable. Raise `JournalError` if it cannot be opened, or its schema is not touchbeam's.
     """
     # A new journal would make SQLite delete this log.
     if (log := database.log_of(path)).exists() and not path.exists():

@@ -57,10 +57,7 @@ _WHY = "the session was interrupted"
 
 
 def close_interrupted(log: SessionLog) -> None:
-    """Record the interrupted trial as aborted, and the device's state as unknown.
-
-    The caller must hold the session's lock.
-    """
+    """Record the interrupted trial as aborted and the device as unknown, under a session's lock."""
     # The trial first, because `device-off` is permitted only where no trial is running.
     abort_trial(log, _WHY)
     if log.state.name in {"armed", "paused", "driving"}:

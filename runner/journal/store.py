@@ -183,8 +183,8 @@ class JournalError(WorkFailed):
 class Journal:
     """The events of all sessions of one study.
 
-    `salted` is false for schema 2, whose erased payloads can be guessed from their digests. One
-    that is read from a copy (`is_copy`) leaves the file at its path alone.
+    Erased payloads can be guessed from their digests unless it is `salted`, as schema 2 is not.
+    A journal that is read from a copy (`is_copy`) leaves the file at its path alone.
     """
 
     def __init__(
@@ -302,10 +302,9 @@ class Journal:
             )
 
     def checkpoint(self) -> bool:
-        """Copy the write-ahead log into the main file; the next event starts the log anew.
+        """Copy the log into the main file; False if another process prevents it, and the log grows.
 
-        Return False if a reader or another process prevents it; the log then goes on growing.
-        Raises `JournalError` if the main file alone lacks events afterwards.
+        Raise `JournalError` if the main file alone lacks events afterwards.
         """
         self._require_in_place()
         # The hash that this process wrote: not everything is compared with what SQLite says.
@@ -319,10 +318,7 @@ class Journal:
             database.copy_database(self._connection, new)
 
     def _require_in_place(self) -> None:
-        """Require that the open files are still the ones at their paths.
-
-        SQLite does not notice a change, and would write to files that have lost their names.
-        """
+        """Require the open files at their paths: SQLite would write to files without names."""
         if _files_at(self._places) != self._files:
             raise JournalError(
                 f"{self._path}: the journal file or its log {database.log_of(self._path).name} was "
@@ -351,10 +347,7 @@ class Journal:
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:
-    """Return the device and inode numbers of the files that exist at `places`.
-
-    The log counts too: until a checkpoint, part of the events are only in the log.
-    """
+    """Return device and inode numbers of the files there; the log, too, has part of the events."""
     files = []
     for place in places:
         with suppress(OSError):

@@ -152,10 +152,9 @@ def readable_events(journal: store.Journal, session: str) -> list[StoredEvent]:
 def readable_chains(
     journal: store.Journal, broken: list[str], participant: str | None = None
 ) -> Iterator[list[StoredEvent]]:
-    """Yield the events of each chain of `journal`; append the names of broken chains to `broken`.
+    """Yield the events of each chain, or of one person's; add the names of broken ones to `broken`.
 
-    Withdrawn rehearsals are not yielded, and with `participant` only that person's chains. Raises
-    `JournalError` if a session is damaged or has lost payloads.
+    Withdrawn rehearsals are not yielded. Raise `JournalError` if a session is damaged.
     """
     for name in journal.sessions():
         if participant not in {None, name.rpartition("/")[0]}:
@@ -193,10 +192,7 @@ def _require_readable(session: str, events: list[StoredEvent]) -> None:
 
 
 def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:
-    """Return whether each event's hash follows from the previous one and its payload is unchanged.
-
-    In a chain that is `erased`, because the participant has withdrawn, payloads may be missing.
-    """
+    """Return whether each hash and payload follows; an `erased` chain may lack its payloads."""
     previous = store.FIRST_HASH
     chain = list(chain)
     for seq, link in enumerate(chain):
@@ -244,10 +240,7 @@ def in_force(journal: store.Journal) -> StudyRegistered | None:
 
 
 def session_problem(journal: store.Journal, chain: str, known: Registrations) -> str:
-    """Return why the session of `chain` does not follow from its registration; '' if it does.
-
-    Its events can be read; `known` are the `registrations` of the journal.
-    """
+    """Return why a readable session does not follow from the `known` registrations, or ''."""
     events = journal.events(chain)
     if chain == STUDY_CHAIN:
         return _registered_problem(known)

@@ -42,10 +42,7 @@ class SessionRig:
 
 @contextmanager
 def rig_locks(url: str, force_channel: ForceChannel) -> Iterator[None]:
-    """Lock the device at `url`, and the gauge beside it, while the body runs.
-
-    Raises what `rig_lock` raises, and `AddressError` if both have one port.
-    """
+    """Lock device and gauge while the body runs: as `rig_lock`, and not both on one port."""
     gauge = gauge_address(force_channel, url) if url != SIMULATED else None
     if gauge and real_address(gauge) == real_address(url):
         raise AddressError(
@@ -65,10 +62,7 @@ def stepped_rig(
     force_channel: ForceChannel | None = None,
     **friction: Unpack[Friction],
 ) -> Iterator[SessionRig]:
-    """Open a simulated device in this process, whose time passes by `control` alone.
-
-    Answers take no time. Its arguments are those of `session_rig`.
-    """
+    """Open a simulated device as `session_rig`, in this process; time passes by `control` alone."""
     from device.simulator.in_process import InProcessDevice, InProcessHand, in_process_rig
 
     channel = force_channel or ForceChannel()
@@ -106,11 +100,8 @@ def session_rig(
 
     The driver enforces the limits in `settings`. The command `touchbeam` starts a simulated device,
     whose hidden properties follow from `seed` and `friction`. The gauge of `force_channel` is
-    opened, too; a device that cannot measure its resonance has that of the `calibration`.
-
-    Raises:
-        AddressError: `url` is not the address of a device, or that of the gauge of none.
-        DeviceError: no working device answers at `url`.
+    opened, too; a device that cannot measure its resonance has that of the `calibration`. Raise
+    `AddressError` for no address of device or gauge, `DeviceError` if no working device answers.
     """
     with ExitStack() as stack:
         control, channel = None, force_channel or ForceChannel()
@@ -167,10 +158,7 @@ def ports() -> list[dict[str, str]]:
 def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
     """Return the identity and status that the device at `url` reports; change nothing in it.
 
-    Raises:
-        AddressError: `url` is not the address of a device.
-        ForeignDevice: there is no driver for the device.
-        DeviceError: the device does not answer, or answers wrongly.
+    Raises as `link.open_link`; `ForeignDevice` without a driver, `DeviceError` for wrong answers.
     """
     with ExitStack() as stack:
         if url == SIMULATED:
@@ -196,11 +184,7 @@ def _identified(link: Link, url: str) -> tuple[str, type[Driver]]:
 
 
 def answered(link: Link, query: str) -> str | None:
-    """Return the answer to `query`, None of a device that has nothing to say to it.
-
-    A board without a thermometer, for example, answers nothing when asked for its temperature. A
-    device that answers nothing at all has failed.
-    """
+    """Return the answer to `query`; None if a working device has none, as of temperature."""
     try:
         return link.ask(query)
     except LinkTimeout:
@@ -214,8 +198,6 @@ def swept(
     url: str, near_hz: float, dialect: str, touchbeam: Sequence[str], seed: int = 1
 ) -> tuple[Resonance, str]:
     """Return the resonance of the beam at `url` and the device's identity; leave the output off.
-
-    The time of the simulated device is stepped, so that the sweep takes no real time.
 
     Raises:
         AddressError: `url` is not the address of a device, or the dialect is unknown.

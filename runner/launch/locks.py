@@ -41,10 +41,9 @@ class UnsafeFolder(WorkFailed):
 
 @contextmanager
 def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
-    """Lock the rig, identified by its real device or host address, while the body runs.
+    """Lock the rig, by its real address, while the body runs; a simulated one needs no lock.
 
-    The simulated rig needs no lock: each session has its own. Every process of this user finds the
-    folder `common`.
+    Every process of this user finds the folder `common`.
 
     Raises:
         RigInUse: another process holds the rig; the message gives its command.
@@ -86,10 +85,7 @@ def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
 
 @contextmanager
 def session_lock(session: str, study: Path) -> Iterator[None]:
-    """Lock a session of the study in the folder `study`, identified by the folder's inode.
-
-    Raises what `rig_lock` raises.
-    """
+    """Lock a session of the study in the folder `study`, by the folder's inode, as `rig_lock`."""
     with _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON):
         yield
 
@@ -105,10 +101,7 @@ def _file_name(identity: str) -> str:
 
 
 def held_sessions(sessions: Iterable[str], study: Path) -> set[str]:
-    """Return which of `sessions` of the study in the folder `study` a process is running.
-
-    Looks only at who holds the locks, so that a session that starts now is not turned away.
-    """
+    """Return which of `sessions` a process runs; no lock is taken, so that none is turned away."""
     try:
         folder = _folder(COMMON)
     except UnsafeFolder:  # nobody could run a session, either
@@ -130,10 +123,7 @@ def _is_held(holder_file: Path) -> bool:
 
 
 def _boot() -> str:
-    """Return the random name of this run of the system, if it has one.
-
-    No file keeps it, so after the next start nobody can find a session's name from its lock's.
-    """
+    """Return the random name of this run of the system: no file keeps it to name sessions later."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text("ascii")
     except OSError:
@@ -141,11 +131,7 @@ def _boot() -> str:
 
 
 def real_address(url: str) -> str:
-    """Return the numeric host and port, or the real path of the device, that `url` leads to.
-
-    All spellings of an address of this machine are one: a device that listens there, such as a
-    serial port that a program forwards, usually listens at all of them.
-    """
+    """Return the numeric host and port, one for this machine, or the real path behind `url`."""
     if "://" not in url:
         return os.path.realpath(url)
     try:
@@ -194,9 +180,8 @@ def _open_no_link(path: str, flags: int) -> int:
 def _folder(common: Path) -> Path:
     """Return the folder of the locks, which only this user can open and the system empties.
 
-    All processes of a user must find the same folder. It is therefore in /tmp, if that exists, and
-    not in XDG_RUNTIME_DIR, which cron and sudo do not set and which is removed after the last
-    logout. XDG_RUNTIME_DIR is used only if another user has taken the name in /tmp.
+    All processes of a user must find the same one: in /tmp, and not in XDG_RUNTIME_DIR, which cron
+    and sudo do not set and a logout removes, unless another user has taken the name in /tmp.
     """
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     place = common if common.is_dir() else Path(tempfile.gettempdir())

@@ -58,8 +58,7 @@ def participant_and_operator(
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
-    A simulated `rig` has its beam swapped and touched. `finger` is what a virtual participant feels
-    with, None if the participant is a person.
+    `finger` is what a virtual participant feels with, None if the participant is a person.
     """
     watched = (lambda: rig.device.reading, lambda: rig.device.forces)
     swap = _swap(session, rig, finger)
@@ -161,10 +160,7 @@ def operator_at_terminal(
     alone: bool = False,
     quiet: bool = False,
 ) -> Iterator[OperatorConsole]:
-    """Yield an operator who has the terminal alone: keys at a terminal, lines from a pipe.
-
-    One who is `alone` with a simulated device is asked for nothing, and needs no pipe.
-    """
+    """Yield an operator with keys, or lines from a pipe unless `alone` with a simulated device."""
     if not alone and not at_terminal(sys.stdin, sys.stdout):
         yield _operator_by_lines(TypedLines(sys.stdin), PlainDisplay(say), swap, unit)
         return
@@ -178,8 +174,7 @@ def keys_and_display(
 ) -> Iterator[tuple[Callable[[bool], str], Display]]:
     """Yield the operator's keys and display: a screen at a terminal, plain lines elsewhere.
 
-    The screen shows the device's last reading and the `picture`, if there is one. If `quiet`,
-    display nothing and read no keys.
+    The screen shows the last reading and the `picture`, if any. If `quiet`, there is neither.
     """
     if quiet or not at_terminal(sys.stdin, sys.stdout):
         yield lambda _: "", PlainDisplay((lambda _: None) if quiet else say)
@@ -202,10 +197,7 @@ def keys_and_display(
 def participants_screen(
     touchbeam: Sequence[str], wanted: int | None, say: Say, *, windowed: bool = False
 ) -> int:
-    """Return the number of the participant's screen, which the operator may have given (`wanted`).
-
-    Raises `BadInput` if there are several, and nobody can be asked which it is.
-    """
+    """Return the participant's screen, `wanted` or chosen; `BadInput` if nobody can be asked."""
     if wanted is not None:
         return wanted
     there = listed_screens(touchbeam)

@@ -110,10 +110,9 @@ def rehearse_cohort(
     after_each: Callable[[], None],
     people: "Population | None" = None,
 ) -> None:
-    """Run one session for each of `participants` virtual participants, from P01 on.
+    """Run a session of each virtual participant from P01 on, drawn from `people` or the default.
 
-    They are drawn from `people`, by default from the default population; one who drops out leaves
-    the session unfinished. `after_each` is called after each session.
+    One who drops out leaves the session unfinished. `after_each` is called after each session.
     """
     for number in range(1, participants + 1):
         options = SessionOptions(

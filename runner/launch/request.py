@@ -218,10 +218,7 @@ def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
 
 
 def with_group(request: Request, say: Callable[[str], None]) -> Request:
-    """Return the request with the group of a participant of whom the operator knows it.
-
-    Raises `BadInput` if it is not the participant's group, or if nobody is there to say.
-    """
+    """Return the request with the group that the operator knows; `BadInput` for another one."""
     options, study = request.options, request.study
     if request.registration is not None:
         study = locked(study, request.registration.digest)
@@ -330,8 +327,7 @@ def _not_due(request: Request, now: datetime, journal: Journal) -> str | None:
 def nearly_the_same(journal: Journal, participant: str, *, rehearsal: bool) -> str | None:
     """Return who else has a pseudonym that differs only in capitals, zeros or separators.
 
-    Sessions are compared with sessions, rehearsals with rehearsals. None if there is nobody, or if
-    the study knows `participant` already.
+    None if there is nobody, among rehearsals or sessions, or `participant` is known already.
     """
     alike = [
         other

@@ -72,7 +72,7 @@ from runner.window.preflight import study_window
 
 
 def run_session(options: SessionOptions, say: Say, confirm: Confirm = refused) -> SessionState:
-    """Run or resume the session given by `options`; return its final state.
+    """Run or resume a session; return its state.
 
     Raises `BadInput` if nothing was changed, and `WorkFailed` if the session can be resumed.
     """
@@ -210,10 +210,9 @@ def checkpointed(journal: Journal) -> Iterator[None]:
 
 
 def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
-    """Return the session to run, and open it in the journal if it is new.
+    """Return the session to run, opened in the journal if it is new; `WrongPlan` opens nothing.
 
-    A slot is taken by opening the session; choosing and opening must therefore not be separated. A
-    session whose plan was drawn wrongly is not opened: `WrongPlan`.
+    A slot is taken by opening the session; choosing and opening must therefore not be separated.
     """
     options, registered = request.options, request.registration
     digest = None if registered is None else registered.digest
@@ -277,10 +276,9 @@ def _proved_plan(request: Request, study: Study, slot: int) -> Plan:
 
 
 def as_begun(request: Request) -> Request:
-    """Return the request with the seed and the simulated beam of the session that it resumes.
+    """Return the request with seed and simulated beam of the session it resumes, from the journal.
 
-    The journal describes them where a virtual participant takes part. Raises `BadInput` if an
-    option gives another beam.
+    Raise `BadInput` if an option gives another beam.
     """
     begun, options = _begun(request), request.options
     truth = None if begun is None else begun.virtual
@@ -312,10 +310,7 @@ def _begun(request: Request) -> SessionOpened | None:
 def _virtual_truth(
     request: Request, before: SessionState | None, group: str | None
 ) -> VirtualTruth | None:
-    """Return the true parameters of a virtual participant; None for a person or a block.
-
-    Those of the beam are known if it is simulated. `before` is the state of a resumed session.
-    """
+    """Return a virtual participant's parameters, and a simulated beam's; None for a person."""
     options = request.options
     if options.ratings != "virtual" or options.slides:
         return None
@@ -330,11 +325,7 @@ def _virtual_truth(
 
 
 def _person(request: Request, before: SessionState | None, group: str | None) -> Person:
-    """Return a virtual participant: the same one in each of the study's sessions.
-
-    A session is resumed by the person who began it, whom the journal describes. Raises `BadInput`
-    if `--people` describes somebody else.
-    """
+    """Return the virtual participant, who is one in all sessions; `before` knows who began this."""
     options = request.options
     name = person_name(request.seed, options.participant)
     person = drawn_person((options.people or DEFAULT).of_group(group), name)

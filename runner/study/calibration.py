@@ -28,11 +28,7 @@ and the certified tables of the model are for patches where the paper's beam has
 
 
 def keep_calibration(folder: Path, swept: "Resonance", idn: str, measured_utc: str) -> Path:
-    """Store the result of a sweep in the study's folder; return the file.
-
-    Raises:
-        BadInput: there is no study in `folder`, or `own_file` refuses the file.
-    """
+    """Store a sweep in the study's folder; raise `BadInput` without a study, or as `own_file`."""
     measured = {"frequency_hz": swept.frequency_hz, "tip_m_per_v": swept.tip_m_per_v}
     return _write(folder, {**measured, "idn": idn, "measured_utc": measured_utc})
 
@@ -42,8 +38,7 @@ def keep_fit(
 ) -> Path:
     """Store what a sliding experiment determined of the rig; return the file.
 
-    Without a sweep's resonance, that of the experiment is kept. A rehearsal replaces nothing but
-    what a rehearsal told.
+    Without a sweep's resonance, that of the experiment is kept.
 
     Args:
         folder: the study's.
@@ -52,8 +47,7 @@ def keep_fit(
         fitted: see `analysis.sliding.experiment.SlidingFindings.calibration_record`.
 
     Raises:
-        BadInput: there is no study in `folder`, `own_file` refuses the file, or a rehearsal would
-            replace the fit of a rig.
+        BadInput: as `keep_calibration`, or a rehearsal would replace the fit of a rig.
     """
     path, is_rehearsal = folder / FILE, bool(fitted.get("rehearsal"))
     # What a damaged file held may have been of a rig, which only a rig's own replaces.
@@ -84,11 +78,7 @@ def _write(folder: Path, part: Mapping[str, object]) -> Path:
 
 
 def kept_calibration(folder: Path) -> "Resonance | None":
-    """Return the resonance stored in the study's folder, None if there is none.
-
-    Raises:
-        BadInput: `keep_calibration` cannot have written the file.
-    """
+    """Return the resonance stored in the study's folder, if any; `BadInput` if it is damaged."""
     from device.resonance import Resonance
 
     path = folder / FILE
@@ -107,11 +97,7 @@ def kept_calibration(folder: Path) -> "Resonance | None":
 
 
 def fitted_calibration(folder: Path) -> Calibration:
-    """Return the rig as a sliding experiment determined it; the paper's values without one.
-
-    Raises:
-        BadInput: `keep_fit` cannot have written the file.
-    """
+    """Return the rig as a slide determined it, or the paper's values; `BadInput` if damaged."""
     path = folder / FILE
     fitted = (_kept(path) or {}).get(FITTED)
     if fitted is None:

@@ -34,21 +34,12 @@ class WrongPlan(WorkFailed):
 
 
 def validated_study(text: str, source: str) -> Study:
-    """Return the study in `text`, checked for everything that a session needs.
-
-    Raises:
-        StudyError: the study has problems.
-    """
+    """Return the study in `text`, checked for all that a session needs, or raise `StudyError`."""
     return parsed_study(text, source, _placement_problems, DIALECTS)
 
 
 def proved_study(text: str, source: str) -> Study:
-    """Return the validated study in `text` after a proof of the plans that it gives.
-
-    Raises:
-        StudyError: the study has problems.
-        WrongPlan: a plan was drawn wrongly.
-    """
+    """Return the validated study; `WrongPlan` if the proof finds an error in the plans it gives."""
     study = validated_study(text, source)
     # One whole cycle, because the balance of carry-over can only be proved over all of its slots.
     plans = [
@@ -84,13 +75,8 @@ def checked(
 ) -> tuple[list[str], list[str], bool]:
     """Return the lines to print, the problems as lines, and whether the study is valid.
 
-    Args:
-        folder: the study.
-        participants: size of the cohort; by default the study's own, or else 1.
-        as_json: whether they are one JSON document, as a single text.
-
-    Raises:
-        BadInput: the study file is missing or unreadable.
+    The cohort has `participants`, by default the study's own, or else 1. With `as_json` the lines
+    are one document. Raise `BadInput` if the study file is missing or unreadable.
     """
     source, text = str(folder.study_file), folder.text()
     rig = fitted_calibration(folder.path)

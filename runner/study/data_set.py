@@ -41,10 +41,7 @@ from runner.study.folder import DIALECTS, StudyFolder, named_after, new_study
 
 @dataclass(frozen=True, kw_only=True)
 class DataSet:
-    """The text of a study and its sessions by the names of their chains, oldest first.
-
-    `registration` is the event of its registration, None without one.
-    """
+    """A study's text, its sessions by chain, oldest first, and the event of its registration."""
 
     study_text: str
     sessions: Mapping[str, SharedSession]
@@ -52,11 +49,7 @@ class DataSet:
 
 
 def read_data_set(source: Path) -> DataSet:
-    """Return the study in the folder `source`, which is a BIDS or an RO-Crate data set.
-
-    Raises:
-        BadInput: touchbeam has not exported it, or a file was changed so that it cannot be read.
-    """
+    """Return the study in the BIDS or RO-Crate data set `source`; `BadInput` if it is damaged."""
     place = source / FOLDER
     study_file = place / STUDY_FILE
     if not study_file.exists():
@@ -88,11 +81,7 @@ def _registration(place: Path) -> StoredEvent | None:
 
 
 def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[SharedSession]:
-    """Return the sessions in `texts`, each after its file's name, in the order of the study.
-
-    Raises:
-        BadInput: one of the texts is no session.
-    """
+    """Return the sessions in `texts`, by file name, in the study's order; `BadInput` if not one."""
     return _in_order(shared_session(name, text) for name, text in texts)
 
 
@@ -103,11 +92,8 @@ def _in_order(sessions: Iterable[SharedSession]) -> list[SharedSession]:
 def _require_possible(source: str, session: SharedSession, known: Mapping[str, Rating]) -> None:
     """Refuse answers that nobody can have given to what a session asked.
 
-    Args:
-        source: the name of the session's file.
-        session: the session.
-        known: the rating of the study file, by its digest; a session before an amendment was
-            rated as its own study file says.
+    `known` is the rating of the study file by its digest; a session before an amendment was rated
+    as its own study file says.
     """
     ratings, trials = dict(known), dict[int, PlannedTrial]()
     for line, stored in enumerate(session.events, start=2):  # the first one has the place

@@ -25,9 +25,8 @@ _DESCRIPTORS = re.compile(r"/proc/[^/]+/fd|/dev/fd")
 def bytes_of(path: Path, *, most: int | None = None) -> bytes:
     """Return the content of the file `path`.
 
-    Raises:
-        BadInput: the file is missing or unreadable or, where there is a limit, has more than `most`
-            bytes or is a pipe or a device.
+    Raise `BadInput` if it is missing or unreadable or, where there is a limit, has more than `most`
+    bytes or is a pipe or a device.
     """
     try:
         return path.read_bytes() if most is None else _short_bytes(path, most)
@@ -38,32 +37,20 @@ def bytes_of(path: Path, *, most: int | None = None) -> bytes:
 
 
 def require_end(path: Path) -> None:
-    """Refuse a pipe or a device, which may never end.
-
-    Raises:
-        BadInput: `path` is one.
-    """
+    """Raise `BadInput` for a pipe or a device, which may never end."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise BadInput(f"{path}: must be a file, got a pipe or a device")
 
 
 def require_no_link(path: Path) -> None:
-    """Refuse a link where touchbeam names the file itself: it could lead to another person's file.
-
-    Raises:
-        BadInput: `path` is a link; a pipe or a device behind it is named as such.
-    """
+    """Raise `BadInput` for a link, pipe or device: it could lead to another person's file."""
     require_end(path)
     if path.is_symlink():
         raise BadInput(f"{path}: must be a file, got a link; put the file itself there")
 
 
 def text_of(content: bytes, path: Path) -> str:
-    """Decode `content` of the file `path`, without a byte order mark.
-
-    Raises:
-        BadInput: the content is not UTF-8.
-    """
+    """Decode `content` of `path`, without a byte order mark; `BadInput` if it is not UTF-8."""
     try:
         # Some editors on Windows begin a file with a byte order mark.
         return content.decode("utf-8-sig")
@@ -77,10 +64,7 @@ def text_of(content: bytes, path: Path) -> str:
 def short_text(path: Path) -> str:
     """Return the text of the file `path`, without a byte order mark.
 
-    Raises:
-        BadInput: it exceeds the length limit, is not UTF-8, or is a pipe or a device, which may
-            never end.
-        OSError: it cannot be read.
+    Raise `OSError` if it cannot be read; `BadInput` as `text_of`, if it is too long or may not end.
     """
     # One form of line ends, so that a study has the same digest on every system.
     return text_of(_short_bytes(path, LONGEST_TEXT), path).replace("\r\n", "\n").replace("\r", "\n")
@@ -108,10 +92,7 @@ def own_file(path: Path, study: Path) -> Path:
     """Return `path`, a file below the folder `study` that touchbeam names itself and will write.
 
     What the user names may be a link or a pipe. Here it could come with a study from somebody
-    else, and lead touchbeam to write another file.
-
-    Raises:
-        BadInput: the file, or a folder between it and `study`, is a link, or it is no file.
+    else, and lead touchbeam to write another file: `BadInput` for links and what is no file.
     """
     depth = len(path.relative_to(study).parts)
     # The study's folder itself may be a link, which its user made.
@@ -140,14 +121,12 @@ def is_stream(path: Path) -> bool:
 
 
 def write_whole(path: Path, data: bytes, mode: int = 0o666) -> None:
-    """Write `data` to `path`; a failure leaves an existing file unchanged.
-
-    Follows links and keeps the permissions of an existing file.
+    """Write `data` to `path`, through links; a failure leaves an existing file unchanged.
 
     Args:
         path: the file.
         data: its content.
-        mode: permissions of a new file, before the umask.
+        mode: permissions of a new file, before the umask; an existing one keeps its own.
 
     Raises:
         BadInput: `path` is a folder.
@@ -191,16 +170,10 @@ def create(path: Path, data: bytes, mode: int) -> None:
 
 
 def make_folder(place: Path) -> Path | None:
-    """Create the private folder `place` and its missing parents.
+    """Create the private folder `place` and its missing parents, or raise `OSError`.
 
-    Return the topmost new folder, for `take_away`, or None if `place` exists.
-
-    Args:
-        place: a real path. With `..` or links in it, `take_away` could remove a folder other than
-            the one created.
-
-    Raises:
-        OSError: it cannot be created; new parents are removed again.
+    Return the topmost new folder, for `take_away`, or None if `place` exists. With `..` or links in
+    the path, `take_away` could remove a folder other than the one created: give a real path.
     """
     missing = [place, *(parent for parent in place.parents if not parent.exists())]
     try:
@@ -228,12 +201,9 @@ def take_away(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[Path]:
-    """Create the private `folder` if it is missing; yield its real path.
+    """Create the private `folder` if it is missing; yield its real path; a failure removes it.
 
-    If the body fails, the new folders are removed again.
-
-    Raises:
-        OSError: it cannot be created; the error names `folder`.
+    Raise `OSError`, which names `folder`, if it cannot be created.
     """
     place = Path(os.path.realpath(folder))
     try:
@@ -261,7 +231,7 @@ def write_files(
 
     Args:
         contents: bytes by relative path.
-        folder: created if it is missing.
+        folder: made if it is missing.
         replaced: paths written by an earlier call, removed unless `contents` has them.
         study: the folder of a study in which touchbeam named `folder`, not the user.
 
@@ -293,14 +263,9 @@ def write_files(
 
 
 def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
-    """Write `contents`, by relative path, into the new folder `folder`.
+    """Write `contents`, by relative path, into the new folder `folder`: whole, or nothing at all.
 
-    The files are written to a temporary folder beside it, which is then renamed. A failure leaves
-    nothing behind.
-
-    Raises:
-        BadInput: `folder` is a file, or a folder that is not empty.
-        OSError: it cannot be written; the error names `folder`.
+    Raise `BadInput` for a file or a folder that is not empty, `OSError` if it cannot be written.
     """
     place = Path(os.path.realpath(folder))
     _require_free(place, folder)

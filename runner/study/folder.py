@@ -37,10 +37,7 @@ _FORMATS = ("PNG", "JPEG")
 
 
 def picture_digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Return the SHA-256 of each picture in `folder` that may be shown, by name.
-
-    It is a PNG or JPEG file that can be decoded, not too large, and no part of its path is a link.
-    """
+    """Return the SHA-256 of each picture that may be shown: one that decodes, small, no link."""
     return {name: digest for name in names if (digest := _digest(folder, name)) is not None}
 
 
@@ -123,10 +120,8 @@ class StudyFolder:
     def report_sections(self) -> tuple[str, ...] | None:
         """Return the sections that `report.toml` chooses for the report's page, None for all.
 
-        The file is about presentation alone: it is no part of the study and of its digest.
-
-        Raises:
-            BadInput: the file is no TOML, or has other keys than `sections`, a list of texts.
+        The file is about presentation alone: it is no part of the study and of its digest. Raise
+        `BadInput` if it is no TOML, or has other keys than `sections`, a list of texts.
         """
         path = self.path / "report.toml"
         if not path.exists():
@@ -149,25 +144,16 @@ class StudyFolder:
         return self.path / "texts"
 
     def text(self) -> str:
-        """Return the text of the study file, its own languages and the digests of its pictures.
-
-        Raises:
-            BadInput: a file is missing, unreadable or too long.
-        """
+        """Return the study file with its languages and pictures' digests, or raise `BadInput`."""
         text = self._study_text()
         names = picture_names(text) if "picture" in text else []
         digests = picture_digests(self.path, names)
         return with_pictures(with_languages(text, self._languages()), digests)
 
     def add_language(self, code: str) -> Path:
-        """Copy the built-in texts in a language, else the English ones, into the study.
+        """Copy the texts of a built-in language, else the English ones, into a new file.
 
-        Returns:
-            The new file, to be edited.
-
-        Raises:
-            BadInput: there is no study, `code` names no language, the study has that file, or
-                `own_file` refuses it.
+        Raise `BadInput` for no study, no such language, a file that is there, or as `own_file`.
         """
         self._study_text()
         if not re.fullmatch(CODE, code):
@@ -222,12 +208,7 @@ class StudyFolder:
         )
 
     def study(self) -> Study:
-        """Return the checked study.
-
-        Raises:
-            BadInput: the study file is missing or unreadable.
-            StudyError: the study has problems.
-        """
+        """Return the checked study; raise `BadInput` if it is missing, `StudyError` if wrong."""
         return parsed_study(self.text(), str(self.study_file), dialects=DIALECTS)
 
     def study_if_valid(self) -> Study | None:
@@ -238,11 +219,7 @@ class StudyFolder:
             return None
 
     def existing_journal(self) -> Path:
-        """Return the path of the journal.
-
-        Raises:
-            BadInput: nothing has been recorded yet.
-        """
+        """Return the path of the journal; raise `BadInput` if nothing has been recorded yet."""
         if self.path.is_file():
             raise self._not_a_folder()
         if not os.path.lexists(self.journal):  # opening it refuses links, pipes and folders
@@ -257,10 +234,8 @@ class StudyFolder:
 def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
     """Create a study from `text` in a new or empty folder, and yield it to the body.
 
-    If the body fails before the first journal event, everything created is removed again.
-
-    Raises:
-        BadInput: the folder is not empty or cannot be created.
+    If the body fails before the first journal event, everything created is removed again. Raise
+    `BadInput` if the folder is not empty or cannot be created.
     """
     place = Path(os.path.realpath(folder.path))
     topmost = _created(place)

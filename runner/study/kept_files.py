@@ -34,11 +34,7 @@ _LIBRARIES = ("touchbeam", "numpy", "scipy", "pandas", "matplotlib")
 
 
 class KeptFiles:
-    """The kept results of one study, by name, in `folder`.
-
-    A file begins with the digest of its name and content, so that a damaged or renamed one is as
-    good as none.
-    """
+    """The kept results of one study, each after its digest: a damaged one is as good as none."""
 
     _written: ClassVar[dict[Path, int]] = {}
     """How much was written since there was last too much, by the folder of all studies."""
@@ -114,10 +110,7 @@ def journal_digest(path: Path) -> str:
 
 
 def code_version() -> str:
-    """Return what results depend on beside their data: this code, its libraries, the machine.
-
-    A developer's copy changes without its version, so the times of its files count, too.
-    """
+    """Return what results depend on beside data: code, by its files too, libraries, machine."""
     own = Path(__file__).parents[2]
     rooms = ("protocol", "device", "analysis", "runner", "touchbeam")
     # No compiled files, which the first run after a change of the code writes.
@@ -191,9 +184,7 @@ _LARGEST_CHUNK = 2**26
 def own_key() -> bytes:
     """Return the key that seals kept results, which nobody has who may have sent a study.
 
-    Raises:
-        WorkFailed: it is not what touchbeam has written.
-        OSError: it cannot be read or written.
+    Raise `WorkFailed` if it is not what touchbeam has written, `OSError` if it cannot be kept.
     """
     path = state_folder() / "power.key"
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -225,11 +216,7 @@ class PowerFolder:
         return self.path / "chunks" / self.digest[:16]
 
     def load(self, name: str) -> bytes | None:
-        """Return what was kept under a name, if anything; nothing of what is too long to be that.
-
-        Raises:
-            BadInput: a pipe or a device is there.
-        """
+        """Return what was kept, if anything; b'' if it is too long, `BadInput` for a pipe."""
         kept = self.chunks / f"{name}.npy"
         require_end(kept)
         try:

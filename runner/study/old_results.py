@@ -62,11 +62,7 @@ def old_results(study: Path, participant: str) -> OldResults:
 
 
 def _search_of(path: Path) -> Callable[[Path, str], bool] | None:
-    """Return how to search a file, by its first bytes or its name; None for pictures and the like.
-
-    Raises:
-        OSError: it cannot be read.
-    """
+    """Return how to search a file, by its first bytes or its name; None for pictures."""
     # By its first bytes, because a copy of the journal may have any name.
     with path.open("rb") as file:
         start = file.read(len(_DATABASE))
@@ -89,18 +85,12 @@ def _journal_holds(path: Path, participant: str) -> bool:
 
 
 def _log_holds(path: Path, participant: str) -> bool:
-    """Return whether a log without its journal has a session of `participant`, erased or not.
-
-    Nothing separates the fields in a log, so that a longer name with this end is found, too.
-    """
+    """Return whether a log names `participant`; a longer name with this end is found, too."""
     return f"{participant}/".encode() in path.read_bytes()
 
 
 def _result(path: Path, study: Path) -> Path:
-    """Return the folder of the report or export that contains `path`, or `path` itself.
-
-    An export may contain a report.
-    """
+    """Return the folder of the report or export that contains `path`, or `path` itself."""
     # From the outermost folder, because an export may contain a report.
     inside = reversed(path.relative_to(study).parents[:-1])
     folders = (study / folder for folder in inside)

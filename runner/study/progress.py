@@ -27,11 +27,7 @@ _RESUME_WITHIN_H = 24.0
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """The sessions of a study, as they are at `now`.
-
-    `study` is None if its file cannot be read; `running` holds what people call the sessions that
-    a process is running.
-    """
+    """The sessions of a study at `now`; `running` are the spoken names of those that run."""
 
     folder: Path
     study: Study | None

@@ -48,11 +48,7 @@ _STALE = "it has changed since this analysis; run touchbeam power again"
 
 
 def registration_of(folder: Path) -> Registration | None:
-    """Return the registration in a study's folder, None if it is not registered.
-
-    Raises:
-        BadInput: the file was changed after it was written, is too long, or is a pipe or a device.
-    """
+    """Return the registration in a study's folder, if any; `BadInput` if its file is damaged."""
     path = folder / FILE
     if not path.exists():
         return None
@@ -62,12 +58,7 @@ def registration_of(folder: Path) -> Registration | None:
 
 
 def checked_registration(folder: StudyFolder) -> Registration | None:
-    """Return the same after comparing it with the journal; a copy may be without its journal.
-
-    Raises:
-        BadInput: the file is another one than the journal's, or only one of them is there.
-        JournalError: the journal cannot be read.
-    """
+    """Return the same after `require_registered`; a copy may be without its journal."""
     kept = registration_of(folder.path)
     if folder.journal.is_file():
         with read_journal(folder.journal) as journal:
@@ -76,13 +67,7 @@ def checked_registration(folder: StudyFolder) -> Registration | None:
 
 
 def require_registered(journal: Journal, kept: Registration | None, *, rehearsal: bool) -> None:
-    """Require that the file of the registration is the one that the journal holds.
-
-    A rehearsal may run in a copy of the folder without its journal.
-
-    Raises:
-        BadInput: it is another one, or only one of them is there.
-    """
+    """Raise `BadInput` unless folder and journal, if there need be one, hold one registration."""
     if problem := file_problem(in_force(journal), kept, rehearsal=rehearsal):
         raise BadInput(problem)
 
@@ -151,10 +136,7 @@ def _changed_study(journal: Journal, folder: StudyFolder, _: Registration) -> st
 
 
 def _changed_calibration(_: Journal, folder: StudyFolder, made: Registration) -> str:
-    """Return that the registered fit is gone or has other values.
-
-    The fit of another sliding experiment is a later calibration, which reports list.
-    """
+    """Return that the registered fit is gone or changed; another slide's is a later calibration."""
     settled, now = str(made.calibration.get("origin", "")), fitted_calibration(folder.path).origin
     same_session = settled.partition(",")[0] == now.partition(",")[0]
     if settled == now or (now and not same_session):
@@ -167,10 +149,7 @@ def _changed_calibration(_: Journal, folder: StudyFolder, made: Registration) ->
 
 
 def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) -> str:
-    """Return that the text for a registry was changed.
-
-    It is made anew to compare it: this version must be the one that made it, from this study file.
-    """
+    """Return that the registry's text was changed, if this version made it from this study file."""
     path, text = folder.path / REGISTRY_FILE, folder.text()
     known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
     # Another version may word it otherwise, and another study file gives another text.
@@ -186,10 +165,7 @@ def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What the author of a study chooses to register beside the study file.
-
-    `analysis` are the settings of the analysis, `power` is the result of a power analysis.
-    """
+    """What an author registers beside the study file; `power` is the file of a power analysis."""
 
     primary: str
     secondary: Sequence[str]
@@ -203,9 +179,7 @@ class Choice:
 def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) -> Registration:
     """Return the registration of a study with a file of this text.
 
-    Raises:
-        BadInput: a hypothesis is unknown, the study has no planned size, or the result of the
-            power analysis cannot be read.
+    Raise `BadInput` for an unknown hypothesis, no planned size, or an unreadable power analysis.
     """
     known = hypotheses(
         study.conditions,
@@ -240,12 +214,9 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
 
 
 def power_result(path: Path, study_sha256: str) -> dict[str, str]:
-    """Return what the JSON of a power analysis says: its answer, each test's power, its digest.
+    """Return a power analysis's answer, each test's power, its digest, and if its study is another.
 
-    It also says so if the analysis was of another study file than the one with this digest.
-
-    Raises:
-        BadInput: it is no JSON object, is too long, or holds other texts than printable lines.
+    Raise `BadInput` if it is no JSON object, is too long, or has texts that are no printable lines.
     """
     content = bytes_of(path, most=_LONGEST_POWER_BYTES)
     try:
@@ -289,16 +260,10 @@ def _power(test: Mapping[str, Any]) -> str:
 def register(
     folder: StudyFolder, study: Study, made: Registration, clock: Clock
 ) -> tuple[Registration, str]:
-    """Write `made` into the study's folder and its journal.
+    """Write `made` into the study's folder and its journal; restore a lost file.
 
-    A study that is registered already stays as it is; a lost file is restored.
-
-    Returns:
-        The registration in force, and what it replaces and changes; '' if it replaces none.
-
-    Raises:
-        BadInput: a session has been recorded, the study is registered otherwise, or `own_file`
-            refuses a file.
+    Return the registration in force, and what it replaces and changes; '' if it replaces none.
+    Raise `BadInput` if a session was recorded, the study is registered otherwise, or as `own_file`.
     """
     file, for_registry = (
         own_file(folder.path / name, folder.path) for name in (FILE, REGISTRY_FILE)

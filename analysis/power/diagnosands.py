@@ -6,16 +6,25 @@ study may differ and its subjects may resemble each other.
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray
-from analysis.power.diagnosis import ESTIMATES, RANK, columns
+from analysis.power.diagnosis import ESTIMATES, RANK, Asked, columns
 from analysis.power.job import Design
 from analysis.statistics.many_tables import pairs_of
 from analysis.statistics.signed_rank import holm_of_rows
-from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, above
+from protocol.registration.registration import (
+    FOLLOWS,
+    GAINS,
+    NOTICED,
+    OMNIBUS,
+    above,
+    between,
+    effect_of,
+)
 
 
 @dataclass(frozen=True)
@@ -64,12 +73,13 @@ class TestPower:
     """How often a test rejects at 5%, and how often the family's rule lets it be claimed.
 
     `supported` is NaN where the rule does not hold what it promises: without any effect the claim
-    is made more often than in 5%.
+    is made more often than in 5%. `after` has the questions that it waits for: none of a question.
     """
 
     __test__ = False  # no test of pytest's
 
     name: str
+    after: tuple[str, ...]
     power: Measured
     supported: Measured
 
@@ -130,7 +140,7 @@ class Findings:
 
 def findings(
     design: Design,
-    conditions: Sequence[str],
+    asked: Asked,
     rows: FloatArray,
     null_rows: FloatArray,
     hypotheses: Sequence[str] = (),
@@ -139,26 +149,26 @@ def findings(
 
     Args:
         design: the design.
-        conditions: names.
+        asked: what the study asks.
         rows: of the simulated studies, shape (studies, numbers).
         null_rows: of null cohorts.
         hypotheses: the registered ones, the primary one first.
     """
-    models = rows.shape[1] == len(columns(len(conditions), models=True))
-    table = _Table(rows, columns(len(conditions), models=models))
-    null = _Table(null_rows, columns(len(conditions), models=False))
-    names, null_claims = _names(conditions), _claims(null, len(conditions))
-    pairs = names[2 : 2 + len(pairs_of(len(conditions)))]
+    models = rows.shape[1] == len(columns(asked, models=True))
+    table = _Table(rows, columns(asked, models=models))
+    null = _Table(null_rows, columns(asked, models=False))
+    tests, null_claims = _tests(asked), _claims(null, asked)
+    pairs = [name for name, after in tests.items() if after == (OMNIBUS,)]
+    p, claimed = _p_values(table, asked), _claims(table, asked)
     # A study without catch trials has no test of noticing.
-    tested = np.any(~np.isnan(_p_values(table, len(conditions))), axis=0)
+    tested = np.any(~np.isnan(p), axis=0)
     false = {
         name: share(made)
-        for name, made, has in zip(names, null_claims.T, np.atleast_1d(tested), strict=True)
+        for name, made, has in zip(tests, null_claims.T, np.atleast_1d(tested), strict=True)
         if has or NOTICED not in name
     }
     # Power of a test that claims too much says nothing.
     broken = {name for name, each in false.items() if too_often(each)}
-    p, claimed = _p_values(table, len(conditions)), _claims(table, len(conditions))
     return Findings(
         design=design,
         studies=len(rows),
@@ -167,10 +177,11 @@ def findings(
         tests=tuple(
             TestPower(
                 name=name,
+                after=tests[name],
                 power=share(p[:, place] < LEVEL),
                 supported=UNKNOWN if name in broken else share(made),
             )
-            for place, (name, made) in enumerate(zip(names, claimed.T, strict=True))
+            for place, (name, made) in enumerate(zip(tests, claimed.T, strict=True))
             if name in false
         ),
         estimates=(
@@ -180,13 +191,21 @@ def findings(
         unscored=share(table["complete"] == 0),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
         false_claims=false,
-        registered=_registered(table, conditions, hypotheses, broken),
+        registered=_registered(table, asked, hypotheses, broken),
     )
 
 
-def _names(conditions: Sequence[str]) -> list[str]:
-    pairs = [f"{conditions[a]} - {conditions[b]}" for a, b in pairs_of(len(conditions))]
-    return [OMNIBUS, GAINS, *pairs, NOTICED, *(f"{name} {NOTICED}" for name in conditions)]
+def _tests(asked: Asked) -> dict[str, tuple[str, ...]]:
+    """Return each test with the questions of which one must be answered by yes before it counts."""
+    names = asked.conditions
+    return {
+        OMNIBUS: (),
+        GAINS: (),
+        **{f"{names[a]} - {names[b]}": (OMNIBUS,) for a, b in pairs_of(len(names))},
+        NOTICED: (),
+        **{f"{name} {NOTICED}": (NOTICED,) for name in names},
+        **asked.of_design,
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,31 +219,31 @@ class _Table:
         return np.asarray(self.rows[:, self.names.index(name)])
 
 
-def _p_values(table: _Table, conditions: int) -> FloatArray:
-    pairs = [table[f"pair p {pair}"] for pair in range(len(pairs_of(conditions)))]
-    noticed = [table[f"noticed p {condition}"] for condition in range(conditions)]
-    tests = [table["omnibus p"], table["gains p"], *pairs, table["noticed p"], *noticed]
+def _p_values(table: _Table, asked: Asked) -> FloatArray:
+    pairs = [table[f"pair p {pair}"] for pair in range(len(pairs_of(len(asked.conditions))))]
+    noticed = [table[f"noticed p {condition}"] for condition in range(len(asked.conditions))]
+    of_design = [table[f"{name} p"] for name in asked.of_design]
+    tests = [table["omnibus p"], table["gains p"], *pairs, table["noticed p"], *noticed, *of_design]
     return np.column_stack(tests)
 
 
-def _claims(table: _Table, conditions: int) -> BoolArray:
+def _claims(table: _Table, asked: Asked) -> BoolArray:
     """Return which tests the family's rule lets a report claim, shape (studies, tests).
 
-    The questions - do the conditions differ, do people's gains differ, and, with catch trials, are
-    changes noticed - are one family with Holm's correction. A pair is claimed only if the
-    conditions differ, by its own p after Holm's correction over all pairs, and a condition to be
-    noticed only if changes are. So any false claim has a chance of at most 5%.
+    The questions - do the conditions differ, do people's gains differ, with catch trials, are
+    changes noticed, and those of groups and factors - are one family with Holm's correction. Any
+    other test, corrected already, is claimed only if a question that it waits for is: a pair only
+    if the conditions differ. So any false claim has a chance of at most 5%.
     """
-    p, pairs = _p_values(table, conditions), 2 + len(pairs_of(conditions))
+    p, tests = _p_values(table, asked), _tests(asked)
+    places = [place for place, after in enumerate(tests.values()) if not after]
     # A missing p, as that of noticing without catch trials, is no part of the family.
-    questions = holm_of_rows(p[:, [0, 1, pairs]]) < LEVEL
-    own = p < LEVEL
+    p[:, places] = holm_of_rows(p[:, places])
+    own, at = p < LEVEL, list(tests).index
     return np.column_stack(
         [
-            questions[:, :2],
-            questions[:, :1] & own[:, 2:pairs],
-            questions[:, 2:],
-            questions[:, 2:] & own[:, pairs + 1 :],
+            hit & own[:, [at(name) for name in after]].any(axis=1) if after else hit
+            for hit, after in zip(own.T, tests.values(), strict=True)
         ]
     )
 
@@ -233,13 +252,13 @@ _GROUPS_GAIN = "M2 group's gain"
 
 
 def _registered(
-    table: _Table, conditions: Sequence[str], hypotheses: Sequence[str], broken: Container[str]
+    table: _Table, asked: Asked, hypotheses: Sequence[str], broken: Container[str]
 ) -> tuple[RegisteredPower, ...]:
     """Return the power for each hypothesis; all but the first count only together with it."""
     every = np.full(len(table.rows), np.nan)
     held = {
         name: (row, every if row in broken else supported)
-        for name, (row, supported) in _held(table, conditions).items()
+        for name, (row, supported) in _held(table, asked).items()
     }
     nothing = "", every
     _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
@@ -252,17 +271,24 @@ def _registered(
     )
 
 
-def _held(table: _Table, conditions: Sequence[str]) -> dict[str, tuple[str, FloatArray]]:
+def _held(table: _Table, asked: Asked) -> dict[str, tuple[str, FloatArray]]:
     """Return, by hypothesis, the row that decides on it and in which studies its test holds."""
-    names, rejected = _names(conditions), (_p_values(table, len(conditions)) < LEVEL).T
-    held = {name: (name, hit * 1.0) for name, hit in zip(names[:2], rejected, strict=False)}
-    for pair, (a, b) in enumerate(pairs_of(len(conditions))):
-        row, hit, mean = names[2 + pair], rejected[2 + pair], table[f"pair mean {pair}"]
-        held[above(conditions[a], conditions[b])] = row, 1.0 * (hit & (mean > 0))
-        held[above(conditions[b], conditions[a])] = row, 1.0 * (hit & (mean < 0))
-    noticed = slice(2 + len(pairs_of(len(conditions))), None)
-    for name, hit in zip(names[noticed], rejected[noticed], strict=True):
-        held[name] = name, hit * 1.0
+    rejected = (_p_values(table, asked) < LEVEL).T
+    hits = dict(zip(_tests(asked), rejected, strict=True))
+    held = {name: (name, hit * 1.0) for name, hit in hits.items()}
+
+    conditions, sided = asked.conditions, []
+    for pair, (first, last) in enumerate(pairs_of(len(conditions))):
+        ends = conditions[first], conditions[last]
+        sided.append((above, ends, " - ".join(ends), f"pair mean {pair}"))
+    for ends in combinations(asked.groups, 2):
+        row = f"{' - '.join(ends)} between groups"
+        sided.append((between, ends, row, f"{row} shift"))
+    for named, (a, b), row, difference in sided:
+        held[named(a, b)] = row, 1.0 * (hits[row] & (table[difference] > 0))
+        held[named(b, a)] = row, 1.0 * (hits[row] & (table[difference] < 0))
+    for a, b in combinations(asked.factors, 2):
+        held[effect_of(b, a)] = held[effect_of(a, b)]
     if f"{_GROUPS_GAIN} significant" in table.names:
         held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
     return held

@@ -1,24 +1,32 @@
 """What the report's tests and estimators make of simulated cohorts, one row of numbers each.
 
-Rows are added up to diagnosands later. Their columns depend on the study's conditions alone.
+Rows are added up to diagnosands later. Their columns depend on what the study asks alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, field
+from itertools import chain, combinations, product
 
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.power.people_cohorts import Cohort
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.linear_model import linear_lines
-from analysis.sensitivity.lines import LineMixture, Medians, medians
+from analysis.sensitivity.linear_model import linear_lines, own_gains
+from analysis.sensitivity.lines import LineMixture, Medians, Ratings, medians
 from analysis.sensitivity.ordinal_model import ordinal_lines
+from analysis.simulation.simulation import Tables
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.detection import noticed_p
+from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
+from analysis.statistics.groups import group_statistics
 from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
 from analysis.statistics.signed_rank import holm_of_rows
+from device.friction.changes import predicted_contrast, trial_change
+from device.friction.scenes import NOMINAL, Calibration
+from protocol.registration.registration import effect_of
+from protocol.study.factor import CONDITION
+from protocol.study.study import Study
 
 ESTIMATES = (
     *("M2 bias", "M2 gain", "M2 relative gain", "M2 group's gain"),
@@ -33,42 +41,143 @@ RANK = "rank"
 """The posterior probability below the truth, of the study's first subject with ratings."""
 
 
-def columns(conditions: int, *, models: bool) -> list[str]:
+GROUP_SCORE, GROUP_GAIN = "mean scores differ between groups", "gains differ between groups"
+BY_GROUP = "effects of conditions differ between groups"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What the report of a study asks: of conditions and, if there are any, groups and factors.
+
+    `factors` have their levels, sessions of a participant among them; `contrasts` is the predicted
+    contrast of each condition as planned, for the gains of groups.
+    """
+
+    conditions: tuple[str, ...]
+    groups: tuple[str, ...] = ()
+    factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    contrasts: tuple[float, ...] = ()
+
+    @property
+    def of_design(self) -> dict[str, tuple[str, ...]]:
+        """Each test of groups and factors, with the questions of which one must be answered by yes.
+
+        A question itself waits for none.
+        """
+        pairs = [f"{a} - {b} between groups" for a, b in combinations(self.groups, 2)]
+        return {
+            **dict.fromkeys((GROUP_SCORE, GROUP_GAIN, BY_GROUP) if pairs else (), ()),
+            **dict.fromkeys(pairs, (GROUP_SCORE,)),
+            **{
+                f"{condition}: {pair}": (GROUP_SCORE, BY_GROUP)
+                for condition in self.conditions
+                for pair in pairs
+            },
+            **{effect_of(*of): () for of in effects_of(self.factors)},
+        }
+
+
+def asked_by(study: Study, rig: Calibration = NOMINAL) -> Asked:
+    """Return what the report of a study asks, with contrasts on that rig."""
+    factors, several = study.factors, study.design.sessions > 1
+    if several and not factors and len(study.conditions) > 1:
+        factors = {CONDITION: study.conditions}
+    changes = (
+        trial_change(study, each.question, each.expected, each.touches) for each in study.condition
+    )
+    return Asked(
+        conditions=study.conditions,
+        groups=study.groups,
+        factors=factors
+        | ({SESSION: tuple(map(str, range(1, study.design.sessions + 1)))} if several else {}),
+        contrasts=tuple(predicted_contrast(change, rig=rig) for change in changes),
+    )
+
+
+def columns(asked: Asked, *, models: bool) -> list[str]:
     """Return the names of a row's numbers."""
-    pairs = range(len(pairs_of(conditions)))
+    pairs = range(len(pairs_of(len(asked.conditions))))
     tests = ["omnibus p", "gains p", "complete"]
-    noticed = ["noticed p", *(f"noticed p {condition}" for condition in range(conditions))]
+    noticed = [
+        "noticed p",
+        *(f"noticed p {condition}" for condition in range(len(asked.conditions))),
+    ]
     of_pairs = [
         f"{what} {pair}"
         for what in ("pair p", "pair mean", "pair error", "pair subjects")
         for pair in pairs
     ]
+    of_design = [f"{name} {what}" for name in asked.of_design for what in ("p", "shift")]
     sums = [f"{name} {what}" for name, what in product(ESTIMATES, (*SUMS, RANK))]
-    return [*tests, *of_pairs, *noticed, *(sums if models else [])]
+    return [*tests, *of_pairs, *noticed, *of_design, *(sums if models else [])]
 
 
-def rows_of_tables(
-    tables: Sequence[FloatArray], noticed: Sequence[IntArray] | None = None
-) -> FloatArray:
-    """Return a row per table of scores; tables of one shape are tested together.
+def rows_of_tables(tables: Tables, asked: Asked) -> FloatArray:
+    """Return a row per cohort; tables of one shape are tested together.
 
-    Subjects without any score count for nothing in the tests of scores. Without what was `noticed`
-    (see `noticed_counts`), and without catch trials, there is no p of noticing.
+    Subjects without any score count for nothing in the tests of scores. Without catch trials there
+    is no p of noticing.
     """
     # The report does not analyse a subject without any score.
-    left = [table[~np.isnan(table).all(axis=1)] for table in tables]
-    width = len(columns(tables[0].shape[1], models=False))
-    rows = np.full((len(left), width), np.nan)
+    kept = np.asarray(~np.isnan(tables.scores).all(axis=2))
+    left = [table[some] for table, some in zip(tables.scores, kept, strict=True)]
+    rows = np.full((len(left), 3 + 4 * len(pairs_of(len(asked.conditions)))), np.nan)
     # Tables of one shape are one array, which is far faster than a test at a time.
     for shape in {table.shape for table in left}:
         which = [number for number, table in enumerate(left) if table.shape == shape]
         # A cohort of which nobody is left has a row of NaN: no test, and no claim.
         if shape[0]:
-            tested = _rows(np.array([left[number] for number in which]))
-            rows[which, : tested.shape[1]] = tested
-    if noticed is not None:
-        rows[:, -tables[0].shape[1] - 1 :] = np.concatenate(list(map(_noticed_p, noticed)))
-    return rows
+            rows[which] = _rows(np.array([left[number] for number in which]))
+    noticed = np.concatenate(list(map(_noticed_p, tables.noticed)))
+    of_design = [
+        [*_of_groups(scores, of[some], asked), *_of_factors(scores, apart[some], asked)]
+        for scores, some, apart, of in zip(
+            left, kept, tables.by_session, tables.groups, strict=True
+        )
+    ]
+    return np.column_stack([rows, noticed, of_design])
+
+
+def _of_groups(scores: FloatArray, groups: IntArray, asked: Asked) -> list[float]:
+    """Return p and shift of each test of groups, in their order; NaN where there is none."""
+    names, pairs = asked.groups, list(combinations(asked.groups, 2))
+    if not pairs:
+        return []
+    if not len(scores):
+        return [float("nan")] * (2 * (3 + len(pairs) * (1 + len(asked.conditions))))
+    contrasts = np.broadcast_to(asked.contrasts, scores.shape)
+    subject, condition = np.nonzero(np.isfinite(contrasts))
+    ratings = Ratings(
+        subjects=tuple(map(str, range(len(scores)))),
+        conditions=asked.conditions,
+        subject=subject,
+        condition=condition,
+        contrast=contrasts[subject, condition],
+        rating=scores[subject, condition],
+    )
+    made = group_statistics(scores, own_gains(ratings), groups, names, asked.conditions)
+    found: list[float] = []
+    for it in (made.score, made.gain, made.interaction):
+        found += [float("nan") if isinstance(it, NotEstimable) else it.p, float("nan")]
+    for test in (made.score, *made.conditions.values()):
+        own = () if isinstance(test, NotEstimable) else test.pairs
+        known = {(pair.a, pair.b): (pair.p_holm, pair.shift) for pair in own}
+        found += chain.from_iterable(known.get(pair, (float("nan"),) * 2) for pair in pairs)
+    return found
+
+
+def _of_factors(scores: FloatArray, by_session: FloatArray, asked: Asked) -> list[float]:
+    """Return p of each effect, in their order, and NaN, because an effect has no sign."""
+    if not asked.factors:
+        return []
+    within = {name: levels for name, levels in asked.factors.items() if name != SESSION}
+    shape = [len(levels) for levels in within.values()]
+    crossed = Crossed(factors=within, scores=scores.reshape(-1, *shape))
+    wide = Crossed(
+        factors=asked.factors, scores=by_session.reshape(-1, *shape, by_session.shape[-1])
+    )
+    p = factorial_p(crossed, wide if SESSION in asked.factors else None)
+    return [number for each in p for number in (each, float("nan"))]
 
 
 def _noticed_p(counts: IntArray) -> FloatArray:
@@ -96,12 +205,9 @@ def _rows(scores: FloatArray) -> FloatArray:
     )
 
 
-def rows_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
-    """Return a row per cohort: its tests, then what the sensitivity models estimate."""
-    tests = rows_of_tables(
-        [cohort.scores for cohort in cohorts], [cohort.noticed for cohort in cohorts]
-    )
-    return np.column_stack([tests, [_estimated(cohort) for cohort in cohorts]])
+def estimates_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
+    """Return, for each cohort, what the sensitivity models estimate."""
+    return np.array([_estimated(cohort) for cohort in cohorts])
 
 
 def _gains_p(scores: FloatArray) -> float:

@@ -12,13 +12,8 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from analysis.estimates import FloatArray
-from analysis.power.diagnosis import rows_of_cohorts, rows_of_tables
-from analysis.power.people_cohorts import (
-    PeopleCohorts,
-    Simulate,
-    without_effect,
-    without_noticing,
-)
+from analysis.power.diagnosis import Asked, asked_by, estimates_of_cohorts, rows_of_tables
+from analysis.power.people_cohorts import PeopleCohorts, Simulate, without_effect
 from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
@@ -143,7 +138,7 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
     return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
 
 
-FORM = 3
+FORM = 4
 """Of the numbers in a chunk; a new form makes the kept chunks of earlier ones unused."""
 FITTED_AT_ONCE, TESTED_AT_ONCE = 4, 500
 """Studies in a task: a second or two of work, so that little is lost and progress is seen."""
@@ -210,6 +205,12 @@ def simulation(job: Job, design: Design) -> Simulate:
     )
 
 
+@lru_cache(maxsize=8)
+def asked(job: Job) -> Asked:
+    """Return what the job's study asks."""
+    return asked_by(parsed_study(job.study), job.rig)
+
+
 def numbers(job: Job, task: Task) -> FloatArray:
     """Return a row of numbers per study of the task, see `analysis.power.diagnosis`.
 
@@ -236,16 +237,13 @@ def numbers(job: Job, task: Task) -> FloatArray:
     ]
     with threadpool_limits(limits=1):
         simulate = simulation(job, task.design)
-        if task.kind == "fitted":
-            return rows_of_cohorts([simulate.cohort(key) for key in keys])
-        tables, noticed = simulate.tables(keys)
-        if task.kind == "tested":
-            return rows_of_tables(list(tables), list(noticed))
-        streams = list(map(_stream, keys))
-        return rows_of_tables(
-            list(map(without_effect, tables, streams)),
-            list(map(without_noticing, noticed, streams)),
-        )
+        tables = simulate.tables(keys)
+        if task.kind == "null":
+            tables = without_effect(tables, map(_stream, keys))
+        rows = rows_of_tables(tables, asked(job))
+        if task.kind != "fitted":
+            return rows
+        return np.column_stack([rows, estimates_of_cohorts(list(map(simulate.cohort, keys)))])
 
 
 def _stream(key: str) -> np.random.Generator:

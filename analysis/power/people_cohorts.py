@@ -1,6 +1,6 @@
 """Cohorts of virtual people, as the report would analyse their sessions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import nan
@@ -14,9 +14,9 @@ from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
 from analysis.simulation.simulation import (
     Simulation,
+    Tables,
     counted_trials,
     names_of,
-    noticed_counts,
 )
 from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
@@ -43,20 +43,6 @@ class Cohort:
     bias: FloatArray
     gain: FloatArray
     population_gain: float
-    noticed: IntArray
-    """As `noticed_counts` has them."""
-
-    @property
-    def scores(self) -> FloatArray:
-        """Mean scores, shape (subjects, conditions); NaN where none was given."""
-        given = self.ratings.given
-        shape = len(given.subjects), len(given.conditions)
-        cell = given.subject * shape[1] + given.condition
-        counts = np.bincount(cell, minlength=shape[0] * shape[1])
-        sums = np.bincount(cell, weights=given.rating, minlength=shape[0] * shape[1])
-        means = np.full(shape[0] * shape[1], np.nan)
-        np.divide(sums, counts, out=means, where=counts > 0)
-        return means.reshape(shape)
 
 
 class Simulate(Protocol):
@@ -69,32 +55,46 @@ class Simulate(Protocol):
         """Return the scored trials of the study of `key`."""
         ...
 
-    def tables(self, keys: Sequence[str]) -> tuple[FloatArray, IntArray]:
-        """Return the tables of scores of the studies of `keys`, and what was noticed.
-
-        Shapes (keys, participants, conditions), NaN where no score was given, and in the whole row
-        of a participant whom the study's rules leave out; (keys, participants, conditions + 1, 2),
-        see `noticed_counts`.
-        """
+    def tables(self, keys: Sequence[str]) -> Tables:
+        """Return what the tests take of the studies of `keys`."""
         ...
 
 
-def without_effect(table: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return a table with each subject's scores shuffled over the conditions.
+def without_effect(tables: Tables, streams: Iterable[np.random.Generator]) -> Tables:
+    """Return tables without any effect, with a stream for each cohort.
 
+    Each subject's scores are shuffled over the conditions, and over the sessions of a condition.
     What is given and withheld, ceilings and people's use of numbers stay; the conditions mean
-    nothing any more, so that every difference, and every difference between gains, is 0.
+    nothing any more, so that every difference, and every difference between gains, is 0. Subjects
+    are shuffled between groups, and each one's reported changes are drawn anew over all trials, so
+    that with a signal they are no more than without.
     """
+    return Tables(
+        *(np.stack(part) for part in zip(*map(_without_effect, *tables, streams), strict=True))
+    )
+
+
+def _without_effect(
+    scores: FloatArray,
+    noticed: IntArray,
+    by_session: FloatArray,
+    groups: IntArray,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     # Each row on its own, so that a person's level stays and only the conditions lose their
     # meaning.
-    return rng.permuted(table, axis=1)
+    order = rng.permuted(np.tile(np.arange(scores.shape[1]), (len(scores), 1)), axis=1)
+    drawn = _without_noticing(noticed, rng)
+    moved = np.take_along_axis(by_session, order[..., None], axis=1)
+    return (
+        np.take_along_axis(scores, order, axis=1),
+        drawn,
+        rng.permuted(moved, axis=2),
+        rng.permutation(groups),
+    )
 
 
-def without_noticing(noticed: IntArray, rng: np.random.Generator) -> IntArray:
-    """Return counts with each person's reported changes drawn anew over all trials.
-
-    People report as often as before, but with a signal no more often than without.
-    """
+def _without_noticing(noticed: IntArray, rng: np.random.Generator) -> IntArray:
     told, trials = noticed[..., 0], noticed[..., 1]
     drawn = [
         # `marginals` takes as long for a thousand trials as for ten.
@@ -118,9 +118,9 @@ class PeopleCohorts:
     population: Population = DEFAULT
     rig: Calibration = NOMINAL
 
-    def tables(self, keys: Sequence[str]) -> tuple[FloatArray, IntArray]:
-        """Return the tables of scores of the studies of `keys`, and what was noticed."""
-        return self._simulation.scores_and_noticed(self.participants, keys)
+    def tables(self, keys: Sequence[str]) -> Tables:
+        """Return what the tests take of the studies of `keys`."""
+        return self._simulation.tables(self.participants, keys)
 
     def cohort(self, key: str) -> Cohort:
         """Return the study of `key`.
@@ -142,7 +142,6 @@ class PeopleCohorts:
             bias=zero + unit * people.bias,
             gain=unit * people.gain * people.skin,
             population_gain=unit * self._mean_gain if kept.size else 0.0,
-            noticed=noticed_counts(simulation.planned, made)[kept],
         )
 
     def _ratings(

@@ -14,6 +14,7 @@ from analysis.power.diagnosands import (
     TestPower,
     too_often,
 )
+from analysis.power.diagnosis import BY_GROUP
 from analysis.power.job import Design
 from analysis.report.drawing import Panel, Series, panels_figure
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
@@ -30,7 +31,9 @@ FAMILY = (
     "Supported is what holds for the whole report at 5%: that the conditions differ and that gains "
     "differ are one family with Holm's correction; a pair counts only if the conditions differ, by "
     "its p after Holm's correction over all pairs. With catch trials, that changes are noticed is "
-    "a third question of the family; a condition counts as noticed only if changes are."
+    "a third question of the family; a condition counts as noticed only if changes are. So are "
+    "the questions about groups and the effects of factors; a pair of groups counts only if groups "
+    "differ."
 )
 KOLMOGOROV = 1.358
 """The 95% quantile of √n times the largest distance of an empirical distribution from its own."""
@@ -227,6 +230,10 @@ def design_answer(found: Findings) -> str:
         for test in found.tests
         if test.name == NOTICED
     ]
+    if of_design := _of_design(found):
+        able = [repr(test.name) for test in of_design if test.supported.value >= ENOUGH]
+        none = "less than 80% power for every question about groups and factors"
+        parts.append(f"80% power for {', '.join(able)}" if able else none)
     listed = f"80% power for {', '.join(strong[:4])}{_rest(strong[4:])}"
     parts.append(listed if strong else "less than 80% power for every pair of conditions")
     parts += [
@@ -248,11 +255,13 @@ def _pairs_with_power(found: Findings) -> list[str]:
 
 
 def _pairs(found: Findings) -> list[TestPower]:
-    return [
-        test
-        for test in found.tests
-        if test.name not in {OMNIBUS, GAINS} and not test.name.endswith(NOTICED)
-    ]
+    return [test for test in found.tests if test.after == (OMNIBUS,)]
+
+
+def _of_design(found: Findings) -> list[TestPower]:
+    """Return the questions about groups and factors."""
+    known = {OMNIBUS, GAINS, NOTICED}
+    return [test for test in found.tests if not test.after and test.name not in known]
 
 
 def _rest(names: Sequence[str]) -> str:
@@ -265,9 +274,12 @@ def _percent(value: float) -> str:
 
 def left_out(found: Findings) -> set[str]:
     """Return the pairs that are not shown on a terminal: of many those that have least power."""
-    pairs = sorted(_pairs(found), key=lambda test: -test.power.value)
+    of_groups = [test for test in found.tests if BY_GROUP in test.after]
+    many = (_pairs(found), of_groups)
+    by_power = (sorted(each, key=lambda test: -test.power.value) for each in many)
+    hidden = {test.name for each in by_power for test in each[_MOST_PAIRS:]}
     # What was registered is shown, however little power it has.
-    return {test.name for test in pairs[_MOST_PAIRS:]} - {each.row for each in found.registered}
+    return hidden - {each.row for each in found.registered}
 
 
 def lines_of_tests(found: Findings) -> list[list[str]]:
@@ -329,7 +341,7 @@ def _curves(found: Sequence[Findings]) -> list[Panel]:
         lines.setdefault(str(each.design).partition(" x ")[2], []).append(each)
     panels = [
         _curve(f"Power: {name}", "share of studies", lines, {"test": name})
-        for name in (OMNIBUS, GAINS)
+        for name in (OMNIBUS, GAINS, *(test.name for test in _of_design(found[0])))
     ]
     if any(estimate.name == RELATIVE for estimate in found[0].estimates):
         name = "Half-width of relative gains"

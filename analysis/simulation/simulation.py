@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -120,11 +121,12 @@ def _add_touch(
 # Tables of scores of many cohorts at once, after the study's rules on who is left out.
 
 
-def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
+def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(None)) -> FloatArray:
     """Return each person's mean score by condition, shape (people, conditions).
 
-    The rules are those of `analysis.loading.study_data`: trials are judged first, by the time to
-    the first answer, then people, by the trials that are left to them.
+    Means are of `trials` alone, but the rules judge all of them. These are the rules of
+    `analysis.loading.study_data`: trials are judged first, by the time to the first answer, then
+    people, by the trials that are left to them.
     """
     conditions = planned.study.conditions
     of = planned.kinds
@@ -133,7 +135,9 @@ def score_tables(planned: PlannedTrials, made: Cohort) -> FloatArray:
     columns = [conditions.index(name) if name in conditions else -1 for name in names]
     condition = np.array(columns)[made.kinds]
     counted, out = counted_trials(planned, made)
-    given = counted & ~np.isnan(made.score)
+    among = np.zeros(counted.shape[1], dtype=np.bool_)
+    among[trials] = True
+    given = counted & among & ~np.isnan(made.score)
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
@@ -207,6 +211,22 @@ def _judged(planned: PlannedTrials, made: Cohort) -> _Judged:
     )
 
 
+class Tables(NamedTuple):
+    """What the tests of simulated cohorts take; the row of somebody left out is empty.
+
+    Attributes:
+        scores: means, shape (cohorts, people, conditions); NaN where no score was given.
+        noticed: see `noticed_counts`, shape (cohorts, people, conditions + 1, 2).
+        by_session: the means by session, shape (cohorts, people, conditions, sessions).
+        groups: positions among the study's groups, shape (cohorts, people); 0 without groups.
+    """
+
+    scores: FloatArray
+    noticed: IntArray
+    by_session: FloatArray
+    groups: IntArray
+
+
 _AT_ONCE = 2_000
 """Sessions that are simulated at once: more would need more memory and save no time."""
 
@@ -247,26 +267,29 @@ class Simulation:
         return joined(self._sessions(self._who(participants, seed)))
 
     def score_tables(self, participants: int, seeds: Sequence[int | str]) -> FloatArray:
-        """Return the table of scores of each seed's cohort, NaN where a score is missing.
+        """Return the table of scores of each seed's cohort, see `Tables`."""
+        return self.tables(participants, seeds).scores
 
-        Shape (seeds, participants, conditions); the row of a participant whom the study's rules
-        leave out is empty.
-        """
-        return self.scores_and_noticed(participants, seeds)[0]
-
-    def scores_and_noticed(
-        self, participants: int, seeds: Sequence[int | str]
-    ) -> tuple[FloatArray, IntArray]:
-        """Return these tables, and `noticed_counts` of the same people."""
+    def tables(self, participants: int, seeds: Sequence[int | str]) -> Tables:
+        """Return what the tests of cohorts take, a cohort for each seed."""
         who = [one for seed in seeds for one in self._who(participants, seed)]
-        shape = (len(seeds), participants, len(self.study.conditions))
-        scores, counts = np.empty((len(who), shape[2])), np.zeros((len(who), shape[2] + 1, 2), int)
+        found: list[list[Any]] = []
         for begin in range(0, len(who), _AT_ONCE):
-            some = slice(begin, begin + _AT_ONCE)
-            made = joined(self._sessions(who[some]))
-            scores[some] = score_tables(self.planned, made)
-            counts[some] = noticed_counts(self.planned, made)
-        return scores.reshape(shape), counts.reshape(*shape[:2], shape[2] + 1, 2)
+            sessions = self._sessions(who[begin : begin + _AT_ONCE])
+            made, ends = joined(sessions), np.cumsum([each.kinds.shape[1] for each in sessions])
+            each = (slice(*of) for of in pairwise([0, *ends.tolist()]))
+            by_session = [score_tables(self.planned, made, of) for of in each]
+            of_study = score_tables(self.planned, made) if len(sessions) > 1 else by_session[0]
+            counts = noticed_counts(self.planned, made)
+            found.append([of_study, counts, np.stack(by_session, axis=-1)])
+        shape = (len(seeds), participants)
+        scores, noticed, apart = (
+            np.concatenate(arrays).reshape(*shape, *arrays[0].shape[1:])
+            for arrays in zip(*found, strict=True)
+        )
+        groups = [self.planned.place(slot)[0] for slot in range(participants)]
+        of = [self.study.groups.index(group) if group else 0 for group in groups]
+        return Tables(scores, noticed, apart, np.broadcast_to(of, shape))
 
     @property
     def planned(self) -> PlannedTrials:

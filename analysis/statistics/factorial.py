@@ -3,10 +3,11 @@
 Numbers of equations are those of docs/mathematics/ordinal.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
 from math import factorial, prod
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -23,6 +24,8 @@ SESSION = "session"
 MOST_LISTED = 300_000
 """Arrangements that are listed for an exact p."""
 MOST_SHUFFLES = 20_000
+_SHUFFLES = 999
+"""Of a simulated study, of which there are thousands."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,11 +43,16 @@ class Crossed:
     @property
     def complete(self) -> FloatArray:
         """The scores of the people who have one in every cell."""
-        return self.scores[~np.isnan(self.scores).reshape(len(self.scores), -1).any(axis=1)]
+        levels = tuple(range(1, self.scores.ndim))
+        return self.scores[~np.isnan(self.scores).any(axis=levels)]
+
+    def places(self, names: Iterable[str]) -> tuple[int, ...]:
+        """Return the positions of the named factors."""
+        return tuple(list(self.factors).index(name) for name in names)
 
     def over(self, *names: str) -> FloatArray:
         """Return these people's means by level of the named factors alone, in their order."""
-        axes = [list(self.factors).index(name) + 1 for name in names]
+        axes = [place + 1 for place in self.places(names)]
         moved = np.moveaxis(self.complete, axes, range(1, len(axes) + 1))
         return np.asarray(moved.mean(axis=tuple(range(len(axes) + 1, moved.ndim))))
 
@@ -129,7 +137,7 @@ def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Fact
             a session counts for the other effects.
     """
     wide = by_session or crossed
-    names = [(name,) for name in wide.factors] + list(combinations(wide.factors, 2))
+    names = effects_of(wide.factors)
     found = [_of(wide if SESSION in of else crossed, of) for of in names]
     return Factorial(
         effects=tuple(
@@ -144,6 +152,31 @@ def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Fact
     )
 
 
+def effects_of(factors: Iterable[str]) -> list[tuple[str, ...]]:
+    """Return the factors of each effect: main effects, then interactions of two."""
+    names = list(factors)
+    return [*((name,) for name in names), *combinations(names, 2)]
+
+
+def factorial_p(crossed: Crossed, by_session: Crossed | None = None) -> list[float]:
+    """Return p of each effect as simulations need it, in a fraction of the time; NaN if none.
+
+    One of .05 or more is that of F alone, which no permutation can make smaller, so that the same
+    effects are found; a smaller one is of 999 shufflings.
+    """
+    wide, found = by_session or crossed, []
+    for of in effects_of(wide.factors):
+        among = wide if SESSION in of else crossed
+        test = _f_test(among.complete, among.places(of)) if len(among.complete) > 1 else None
+        if not isinstance(test, _FTest):
+            found.append(float("nan"))
+        elif test.p >= LEVEL:
+            found.append(test.p)
+        else:
+            found.append(max(test.p, _monte_carlo(test.own, _SHUFFLES).p))
+    return found
+
+
 def _of(crossed: Crossed, factors: tuple[str, ...]) -> Effect | NotEstimable:
     scores = crossed.complete
     if len(scores) < 2:
@@ -152,7 +185,7 @@ def _of(crossed: Crossed, factors: tuple[str, ...]) -> Effect | NotEstimable:
             f"the test needs at least 2 people with a score in each of {cells} cells, got "
             f"{len(scores)}"
         )
-    return within_effect(scores, tuple(list(crossed.factors).index(name) for name in factors))
+    return within_effect(scores, crossed.places(factors))
 
 
 def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotEstimable:
@@ -168,11 +201,46 @@ def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotE
         scores: shape (people, levels of each factor), none missing.
         factors: positions among the factors.
     """
+    test = _f_test(scores, factors)
+    if isinstance(test, NotEstimable):
+        return test
+    exact = exact_p(test.own)
+    shuffled = _monte_carlo(test.own) if exact is None else None
+    # All that is not an effect: people's levels, and how people differ in effects.
+    rest = float(((scores - scores.mean(axis=0)) ** 2).sum())
+    between = scores.size / test.own.size * test.between
+    return Effect(
+        people=len(scores),
+        f=test.f,
+        df=test.df,
+        epsilon=test.epsilon,
+        p_f=test.p,
+        p_permuted=shuffled.p if shuffled else exact or 0.0,
+        monte_carlo=shuffled,
+        partial_eta2=test.between / test.total,
+        partial_eta2_interval=_eta2_interval(test.f, *test.df),
+        generalized_eta2=between / (between + rest),
+    )
+
+
+class _FTest(NamedTuple):
+    """F of (21) with each person's deviations `own` and the sums of squares that it is made of."""
+
+    own: FloatArray
+    between: float
+    total: float
+    f: float
+    df: tuple[int, int]
+    epsilon: float
+    p: float
+
+
+def _f_test(scores: FloatArray, factors: tuple[int, ...]) -> _FTest | NotEstimable:
     others = tuple(axis + 1 for axis in range(scores.ndim - 1) if axis not in factors)
     own = scores.mean(axis=others)
     for axis in range(1, own.ndim):
         own = own - own.mean(axis=axis, keepdims=True)
-    people, times = len(own), prod(scores.shape[axis] for axis in others)
+    people = len(own)
     noise = own.size * (1e-12 * max(1.0, float(np.abs(scores).max()))) ** 2
     total, between = float((own**2).sum()), people * float((own.mean(axis=0) ** 2).sum())
     if total <= noise:
@@ -183,21 +251,14 @@ def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotE
     f = between / df / ((total - between) / (df * (people - 1)))
     spread = np.linalg.eigvalsh(np.cov(own.reshape(people, -1), rowvar=False))
     epsilon = float(spread.sum() ** 2 / (df * (spread**2).sum()))
-    exact = exact_p(own)
-    shuffled = _monte_carlo(own) if exact is None else None
-    # All that is not an effect: people's levels, and how people differ in effects.
-    rest = float(((scores - scores.mean(axis=0)) ** 2).sum())
-    return Effect(
-        people=people,
+    return _FTest(
+        own=own,
+        between=between,
+        total=total,
         f=f,
         df=(df, df * (people - 1)),
         epsilon=epsilon,
-        p_f=float(fdtrc(epsilon * df, epsilon * df * (people - 1), f)),
-        p_permuted=shuffled.p if shuffled else exact or 0.0,
-        monte_carlo=shuffled,
-        partial_eta2=between / total,
-        partial_eta2_interval=_eta2_interval(f, df, df * (people - 1)),
-        generalized_eta2=times * between / (times * between + rest),
+        p=float(fdtrc(epsilon * df, epsilon * df * (people - 1), f)),
     )
 
 
@@ -223,9 +284,9 @@ def exact_p(own: FloatArray) -> float | None:
     return float(_reach(sums, own).mean())
 
 
-def _monte_carlo(own: FloatArray) -> MonteCarlo:
+def _monte_carlo(own: FloatArray, most: int = MOST_SHUFFLES) -> MonteCarlo:
     """Return p of random arrangements from a fixed seed, as `omnibus.monte_carlo_p` does."""
-    shuffles = shuffles_of(own.size, MOST_SHUFFLES)
+    shuffles = shuffles_of(own.size, most)
     rng = np.random.default_rng(SEED)
     sums = np.zeros((shuffles, *own.shape[1:]))
     for person in own:

@@ -171,18 +171,17 @@ def _found(
 
     from analysis.power.diagnosands import findings
     from analysis.power.engine import completed
-    from protocol.study_file.loading import parsed_study
+    from analysis.power.job import asked
 
     every = [task for pair in to_do.values() for own in pair for task in own]
     results = completed(job, every, place, workers, scheduler)
     rows = dict(followed("studies", results, len(every), alone=as_json))
-    conditions = parsed_study(job.study).conditions
 
     def numbers(own: "list[Task]") -> "FloatArray":
         return np.concatenate([rows[it] for it in own])
 
     return [
-        findings(design, conditions, numbers(own), numbers(null), hypotheses)
+        findings(design, asked(job), numbers(own), numbers(null), hypotheses)
         for design, (own, null) in to_do.items()
     ]
 

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
-from analysis.power.diagnosands import Findings, findings, ratio
-from analysis.power.diagnosis import ESTIMATES, columns, rows_of_tables
+from analysis.power.diagnosands import Findings, findings, ratio, too_often
+from analysis.power.diagnosis import (
+    BY_GROUP,
+    ESTIMATES,
+    GROUP_SCORE,
+    Asked,
+    columns,
+    rows_of_tables,
+)
 from analysis.power.job import Design
 from analysis.power.power_report import (
     design_answer,
@@ -18,9 +25,26 @@ from analysis.power.power_report import (
     warnings,
 )
 from analysis.report.drawing import Panel, panels_figure
+from analysis.simulation.simulation import Tables
 
 DESIGN = Design(participants=9, repeats=1)
-NAMES = ("a", "b", "c", "d", "e")
+NAMES = Asked(conditions=("a", "b", "c", "d", "e"))
+
+
+def rows_of(tables: Sequence[FloatArray], asked: Asked | None = None) -> FloatArray:
+    """Rows of complete or empty tables, without catch trials; people alternate between groups."""
+    scores = np.array(tables)
+    studies, people, conditions = scores.shape
+    alternating = np.arange(people) % max(1, len(asked.groups if asked else ()))
+    return rows_of_tables(
+        Tables(
+            scores=scores,
+            noticed=np.zeros((studies, people, conditions + 1, 2), dtype=np.int64),
+            by_session=scores[..., None],
+            groups=np.tile(alternating, (studies, 1)),
+        ),
+        asked or Asked(conditions=tuple("abcdefghijkl"[:conditions])),
+    )
 
 
 def tables(seed: int, studies: int, effects: tuple[float, ...] = (0, 0, 0, 0, 0)) -> FloatArray:
@@ -53,7 +77,7 @@ def test_a_share_of_all_studies_is_not_known_without_error() -> None:
 
 
 def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
-    null = rows_of_tables(list(tables(5, 2000)))
+    null = rows_of(list(tables(5, 2000)))
     claimed = found(null[:10], null).any_false_claim
     assert claimed.value <= 0.05 + 2 * claimed.error
     assert claimed.error == pytest.approx(np.sqrt(0.05 * 0.95 / 2000), rel=0.3)
@@ -63,20 +87,21 @@ def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
 
 
 def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> None:
-    rows = rows_of_tables(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    rows = rows_of(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
     made = found(rows, rows[:0])
     by_name = {test.name: test for test in made.tests}
     differ = by_name["conditions differ"]
     assert differ.power.value == pytest.approx((rows[:, 0] < 0.05).mean())
     assert differ.power.value > 0.9
     for test in made.tests[2:]:
+        assert test.after == ("conditions differ",)
         assert test.supported.value <= min(test.power.value, differ.supported.value)
     assert by_name["a - e"].power.value > by_name["a - b"].power.value
     assert made.omnibus == "Friedman"
 
 
 def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary_one() -> None:
-    rows = rows_of_tables(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    rows = rows_of(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
     names = ("e above a", "a above e", "conditions differ", "order of conditions as predicted")
 
     def powers(*hypotheses: str) -> list[float]:
@@ -84,7 +109,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
         assert [each.name for each in made] == list(hypotheses)
         return [each.power.value for each in made]
 
-    rejected = rows[:, columns(5, models=False).index("pair p 3")] < 0.05
+    rejected = rows[:, columns(NAMES, models=False).index("pair p 3")] < 0.05
     first = powers(*names)
     assert 0.1 < first[0] <= rejected.mean()
     assert first[0] + powers("a above e")[0] == pytest.approx(rejected.mean())
@@ -96,7 +121,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
 
 
 def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
-    rows = rows_of_tables(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
+    rows = rows_of(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
     made = {one.name: one for one in found(rows, rows[:0]).estimates}
     big, none = made["mean difference a - e"], made["mean difference a - b"]
     for one in (big, none):
@@ -110,7 +135,7 @@ def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
 
 
 def test_estimates_add_up_over_studies() -> None:
-    names = columns(5, models=True)
+    names = columns(NAMES, models=True)
     rows = np.zeros((2, len(names)))
     gain = ESTIMATES[1]
     for what, values in {
@@ -125,7 +150,7 @@ def test_estimates_add_up_over_studies() -> None:
         "true size": (3.0, 1.0),
     }.items():
         rows[:, names.index(f"{gain} {what}")] = values
-    null = rows_of_tables(list(tables(8, 10)))
+    null = rows_of(list(tables(8, 10)))
     one = next(each for each in found(rows, null).estimates if each.name == gain)
     assert (one.bias.value, one.rmse.value, one.width.value) == (1.0, 2.0, 2.0)
     assert (one.coverage.value, one.power.value) == (0.9, 0.4)
@@ -135,18 +160,18 @@ def test_estimates_add_up_over_studies() -> None:
 def test_subjects_who_are_left_out_count_for_nothing() -> None:
     scores = tables(9, 4, (0, 0, 0, 1, 2))
     with_empty = np.concatenate([scores, np.full((4, 2, 5), np.nan)], axis=1)
-    np.testing.assert_array_equal(rows_of_tables(list(with_empty)), rows_of_tables(list(scores)))
-    assert np.isnan(rows_of_tables([np.full((9, 5), np.nan)])).all()
+    np.testing.assert_array_equal(rows_of(list(with_empty)), rows_of(list(scores)))
+    assert np.isnan(rows_of([np.full((9, 5), np.nan)])).all()
 
 
 def test_the_answer_says_which_condition_is_above_which() -> None:
-    rows = rows_of_tables(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
+    rows = rows_of(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
     said = design_answer(found(rows, rows[:0]))
     assert said.startswith("9 participants x 1 repeat: 98% power to tell that the conditions")
     assert ", less than 80% power for every pair of conditions." in design_answer(
-        found(rows_of_tables(list(tables(5, 50))), rows)
+        found(rows_of(list(tables(5, 50))), rows)
     )
-    names = columns(5, models=False)
+    names = columns(NAMES, models=False)
     rows[:, names.index("pair p 3")] = 0.01
     assert "80% power for e above a" in design_answer(found(rows, rows[:0]))
 
@@ -154,11 +179,11 @@ def test_the_answer_says_which_condition_is_above_which() -> None:
 def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     rng = np.random.default_rng(8)
     scatter = np.geomspace(0.05, 2.5, 9)[:, None]
-    null = rows_of_tables(list(5 + scatter * rng.standard_normal((400, 9, 5))))
-    rows = rows_of_tables(list(tables(6, 50, (0, 0, 0, 0, 2.5))))
+    null = rows_of(list(5 + scatter * rng.standard_normal((400, 9, 5))))
+    rows = rows_of(list(tables(6, 50, (0, 0, 0, 0, 2.5))))
     held = next(test for test in found(rows, null).tests if test.name == "gains differ")
     assert np.isfinite(held.supported.value)  # however differently people scatter
-    null[::5, columns(5, models=False).index("gains p")] = 0.001
+    null[::5, columns(NAMES, models=False).index("gains p")] = 0.001
     made = findings(DESIGN, NAMES, rows, null, ["gains differ", "conditions differ"])
     differ, gains, *_ = made.tests
     assert made.false_claims["gains differ"].value > 0.1
@@ -169,14 +194,14 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     (line,) = warnings([made])
     assert line.startswith("9 participants x 1 repeat: without any effect ")
     assert "where at most 5% should; do not claim 'gains differ', which" in line
-    assert warnings([found(rows, rows_of_tables(list(tables(5, 400))))]) == []
+    assert warnings([found(rows, rows_of(list(tables(5, 400))))]) == []
 
 
 def test_intervals_that_miss_the_truth_are_told() -> None:
-    rows = rows_of_tables(list(tables(6, 400)))
-    place = columns(5, models=False).index("pair error 0")
+    rows = rows_of(list(tables(6, 400)))
+    place = columns(NAMES, models=False).index("pair error 0")
     rows[:, place] /= 3
-    (line,) = warnings([found(rows, rows_of_tables(list(tables(5, 400))))])
+    (line,) = warnings([found(rows, rows_of(list(tables(5, 400))))])
     assert "the 95% intervals of mean difference a - b hold the truth in " in line
 
 
@@ -190,10 +215,57 @@ def test_many_pairs_are_shown_by_their_power_and_shares_from_nothing_to_all(
     monkeypatch.setattr("analysis.power.power_report.panels_figure", drawn)
     names = tuple("abcdefghijkl")
     rng = np.random.default_rng(9)
-    rows = rows_of_tables(list(rng.standard_normal((40, 6, 12)) + 9 * (np.arange(12) == 11)))
-    made = findings(DESIGN, names, rows, rows[:0], ["k above l"])
+    rows = rows_of(list(rng.standard_normal((40, 6, 12)) + 9 * (np.arange(12) == 11)))
+    made = findings(DESIGN, Asked(conditions=names), rows, rows[:0], ["k above l"])
     shown = [line[0] for line in lines_of_tests(made)]
     assert len(shown) == len(lines_of_estimates(made)) + 2 == 2 + 15 + 1 + 2
     assert "k - l (registered, primary)" in shown
     assert len(left_out(made)) == 66 - 15 - 1
     assert "\u22120.".encode() not in figures([made])["power.svg"]
+
+
+DESIGNED = Asked(
+    conditions=("low a", "low b", "low c", "high a", "high b", "high c"),
+    groups=("young", "old"),
+    factors={"voltage": ("low", "high"), "frequency": ("a", "b", "c")},
+    contrasts=(0.1, 0.1, 0.1, 0.3, 0.3, 0.3),
+)
+
+
+def test_groups_and_factors_are_tested_and_any_claim_without_effect_is_rare() -> None:
+    rng = np.random.default_rng(11)
+    null = rng.normal(5, 1, (300, 16, 6)) + rng.normal(0, 1, (300, 16, 1))
+    old, high = np.arange(16) % 2 == 1, np.arange(6) >= 3
+    # Old people score 2 points more, and feel the voltage twice as much.
+    effect = 2.0 * old[:, None] + 2.0 * np.outer(1 + old, high)
+    hypotheses = ("old above young between groups", "frequency by voltage", "effect of voltage")
+    without = rows_of(list(null), DESIGNED)
+    rows = rows_of(list(null[:60] + effect), DESIGNED)
+    made = findings(DESIGN, DESIGNED, rows, without, hypotheses)
+    by_name = {test.name: test for test in made.tests}
+    for strong in (GROUP_SCORE, BY_GROUP, "effect of voltage"):
+        assert by_name[strong].supported.value > 0.8
+    assert by_name["effect of frequency"].supported.value < 0.1
+    apart = by_name["high a: young - old between groups"]
+    assert apart.after == (GROUP_SCORE, BY_GROUP)
+    assert apart.power.value > by_name["low a: young - old between groups"].power.value
+    assert not too_often(made.any_false_claim)
+    # Each question on its own would have been answered wrongly far more often.
+    places = [columns(DESIGNED, models=False).index(f"{name} p") for name in DESIGNED.of_design]
+    assert (without[:, places] < 0.05).any(axis=1).mean() > 0.1
+    first, both, _ = made.registered
+    assert first.row == "young - old between groups"
+    assert first.power.value > 0.9
+    assert both.row == "voltage by frequency"
+    assert f"80% power for '{GROUP_SCORE}', " in design_answer(made)
+
+
+def test_a_group_of_which_nobody_is_left_has_no_test() -> None:
+    scores = np.random.default_rng(12).normal(5, 1, (3, 8, 6))
+    scores[1, 1::2] = np.nan
+    scores[2] = np.nan
+    rows = rows_of(list(scores), DESIGNED)
+    names = columns(DESIGNED, models=False)
+    known = ~np.isnan(rows[:, names.index(f"{GROUP_SCORE} p")])
+    assert known.tolist() == [True, False, False]
+    assert not np.isnan(rows[:2, names.index("effect of voltage p")]).any()

@@ -14,7 +14,13 @@ from protocol.journal.records import ReadBack
 from protocol.study.participant_texts import touch_text
 from protocol.study.rig_settings import Rig
 from protocol.study.rules import Band, Rating
-from protocol.study.study_question import Question, StudyQuestion, change_question, score_question
+from protocol.study.study_question import (
+    Question,
+    StudyQuestion,
+    change_question,
+    score_question,
+    track_question,
+)
 from protocol.study.touch import Direction, Mark, Touch, TouchDefaults, mark_of
 
 if TYPE_CHECKING:
@@ -45,12 +51,16 @@ class Welcome:
 
 @dataclass(frozen=True, kw_only=True)
 class FingerPath:
-    """The finger's path along the beam; start and end are equal if it does not slide."""
+    """The finger's path along the beam; start and end are equal if it does not slide.
+
+    `interval` says which touch of a track's trial it is, from 1; 0 where nobody needs to know.
+    """
 
     start_m: float
     end_m: float
     harder: bool = False
     several: bool = False
+    interval: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +134,11 @@ class Ask:
 def ask_change(question: Question) -> Ask:
     """Return the question what changed."""
     return Ask(question=change_question(question))
+
+
+def ask_track(found: str, intervals: int) -> Ask:
+    """Return the question of a track: which of its touches it was, or whether it was so."""
+    return Ask(question=track_question(found, intervals))
 
 
 def ask_score(rating: Rating) -> Ask:
@@ -271,10 +286,10 @@ _PHASES = {
 """What a state of a session is called in the laboratory."""
 
 
-def pacing(touch: Touch, finger: TouchDefaults) -> Pacing:
+def pacing(touch: Touch, finger: TouchDefaults, interval: int = 0) -> Pacing:
     """Return the cue for `touch`: a place to hold, or a slide at the study's speed."""
     mark, several = mark_of(touch, finger), touch.coverage == "full"
-    return Pacing(text=touch_text(touch), several=several, **vars(mark))
+    return Pacing(text=touch_text(touch), several=several, interval=interval, **vars(mark))
 
 
 def lead_in(cue: Pacing, finger: TouchDefaults) -> LeadIn:

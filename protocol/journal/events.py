@@ -259,6 +259,9 @@ class Answered(Event):
     questions: tuple[records.QuestionAnswer, ...] = absent(
         (), "the answers to the study's own questions after the trial"
     )
+    track: records.TrackAnswer | None = absent(
+        None, "of a track: its level, and whether the answer was right", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,6 +298,16 @@ class TrialDeferred(Event):
         tuple[str, ...], Key("what was not as instructed: `force`, `place`, `speed`", missing=())
     ]
     after: Annotated[int, Key("number of the trial after which it comes; its own one: at once")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialsNotNeeded(Event):
+    """A track has reached its stop: what is left of its trials is not run."""
+
+    TAG: ClassVar = "trials-not-needed"
+
+    track: Annotated[str, Key("name of the track")]
+    indices: Annotated[tuple[int, ...], Key("numbers of the trials")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,39 @@ from protocol.journal.json_record import JsonRecord, Key, absent
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlannedTrack(JsonRecord):
+    """What a trial of a track is for. Its level follows from the answers before it."""
+
+    name: Annotated[str, Key("name of the track")]
+    role: Annotated[
+        str, Key("`level`: the method chooses it; `easy`: the easiest one; `catch`: none")
+    ]
+    interval: Annotated[
+        int | None, Key("which touch is the comparison, from 1; null if none is, or in yes or no")
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackAnswer(PlannedTrack):
+    """The level that a trial of a track was made at, and whether its answer was right."""
+
+    level: Annotated[int | None, Key("number of the level, 0 the hardest; null in a catch trial")]
+    value: Annotated[float | None, Key("the level in the unit of the axis, likewise")]
+    correct: Annotated[
+        bool | None,
+        Key("whether the answer was right, in yes or no whether it was yes; null if none is right"),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlannedTrial(JsonRecord):
     """A trial as planned, with its touches."""
 
     index: Annotated[int, Key("number of the trial in its session, from 0")]
     block: Annotated[int, Key("number of its block, 0 before the first one", missing=0)]
-    kind: Annotated[str, Key("`baseline`, `signal`, `practice`, `trial`, `catch` or `pass`")]
+    kind: Annotated[
+        str, Key("`baseline`, `signal`, `practice`, `trial`, `catch`, `track` or `pass`")
+    ]
     condition: Annotated[str | None, Key("name of its condition, if it has one; drive of a pass")]
     question: Annotated[str | None, Key("the question after it, if any", missing=None)]
     expected: Annotated[str | None, Key("the answer that the study expects", missing=None)]
@@ -28,6 +55,9 @@ class PlannedTrial(JsonRecord):
     level: Annotated[float, Key("factor on its condition's amplitudes", missing=1.0)]
     opposite: Annotated[bool, Key("whether its touches come in the opposite order", missing=False)]
     break_s: Annotated[float, Key("shortest break before it, s", missing=0.0)]
+    track: PlannedTrack | None = absent(
+        None, "of a track: what it is for; its touches have no level yet", sparse=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from typing import Any
 from protocol.errors import WorkFailed
 from protocol.journal import events
 from protocol.journal.events import Event, Opening, StoredEvent
+from protocol.journal.records import TrackAnswer
 
 # The states of a session and the events that each allows; all other events are refused.
 # docs/journal.md draws the table.
@@ -50,6 +51,7 @@ _TABLE: dict[tuple[str, type[Event]], str] = {
     ("touching", events.TrialAborted): "armed",
     ("trial", events.TrialDeferred): "armed",
     ("armed", events.PracticeRenewed): "armed",
+    ("armed", events.TrialsNotNeeded): "armed",
     ("armed", events.DriveStarted): "driving",
     ("driving", events.DriveStarted): "driving",
     ("driving", events.TouchRecorded): "driving",
@@ -108,6 +110,7 @@ _FOLDED = frozenset(
         events.TouchStarted,
         events.TrialAborted,
         events.TrialDeferred,
+        events.TrialsNotNeeded,
         events.Answered,
         events.QuestionAnswered,
         events.TrialExcluded,
@@ -140,6 +143,10 @@ class SessionState:
     aborted: list[int] = field(default_factory=list)
     deferred: list[tuple[int, int]] = field(default_factory=list)
     """Trials that come again, each with the one after which it does."""
+    tracks: dict[str, list[TrackAnswer]] = field(default_factory=dict)
+    """The answers of each track, in their order, from which its next level follows."""
+    not_needed: set[int] = field(default_factory=set)
+    """Trials of tracks that have reached their stop."""
     practised: list[bool] = field(default_factory=list)
     """Whether each judged touch of answered practice trials was as instructed."""
     unfelt: dict[int, int] = field(default_factory=dict)
@@ -156,8 +163,9 @@ class SessionState:
 
     @property
     def planned(self) -> set[int]:
-        """Indices of the planned trials; empty for published scores or after a withdrawal."""
-        return set() if self.opened is None else {trial.index for trial in self.opened.trials}
+        """Indices of the trials that are planned and needed; none for published scores."""
+        trials = () if self.opened is None else self.opened.trials
+        return {trial.index for trial in trials} - self.not_needed
 
     @property
     def has_begun(self) -> bool:
@@ -204,6 +212,8 @@ class SessionState:
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
+            case events.TrialsNotNeeded():
+                self.not_needed.update(event.indices)
             case events.QuestionAnswered():
                 self.questions[event.name, event.block] = event.answer
             case events.TouchStarted():
@@ -246,6 +256,8 @@ class SessionState:
             case events.Answered():
                 if event.kind == "practice":
                     self.practised += [not made.missed for made in event.judged if made.judged]
+                if event.track is not None:
+                    self.tracks.setdefault(event.track.name, []).append(event.track)
                 score = [] if event.score is None else [f"score {event.score}"]
                 # No session writes such a journal: `verify` reports it.
                 if event.index in self.answers:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Literal
 
-from protocol.journal.records import PlannedTrial
+from protocol.journal.records import PlannedTrack, PlannedTrial
 from protocol.study.study import Study
 from protocol.study.study_question import Question
 from protocol.study.touch import Touch, on_s
 
-TrialKind = Literal["baseline", "signal", "practice", "trial", "catch", "pass"]
+TrialKind = Literal["baseline", "signal", "practice", "trial", "catch", "track", "pass"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,8 @@ class Trial:
     `index` counts from 0 within a session; `block` is 0 before the first block. The touches are
     final: `level` is the factor already applied to the condition's amplitudes (0 in a catch
     trial), and `opposite` says that they are already in the opposite order. A break of at least
-    `break_s` precedes the trial.
+    `break_s` precedes the trial. The touches of a `track` are standard and comparison as the study
+    file has them: the level is chosen when the trial begins.
     """
 
     index: int
@@ -34,6 +35,7 @@ class Trial:
     level: float = 1.0
     opposite: bool = False
     break_s: float = 0.0
+    track: PlannedTrack | None = None
 
 
 def planned_trial(trial: Trial) -> PlannedTrial:

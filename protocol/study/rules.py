@@ -187,7 +187,12 @@ class Design(Record):
     break_every_blocks: Whole = setting(0, "number of blocks between two breaks; 0: no break")
     break_s: LongPause = setting(60.0, "shortest duration of a break")
     tracks: Literal["interleaved", "one after another"] = setting(
-        "interleaved", "how the trials of several `[[track]]` follow each other"
+        "interleaved",
+        "how the trials of several `[[track]]` follow each other, after those of the conditions; "
+        "interleaved: each comes once, in random order, before one comes again",
+    )
+    track_block: Count = setting(
+        40, "number of trials of tracks in a block, between which breaks and questions come", le=500
     )
     sessions: Count = setting(1, "number of sessions of each participant", le=50)
     hours_between: tuple[NotNegative, Positive] | None = setting(

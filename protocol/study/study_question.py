@@ -105,6 +105,8 @@ BETWEEN = ";"
 LONGEST_IDENTIFIER = 40
 MOST_LABELS = 9
 """So that each one has a key of its own."""
+INTERVALS = ("first", "second", "third")
+"""What participants answer who are asked which touch it was."""
 ANALOGUE = (0.0, 100.0, 0.1)
 """Ends and resolution of an analogue scale."""
 
@@ -433,6 +435,22 @@ def change_question(question: Question) -> StudyQuestion:
     """Return a built-in question about the change; its texts are those of the language."""
     labels = tuple(Label(value=answer) for answer in ANSWERS[question])
     return StudyQuestion(name=question, kind="choice", labels=labels)
+
+
+@cache
+def track_question(found: str, intervals: int) -> StudyQuestion:
+    """Return the question of a track: which of its touches was it, or was the only one so.
+
+    The texts are `question.which_smoother`, `question.is_smoother` and so on, `answer.first`,
+    `answer.second`, `answer.third`, `answer.yes` and `answer.no` of the language.
+
+    >>> track_question("different", 3).name, track_question("smoother", 2).values
+    ('which_different', ('first', 'second'))
+    """
+    values = INTERVALS[:intervals] if intervals > 1 else ("yes", "no")
+    labels = tuple(Label(value=value) for value in values)
+    asked = "which" if intervals > 1 else "is"
+    return StudyQuestion(name=f"{asked}_{found}", kind="choice", labels=labels)
 
 
 def score_question(rating: Rating) -> StudyQuestion:

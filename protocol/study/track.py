@@ -12,6 +12,7 @@ Task = Literal["two intervals", "three intervals", "yes or no"]
 Method = Literal["constant", "staircase", "quest+", "limits"]
 Axis = Literal["voltage", "frequency", "contrast", "place"]
 Shape = Literal["weibull", "normal"]
+Find = Literal["smoother", "rougher", "stronger", "different"]
 
 GUESS_RATE: dict[Task, float] = {"two intervals": 1 / 2, "three intervals": 1 / 3, "yes or no": 0}
 """Share correct by chance; in yes or no, the share of yes without false alarms."""
@@ -127,6 +128,11 @@ class Track(Record):
             description="largest number of trials at levels that the method chooses",
         ),
     ]
+    find: Find | None = setting(
+        None,
+        "what participants are asked for: which touch was it, or in yes or no, was it so; by "
+        "default `smoother` in two intervals, else `different`",
+    )
     stop: Stop | None = setting(None, "when the track ends sooner; see below")
     catch: Whole = setting(
         0, "trials beside these with the standard in every interval, for false alarms", le=100
@@ -176,6 +182,16 @@ class Track(Record):
     mercy: Whole = setting(
         0, "of QUEST+: for this many trials after an error no level is harder than that one", le=20
     )
+
+    @property
+    def found(self) -> Find:
+        """What participants are asked for."""
+        return self.find or ("smoother" if self.task == "two intervals" else "different")
+
+    @property
+    def intervals(self) -> int:
+        """The number of touches of a trial."""
+        return {"two intervals": 2, "three intervals": 3, "yes or no": 1}[self.task]
 
     @property
     def share(self) -> float:

@@ -198,6 +198,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
         "block": None,
     },
     "trial-aborted": {"index": 4, "why": "repeated at the operator's wish"},
+    "trials-not-needed": {"track": "detection", "indices": [31, 33]},
     "trial-deferred": {"index": 4, "missed": ["force", "speed"], "after": 6},
     "paused": {},
     "unpaused": {},

@@ -29,7 +29,7 @@ idle       trial-included idle
 armed      watchdog-tested armed        rig-described armed          resonance-measured armed
 armed      beam-mounted armed           trial-started trial          paused paused
 armed      device-off idle              practice-renewed armed       question-answered armed
-armed      drive-started driving
+armed      trials-not-needed armed      drive-started driving
 driving    drive-started driving        drive-ended armed            device-off idle
 driving    touch-recorded driving
 paused     question-answered paused

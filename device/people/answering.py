@@ -13,10 +13,14 @@ from device.people.person import People, normal_quantile
 from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study_question import ANSWERS, QUESTIONS, Question
 from protocol.study.touch import Mark
+from protocol.study.track import Find
 
 QUESTION_NUMBERS = 8
 """Random numbers per question on a change, in this order."""
 _FELT, _LAPSE, _CHOICE, _SCORE, _END, _TIME, _SCORE_TIME, _LEAVES = range(QUESTION_NUMBERS)
+TRACK_NUMBERS = 7
+"""Random numbers per question of a track: three touches, then these."""
+_TRACK_LAPSE, _TRACK_CHOICE, _TRACK_TIME, _TRACK_LEAVES = range(3, TRACK_NUMBERS)
 MORE, LESS, SAME = 1, -1, 0
 """Answers to a question on a change: its first one, the contrary, and no change."""
 
@@ -95,6 +99,38 @@ class Answering:
         self._felt = felt
         self._asked += 1
         return answer, self._seconds(_TIME)
+
+    def track(self, logs: FloatArray, found: Find, u: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the touch that people name, from 0, and the reaction times, s.
+
+        Of one touch they say whether it was so: 1 or 0. Noise of the same size is added to what
+        each touch feels like, so that of two touches a share Phi(c / (sqrt(2) felt_noise)) is
+        named rightly where they differ by c (Green and Swets 1966).
+
+        Args:
+            logs: log friction of each touch, relative to the beam at rest, (people, touches).
+            found: what people are asked for.
+            u: random numbers for this question, shape (people, TRACK_NUMBERS).
+        """
+        who, many = self.people, logs.shape[1]
+        self._u = u
+        self.left |= u[:, _TRACK_LEAVES] < who.dropout
+        noise = who.felt_noise * (1 + who.fatigue * self._asked)
+        smooth = noise[:, None] * normal_quantile(u[:, :many]) - logs
+        self._asked += 1
+        if many == 1:
+            felt = smooth[:, 0]
+            answer = felt > who.criterion
+            if found in {"rougher", "different"}:
+                less = felt < -who.criterion_less
+                answer = less if found == "rougher" else answer | less
+        else:
+            others = (smooth.sum(axis=1, keepdims=True) - smooth) / (many - 1)
+            told = {"rougher": -smooth, "different": np.abs(smooth - others)}
+            answer = told.get(found, smooth).argmax(axis=1)
+        at_random = (u[:, _TRACK_CHOICE] * max(many, 2)).astype(np.int64)
+        named = np.where(u[:, _TRACK_LAPSE] < who.lapse, at_random, answer.astype(np.int64))
+        return named, self._seconds(_TRACK_TIME)
 
     def score(self, asked: BoolArray | bool = True) -> tuple[FloatArray, FloatArray]:
         """Return the scores of the last change on the paper's scale, and the reaction times, s.
@@ -184,6 +220,12 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
     from_rest = _ends(np.log(resting[:, None] / first.friction), first)
     # Within a slide friction varies with the place: its ends say nothing about a change.
     return from_rest if first.mark.slides else np.where(np.abs(within) > _SLIGHT, within, from_rest)
+
+
+def felt_level(touches: Sequence[Felt], resting: FloatArray) -> FloatArray:
+    """Return the log friction of each touch, relative to the beam at rest, (people, touches)."""
+    each = [_ends(np.log(touch.friction / resting[:, None]), touch) for touch in touches]
+    return np.stack(each, axis=1)
 
 
 def _ends(change: FloatArray, touch: Felt) -> FloatArray:

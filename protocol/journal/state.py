@@ -212,8 +212,6 @@ class SessionState:
                 again = set(event.indices)
                 self.answers = {n: text for n, text in self.answers.items() if n not in again}
                 self.practice_rounds += 1
-            case events.TrialsNotNeeded():
-                self.not_needed.update(event.indices)
             case events.QuestionAnswered():
                 self.questions[event.name, event.block] = event.answer
             case events.TouchStarted():
@@ -225,6 +223,7 @@ class SessionState:
                 events.TrialStarted()
                 | events.TrialAborted()
                 | events.TrialDeferred()
+                | events.TrialsNotNeeded()
                 | events.Answered()
             ):
                 self._take_trial(event)
@@ -244,7 +243,13 @@ class SessionState:
 
     def _take_trial(
         self,
-        event: events.TrialStarted | events.TrialAborted | events.TrialDeferred | events.Answered,
+        event: (
+            events.TrialStarted
+            | events.TrialAborted
+            | events.TrialDeferred
+            | events.TrialsNotNeeded
+            | events.Answered
+        ),
     ) -> None:
         self.trial = event.index if isinstance(event, events.TrialStarted) else None
         self.touch = None
@@ -253,6 +258,8 @@ class SessionState:
                 self.aborted.append(event.index)
             case events.TrialDeferred():
                 self.deferred.append((event.index, event.after))
+            case events.TrialsNotNeeded():
+                self.not_needed.update(event.indices)
             case events.Answered():
                 if event.kind == "practice":
                     self.practised += [not made.missed for made in event.judged if made.judged]

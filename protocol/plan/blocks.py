@@ -421,7 +421,9 @@ def grouping(study: Study) -> Grouping:
 def most_swaps(study: Study, level: Grouping) -> int:
     """Return the most beam swaps that a session may need in any order that can be drawn."""
     groups, repeats, mounted = beam_groups(study), study.design.repeats, study.touch.beam
-    begin = opening_swaps(study)
+    begin = opening_swaps(study) + _track_swaps(study)
+    if not groups:
+        return begin
     if level == "no":
         # Ungrouped, the worst order has each trial between two on the study's own beam.
         there_and_back = (
@@ -448,6 +450,12 @@ def opening_swaps(study: Study) -> int:
         default=0,
     )
     return swap_count((*beams, study.touch.beam)) + practice
+
+
+def _track_swaps(study: Study) -> int:
+    """Return the most swaps that tracks need, each of which is touched on one beam."""
+    beams = [track.comparison.beam or study.touch.beam for track in study.track]
+    return len(beams) * (set(beams) != {study.touch.beam})
 
 
 def _practised(study: Study) -> list[Group]:

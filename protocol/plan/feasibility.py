@@ -14,7 +14,8 @@ from protocol.plan.blocks import (
     most_swaps,
     opposite_expected,
 )
-from protocol.plan.trials import beams_of, between_trials_s, touches_s
+from protocol.plan.track_trials import track_trials
+from protocol.plan.trials import beams_of, between_trials_s, touches_s, trial_s
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
@@ -22,7 +23,8 @@ from protocol.study.touch import Touch
 
 def design_problems(study: Study) -> list[Problem]:
     """Return every constraint that cannot be met; if the list is empty, every slot has a plan."""
-    problems = [*_levels(study), *_opposites(study), *_catches(study), *_groups(study)]
+    problems = [*_levels(study), *_opposites(study), *_groups(study)]
+    problems += _catches(study) if study.condition else _no_conditions(study)
     problems += _min_trials(study)
     # Asked only now: their search grows as 2 to the power of the groups, which `_groups` limits.
     return problems or [*_swaps(study), *_runs(study), *_duration(study)]
@@ -130,6 +132,8 @@ def _swaps(study: Study) -> Iterator[Problem]:
 
 def _runs(study: Study) -> Iterator[Problem]:
     design = study.design
+    if not study.condition:
+        return
     level = grouping(study)
     sizes = [len(study.condition)]
     if level != "no":
@@ -169,13 +173,24 @@ def most_session_s(study: Study) -> float:
     ]
     opening_s = sum(_asked_s(study, opening.touches, scored=False) for opening in study.opening)
     # An upper bound for every slot: each extra trial is taken for the longest one.
-    extra_s = (design.practice_trials + design.catch_trials) * max(trials_s)
+    extra_s = (design.practice_trials + design.catch_trials) * max(trials_s, default=0.0)
+    # Every order of tracks takes as long.
+    tracks = track_trials(study, 1, (study.study.seed,))
+    tracks_s = sum(trial_s(study, trial) - trial.break_s for trial in tracks)
     # Grouped over the session, each group has blocks of its own.
     blocks = design.repeats * (len(beam_groups(study)) if grouping(study) == "session" else 1)
+    blocks = blocks * bool(study.condition) + -(-len(tracks) // design.track_block)
     breaks = (blocks - 1) // design.break_every_blocks if design.break_every_blocks else 0
     swaps_s = most_swaps(study, grouping(study)) * study.timing.beam_swap_s
     once_s = breaks * design.break_s + swaps_s + between_trials_s(study, 1, blocks)
-    return opening_s + extra_s + design.repeats * sum(trials_s) + once_s
+    return opening_s + extra_s + design.repeats * sum(trials_s) + tracks_s + once_s
+
+
+def _no_conditions(study: Study) -> Iterator[Problem]:
+    for key in ("practice_trials", "catch_trials") if not study.condition else ():
+        if wanted := getattr(study.design, key):
+            hint = "a track has `catch` trials of its own" if key == "catch_trials" else ""
+            yield Problem.of_key(f"design.{key}", "needs a [[condition]]", wanted, hint)
 
 
 def _asked_s(study: Study, touches: tuple[Touch, ...], *, scored: bool) -> float:

@@ -16,6 +16,7 @@ from protocol.plan.blocks import (
     practice_pool,
     spaced_places,
 )
+from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Opening, Study
 from protocol.study.study_question import QUESTIONS
@@ -75,9 +76,11 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
     def stream_name(purpose: str) -> Name:
         return (study.study.seed, purpose, session, slot)
 
-    order = ordered_conditions(study, slot, session)
+    order = ordered_conditions(study, slot, session) if study.condition else []
     practice = _practice(study, stream_name("practice"))
     trials = [*map(_opening_trial, study.opening), *practice, *_main(study, order, stream_name)]
+    blocks = order[-1][0] if order else 0
+    trials += track_trials(study, blocks + 1, stream_name("tracks"))
     return Plan(
         slot=slot,
         session=session,
@@ -190,9 +193,11 @@ def deferral(
 
     Each place is equally likely where it needs no further beam swap and breaks no rule of the
     design that the order has kept so far. Without such a place, and before the first block, the
-    trial comes at once. `order` has the trials as they are run, `trial` among them; `mounted` is
-    the beam on the rig.
+    trial comes at once, as does one of a track, whose level is then still the same. `order` has the
+    trials as they are run, `trial` among them; `mounted` is the beam on the rig.
     """
+    if trial.track is not None:
+        return trial.index, trial.index
     here = _place(order, trial.index)
     later = [entry for entry in order[here + 1 :] if trial.block == entry.block > 0]
 

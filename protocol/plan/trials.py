@@ -56,6 +56,8 @@ class Plan:
     group: str | None = None
 
 
+FEEDBACK_S = 1.0
+"""How long participants read whether they were right, in tracks that say so."""
 Beams = tuple[str | None, ...]
 
 
@@ -86,7 +88,10 @@ def touches_s(study: Study, touches: Sequence[Touch]) -> float:
 def trial_s(study: Study, trial: Trial) -> float:
     """Return the expected duration of a trial and the pause before it, without beam swaps, s."""
     timing = study.timing
-    asked_s = (timing.answer_s if trial.question else 0.0) + (timing.score_s * trial.scored)
+    asked = bool(trial.question or trial.track)
+    asked_s = timing.answer_s * asked + timing.score_s * trial.scored
+    if trial.track is not None and study.track_of(trial.track.name).feedback:
+        asked_s += FEEDBACK_S
     asked_s += timing.answer_s * len(study.questions_after(trial.condition))
     return trial.break_s + timing.inter_trial_s + touches_s(study, trial.touches) + asked_s
 

@@ -11,6 +11,7 @@ from math import isclose, pi
 
 from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial, plan_swaps
+from protocol.proof.track_checks import level_touches, track_violations
 from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Condition, Study
 from protocol.study.study_question import QUESTIONS
@@ -26,14 +27,11 @@ _ROUNDING = 1 + 1e-12
 
 def limit_violations(study: Study, plan: Plan) -> Violations:
     """Yield (rule, value) for every limit that the plan exceeds."""
-    for trial in plan.trials:
-        for touch in trial.touches:
-            for rule, value, limit in _measures(study, touch):
-                if value > limit * _ROUNDING:
-                    yield (
-                        f"{rule} must not exceed {limit:.12g}",
-                        f"{value:.12g} in trial {trial.index}",
-                    )
+    planned = ((f"trial {each.index}", touch) for each in plan.trials for touch in each.touches)
+    for place, touch in (*planned, *level_touches(study)):
+        for rule, value, limit in _measures(study, touch):
+            if value > limit * _ROUNDING:
+                yield f"{rule} must not exceed {limit:.12g}", f"{value:.12g} in {place}"
     yield from _beams(study, plan)
     duration_s = plan_s(study, plan)
     if duration_s > study.timing.max_session_s * _ROUNDING:
@@ -106,7 +104,10 @@ def plan_s(study: Study, plan: Plan) -> float:
         asked = [q for q in after if not q.conditions or trial.condition in q.conditions]
         total_s += timing.answer_s * len(asked) * (trial.condition is not None)
         total_s += trial.break_s + timing.inter_trial_s
-        total_s += timing.answer_s * (trial.question is not None) + timing.score_s * trial.scored
+        total_s += timing.answer_s * (trial.question is not None or trial.kind == "track")
+        total_s += timing.score_s * trial.scored
+        named = trial.track.name if trial.track else None
+        total_s += 1.0 * any(track.feedback for track in study.track if track.name == named)
         total_s += timing.between_touches_s * (len(trial.touches) - 1)
         total_s += TARE_S * len(trial.touches) * (study.force_channel.rate_hz is not None)
         for touch in trial.touches:
@@ -205,6 +206,7 @@ def plan_problems(study: Study, plan: Plan) -> list[Problem]:
         _breaks,
         _groups,
         content_violations,
+        track_violations,
     )
     return [
         Problem(where=f"plan of slot {plan.slot}", rule=rule, value=value)
@@ -464,7 +466,7 @@ def cycle(study: Study, slot: int) -> range:
 
 def sequences(study: Study) -> int:
     """Return how many sequences a Williams design of the study's conditions has."""
-    conditions = len(study.condition)
+    conditions = max(len(study.condition), 1)
     return conditions if conditions % 2 == 0 or conditions == 1 else 2 * conditions
 
 

@@ -168,8 +168,10 @@ class Study(Record):
     factor: tuple[Factor, ...] = setting(
         (), "What varies, and is crossed into conditions.", max_length=6
     )
-    condition: tuple[Condition, ...] = Field(
-        min_length=1, max_length=MOST_CONDITIONS, description="What is changed, and scored."
+    condition: tuple[Condition, ...] = setting(
+        (),
+        "What is changed, and scored; a study has conditions, tracks or both.",
+        max_length=MOST_CONDITIONS,
     )
     track: tuple[Track, ...] = setting(
         (), "Thresholds: questions asked again and again, at levels chosen.", max_length=20
@@ -231,6 +233,10 @@ class Study(Record):
     def groups(self) -> tuple[str, ...]:
         """Names of the groups in the order of the file; none in a study without groups."""
         return tuple(group.name for group in self.group)
+
+    def track_of(self, name: str) -> Track:
+        """Return the track of this name."""
+        return next(track for track in self.track if track.name == name)
 
     def of_group(self, name: str | None) -> Self:
         """Return the study as one group runs it: with random streams of its own.

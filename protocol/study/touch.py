@@ -123,6 +123,11 @@ class Touch(Record):
         """Ends of a way of its own, m; None where the finger takes that of the study."""
         return None
 
+    @property
+    def own_place_m(self) -> float | None:
+        """A place of its own to hold, m; None where the finger takes that of the study."""
+        return None
+
     def at(self, resonance_hz: float) -> Self:
         """Return the touch on a beam of this resonance: what is in Hz becomes relative to it."""
         hertz = {"frequency": self.frequency_hz, "sweep_to": self.sweep_to_hz}
@@ -179,7 +184,8 @@ class Mark:
 
 def mark_of(touch: Touch, finger: TouchDefaults) -> Mark:
     """Return the mark for `touch`: a place to hold, or a slide at the study's speed."""
-    start_m = end_m = finger.smooth_place_m
+    own_m = touch.own_place_m
+    start_m = end_m = finger.smooth_place_m if own_m is None else own_m
     if touch.place == "path":
         path_m = touch.own_path_m or finger.path_m
         start_m, end_m = path_m if touch.direction == "right" else path_m[::-1]

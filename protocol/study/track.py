@@ -34,6 +34,11 @@ class TrackTouch(Touch):
         None, "on the axis `place`: where the beam is touched, instead of `touch.smooth_place_m`"
     )
 
+    @property
+    def own_place_m(self) -> float | None:
+        """The place that is touched, m."""
+        return self.place_m
+
 
 class Levels(Record):
     """The levels that a track may have: a range with a number of levels, or each of them."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import ceil, inf
 
 from protocol.address import SIMULATED
 from protocol.errors import Path, Problem
@@ -64,7 +64,7 @@ def factor_problems(study: Study) -> Iterator[Problem]:
                 hint=hint,
                 path=("factor", number, "varies"),
             )
-    if study.factor and not study.condition[0].cell:
+    if study.factor and study.condition and not study.condition[0].cell:
         many = combinations(study.factor) * len(study.condition)
         rule = f"must give at most {MOST_CONDITIONS} conditions"
         yield Problem.of_key("factor", rule, many, "leave a value or a factor out")
@@ -202,7 +202,7 @@ def limit_problems(study: Study) -> list[Problem]:
                 # What many cells share is told once.
                 of_touches.setdefault((told.path, told.rule, told.value), told)
     broken += of_touches.values()
-    broken += track_problems(study)
+    broken += [*_subject(study), *track_problems(study)]
     for number, track in enumerate(study.track):
         # Those on the axis of contrast have their voltages only once a model is at hand.
         inner = () if track.axis == "contrast" else map(track.at, range(len(track.values)))
@@ -214,6 +214,12 @@ def limit_problems(study: Study) -> list[Problem]:
     return [*broken, *text_problems(study), *question_problems(study), *page_problems(study)]
 
 
+def _subject(study: Study) -> Iterator[Problem]:
+    if not study.condition and not study.track:
+        hint = "such as those of touchbeam new DIR --template paper, or --template threshold"
+        yield Problem.of_key("condition", "must be given, or a [[track]]", "neither", hint)
+
+
 def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Iterator[Problem]:
     """Yield each limit of the rig that a track's standard or its `touches`, one a level, break."""
     track, path = study.track[number], ("track", number)
@@ -221,7 +227,17 @@ def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Itera
     standard = () if track.standard is None else (("standard", track.standard),)
     # From the easiest level, which drives most, so that it is the one that is told.
     levels = (("comparison", touch) for touch in reversed([*touches]))
+    lead_in_s, ramp = study.touch.lead_in_s, study.rig.ramp_v_per_s
     for name, touch in (*standard, *levels):
+        if touch.voltage_v > lead_in_s * ramp and ("soft start", path) not in told:
+            told.add(("soft start", path))
+            yield Problem(
+                where=f"track {track.name}, {name}",
+                rule="its soft start must end within touch.lead_in_s, or its length would tell",
+                value=f"{touch.voltage_v / ramp:.3g} s",
+                hint=f"set touch.lead_in_s to {ceil(touch.voltage_v / ramp)}",
+                path=(*path, name),
+            )
         for problem in _touch_problems(
             study, f"track {track.name}, {name}", (*path, name), touch, 1
         ):

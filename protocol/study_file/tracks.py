@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import gcd
 from typing import Any
 
-from protocol.errors import BadInput, Path, Problem
+from protocol.errors import Path, Problem
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import WHOLE, most_reversals, nearest
@@ -15,23 +15,15 @@ _ROUNDED = 1e-4
 _OF_STAIRCASES = ("rule", "step_db", "step_levels", "up_step_db", "up_step_levels")
 
 
-def require_no_tracks(study: Study, source: str) -> None:
-    """Refuse to go on with a study that has tracks, where they would be left out.
-
-    Raises:
-        BadInput: it has some.
-    """
-    if study.track:
-        raise BadInput(
-            f"{source}: [[track]] {study.track[0].name!r}: tracks cannot be run yet, only checked "
-            "(touchbeam check, touchbeam track); take [[track]] out of a copy of the study"
-        )
-
-
 def track_problems(study: Study) -> Iterator[Problem]:
     """Yield what is wrong with the tracks themselves; their touches are checked as all others."""
+    mounted = {track.comparison.beam or study.touch.beam for track in study.track}
     for number, track in enumerate(study.track):
         told = _Teller(track, number)
+        if len(mounted) > 1 and study.design.tracks == "interleaved":
+            hint = 'write design.tracks = "one after another", so that beams are swapped in between'
+            beam = str(track.comparison.beam)
+            yield told("comparison.beam", "must be that of all tracks", beam, hint)
         # What follows needs levels, and those need a standard.
         yield from (
             [*_standard(track, told), *_touches(track, told)]
@@ -89,6 +81,9 @@ def _standard(track: Track, told: _Teller) -> _Problems:
 
 
 def _touches(track: Track, told: _Teller) -> _Problems:
+    if track.standard is not None and track.standard.beam != track.comparison.beam:
+        hint = "nobody can wait for a beam within a trial"
+        yield told("standard.beam", "must be that of the comparison", track.standard.beam, hint)
     for name, touch in (("standard", track.standard), ("comparison", track.comparison)):
         if touch is None:
             continue
@@ -138,6 +133,9 @@ def _several(values: Sequence[float]) -> str:
 
 
 def _method(track: Track, told: _Teller) -> _Problems:
+    if track.task == "two intervals" and track.find == "different":
+        hint = "of two touches each differs from the other: smoother, rougher or stronger"
+        yield told("find", "must not be so in two intervals", "different", hint)
     many = len(track.values)
     if track.method == "constant" and track.trials % many:
         rule = f"must be a multiple of the {many} levels of constant stimuli"

@@ -24,7 +24,6 @@ from protocol.study.study import Study
 from protocol.study.study_question import BETWEEN, Answer, StudyQuestion
 from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
-from protocol.study_file.tracks import require_no_tracks
 from runner.clock import Pace
 from runner.journal.cohort import due_between, due_in_words, group_for, group_known, states
 from runner.journal.location import checked_place, mounts_of_this_machine
@@ -124,8 +123,6 @@ def requested(options: SessionOptions) -> Request:
         if found := slide_problems(study):  # a study without [slide] was not asked for it
             raise StudyError(source, located(text, found))
         study = slide_study(study)
-    else:
-        require_no_tracks(study, source)
     url = options.device or study.rig.device
     request = Request(
         options=options,

@@ -66,6 +66,7 @@ from runner.signals import Stopped
 from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.check import require_proved
 from runner.study.registered import require_registered
+from runner.study.tracks import solved_volts
 from runner.window.client import WindowParticipant
 from runner.window.messages import Settings
 from runner.window.preflight import study_window
@@ -243,6 +244,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             virtual=_virtual_truth(request, sessions.get(chain), group),
             override=options.override,
             told=told_before(sessions, options.participant, request.kind, chain),
+            volts=solved_volts(study, rig),
             registration=digest,
             calibration=RigCalibration(**vars(rig)) if rig.origin else None,
         )

@@ -8,7 +8,7 @@ is like, feels and answers is in `device.people`.
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from protocol.errors import WorkFailed
 from protocol.study import study_question
 from protocol.study.study import Study
 from protocol.study.touch import Mark
+from protocol.study.track import Find
 from runner import screens
 from runner.clock import Clock
 
@@ -112,6 +113,7 @@ class VirtualParticipant(screens.Participant):
     _resting: FloatArray | None = field(default=None, init=False)
     _touched: int = field(default=0, init=False)
     _asked: int = field(default=0, init=False)
+    _tracked: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._people = People.of([self.person])
@@ -158,6 +160,9 @@ class VirtualParticipant(screens.Participant):
             (each for each in study_question.QUESTIONS if each == question.name), None
         ):
             return self._change(change)
+        asked, _, found = question.name.partition("_")
+        if asked in {"which", "is"} and question.text == {}:  # no study's own question
+            return self._track(question, found)
         if question.name == study_question.SCORE:
             score, seconds = self._answering.score()
             lowest, highest, _ = question.scale
@@ -167,6 +172,23 @@ class VirtualParticipant(screens.Participant):
         # At random but plausible.
         own = "" if skips and stream.random() < _SKIPPED else drawn(question, stream)
         return self._respond(own, self._seconds("own questions"))
+
+    def _track(self, question: study_question.StudyQuestion, found: str) -> screens.Response:
+        felt = [touch.felt for touch in self._touches]
+        self._touches.clear()
+        u = uniforms(f"tracks/{self.name}", self._tracked + 1, answering.TRACK_NUMBERS)[-1:]
+        self._tracked += 1
+        # The output is off while a question is asked: the beam is felt at rest.
+        mark = felt[-1].mark
+        resting = np.array([self.control.touch(mark.force_n, mark.end_m, mark.direction)])
+        self.control.lift()
+        named, seconds = self._answering.track(
+            answering.felt_level(felt, resting), cast(Find, found), u
+        )
+        if self._answering.left[0]:
+            raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
+        order = ("no", "yes") if len(felt) == 1 else question.values
+        return self._respond(order[int(named[0])], seconds[0])
 
     def _respond(self, answer: str, seconds: float) -> screens.Response:
         self._screen = None

@@ -11,7 +11,7 @@ from protocol.journal.records import Compliance, PlannedTrial
 from protocol.journal.state import SessionState
 from protocol.plan.blocks import Stream
 from protocol.plan.plan import deferral
-from protocol.plan.trials import Trial
+from protocol.plan.trials import FEEDBACK_S, Trial
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.names import chain_name, session_name
@@ -21,6 +21,7 @@ from runner.journal.verification import chain_is_unbroken
 from runner.screens import Notice
 from runner.session.session import Session, SessionContext
 from runner.session.setup import prepare
+from runner.session.tracks import as_made, ended
 from runner.session.trial import ask, ask_due, introduce, read_pages, touch
 from runner.session.waiting import RepeatTrial, pause_if_wanted, show_page, update_view, wait
 from runner.signals import errors_are_last, stops_allowed, stops_deferred
@@ -51,7 +52,7 @@ def _run_trials(context: SessionContext) -> None:
     ask_due(context)
     block, last = None, None
     # Asked anew each time: a repeated or deferred trial stays pending, and the order may change.
-    while left := context.pending:
+    while left := _needed(context):
         # The journal's log grows with each event. It is copied between blocks only, because nobody
         # touches the beam then and nobody's reaction is timed.
         if block not in {None, left[0].block}:
@@ -64,6 +65,13 @@ def _run_trials(context: SessionContext) -> None:
         ask_due(context)
 
 
+def _needed(context: SessionContext) -> list[Trial]:
+    """Return what is left to run, once the journal has which trials of tracks are not needed."""
+    for stopped in ended(context.session, context.log.state):
+        context.log.append(stopped)
+    return context.pending
+
+
 def _run_trial(context: SessionContext, trial: Trial) -> None:
     """Run one trial; if it must be repeated, it remains pending."""
     # Before anything is shown: a session killed from here on is known to have been in this trial.
@@ -73,13 +81,17 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
     update_view(context)
     try:
         done: list[Compliance] = []
-        for number, to_make in enumerate(trial.touches):
-            done.append(touch(context, number, to_make))
+        touches = as_made(context.session, context.log.state, trial).touches
+        for number, to_make in enumerate(touches):
+            interval = number + 1 if trial.track and len(touches) > 1 else 0
+            done.append(touch(context, number, to_make, interval))
             if deferred(context, trial, done[-1]):
                 return
-        context.log.append(ask(context, trial, done))
+        given = ask(context, trial, done)
+        context.log.append(given)
         # Only now: the page says "Saved" of nothing that a power cut could still take.
         context.participant.saved()
+        _tell(context, given)
     except RepeatTrial:
         context.device.off()
         # The output is off before this is shown: a window that fails here cannot keep it on.
@@ -87,6 +99,16 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
         abort_trial(context.log, "repeated at the operator's request")
     if trial.kind == "practice":
         renew_practice(context)
+
+
+def _tell(context: SessionContext, given: events.Answered) -> None:
+    """Tell participants whether they were right, in tracks that say so."""
+    answer = given.track
+    if answer is None or answer.correct is None or answer.role == "catch":
+        return
+    if context.session.study.track_of(answer.name).feedback:
+        show_page(context, Notice(text="feedback.right" if given.agrees else "feedback.wrong"))
+        wait(context, FEEDBACK_S)
 
 
 def _resume(context: SessionContext) -> None:
@@ -250,7 +272,7 @@ def _instead(session: Session) -> str:
 def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
     # Answers are stored by number: under another plan they would belong to other trials.
     planned, before = (
-        [(trial.index, trial.kind, trial.condition) for trial in trials]
+        [(trial.index, trial.kind, trial.condition, trial.track) for trial in trials]
         for trials in (session.plan.trials, opened)
     )
     if planned != before:

@@ -57,6 +57,8 @@ class Session:
     """Why it began before or after it was due."""
     told: Mapping[str, Answer] = field(default_factory=dict)
     """Answers of the participant's earlier sessions, by question."""
+    volts: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Voltages of the levels of tracks on the axis of contrast, by track."""
     registration: str | None = None
     """Digest of the study's registration, which seeds the plan."""
     calibration: RigCalibration | None = None
@@ -182,8 +184,9 @@ class SessionContext:
 
     @property
     def pending(self) -> list[Trial]:
-        """The trials without an answer, in order."""
-        return [trial for trial in self.order if trial.index not in self.log.state.answered]
+        """The trials that are needed and have no answer, in order."""
+        over = self.log.state.answered | self.log.state.not_needed
+        return [trial for trial in self.order if trial.index not in over]
 
 
 # Compliance with the touch instruction: the finger's position, movement, speed and force.

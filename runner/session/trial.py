@@ -9,11 +9,19 @@ from protocol.journal.events import Answered, QuestionAnswered, TouchEnded, Touc
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Trial
 from protocol.study.participant_texts import language, page_key
-from protocol.study.study_question import QUESTIONS, Answer, StudyQuestion, When, facts_of_trial
+from protocol.study.study_question import (
+    INTERVALS,
+    QUESTIONS,
+    Answer,
+    StudyQuestion,
+    When,
+    facts_of_trial,
+)
 from protocol.study.touch import Touch
 from runner import screens
 from runner.session.session import Session, SessionContext, judged, known_before, samples_of
 from runner.session.setup import begin, end, mount, tare
+from runner.session.tracks import answered
 from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 
 # Questions to the participant, among them the study's own, and the study's own pages.
@@ -25,7 +33,10 @@ Due = tuple[When, int | None, StudyQuestion]
 def asked(context: SessionContext, screen: screens.Ask) -> tuple[Answer, screens.Response]:
     """Return what the answer means, and the response; raises `ValueError` if it is not allowed."""
     # Only what is shown is turned, so that answers keep their names and the data stay the same.
-    turned = context.session.answer_order == "reversed" and screen.question.values
+    values = screen.question.values
+    # Nobody wants to find the second touch before the first one.
+    turned = context.session.answer_order == "reversed" and {*values}.isdisjoint(INTERVALS)
+    turned = turned and bool(values)
     shown = replace(screen, question=screen.question.reversed()) if turned else screen
     show_page(context, shown)
     given = response(context)
@@ -77,7 +88,8 @@ def due(session: Session, state: SessionState) -> list[Due]:
 
 def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | None]]:
     trials = session.plan.trials
-    left = {trial.block for trial in trials if trial.index not in state.answered}
+    over = state.answered | state.not_needed
+    left = {trial.block for trial in trials if trial.index not in over}
     yield "before", None
     # Block 0 is what comes before the first block, such as practice.
     for block in sorted({trial.block for trial in trials} - left - {0}):
@@ -101,8 +113,12 @@ SWEEP_STEPS = 10
 FASTEST_STEP_S = 0.02
 
 
-def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compliance:
+def touch(
+    context: SessionContext, number: int, to_make: Touch, interval: int = 0
+) -> records.Compliance:
     """Carry out one touch of a trial and return its compliance.
+
+    Participants read which `interval` it is, from 1, where they will be asked for one.
 
     The output is off before and after the touch. It is switched on only after the journal has
     recorded the commanded setpoint.
@@ -113,7 +129,7 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compl
         wait(context, study.timing.between_touches_s)
     # Before the instruction, because the finger comes to the beam after it.
     drifted = tare(context)
-    stimulus = _Stimulus(context, to_make)
+    stimulus = _Stimulus(context, to_make, interval)
     path = stimulus.pacing.touch
     show_page(context, screens.Instruction(text=stimulus.pacing.text, touch=path))
     ready = records.InstructionResponse(**vars(response(context)))
@@ -146,13 +162,13 @@ def touch(context: SessionContext, number: int, to_make: Touch) -> records.Compl
 class _Stimulus:
     """The drive during one touch, with the read-backs and finger samples taken."""
 
-    def __init__(self, context: SessionContext, to_make: Touch) -> None:
+    def __init__(self, context: SessionContext, to_make: Touch, interval: int) -> None:
         self._context = context
         self._touch = to_make
         self._next_sample_s = 0.0
         self.read_back: list[records.ReadBack] = []
         self.samples: list[records.TraceSample] = []
-        self.pacing = screens.pacing(to_make, context.session.study.touch)
+        self.pacing = screens.pacing(to_make, context.session.study.touch, interval)
         self._next_step_s = self._step_s
         self._shows_finger = _shows_finger(context)
 
@@ -277,7 +293,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Complian
         kind=trial.kind,
         condition=trial.condition,
         change=change,
-        agrees=None if change is None else change == trial.expected,
+        agrees=None if change is None or trial.expected is None else change == trial.expected,
         score=score,
         level=trial.level,
         opposite=trial.opposite,
@@ -285,6 +301,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Complian
         traces=tuple(entry.trace for entry in given),
         judged=tuple(judged),
         questions=tuple(own),
+        track=answered(context.session, context.log.state, trial, change),
     )
 
 
@@ -299,6 +316,10 @@ def _answers(
     # A block that is drawn along the beam answers nothing.
     if trial.kind == "pass":
         return None, None, []
+    if trial.track is not None:
+        track = context.session.study.track_of(trial.track.name)
+        said, given = asked(context, screens.ask_track(track.found, track.intervals))
+        return str(said), None, [given]
     # A trial to remember, such as the baseline, has no question; the participant only confirms.
     if trial.question is None:
         show_page(context, screens.Instruction(text="remember"))

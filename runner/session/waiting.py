@@ -23,6 +23,7 @@ from runner.screens import (
     page_name,
 )
 from runner.session.session import SessionContext
+from runner.session.tracks import as_made
 from runner.signals import raise_if_stopped
 
 # What participant and operator see of a running session.
@@ -44,7 +45,7 @@ def update_view(
 ) -> None:
     """Show the operator the session's progress and, while the output is on, its read-back."""
     state, session = context.log.state, context.session
-    trials = context.order
+    trials = [trial for trial in context.order if trial.index not in state.not_needed]
     # Once the session is complete, what the operator sees can no longer influence it.
     blind = session.study.session.blind_operator and state.name != "completed"
     running = next((trial for trial in trials if trial.index == state.trial), None)
@@ -84,7 +85,9 @@ def update_view(
 
 def _aim(context: SessionContext, trial: Trial) -> Aim:
     study = context.session.study
-    touch = trial.touches[context.log.state.touch or 0].at(context.resonance_hz)
+    state = context.log.state
+    touch = as_made(context.session, state, trial).touches[state.touch or 0]
+    touch = touch.at(context.resonance_hz)
     cue = pacing(touch, study.touch)
     slack_n = study.as_instructed.force_within * cue.force_n
     return Aim(
@@ -111,6 +114,8 @@ def _left_s(context: SessionContext, left: Sequence[Trial]) -> float:
 
 def _label(trial: Trial) -> str:
     """Return the operator's label of `trial`, such as `voltage, level 0.5`."""
+    if trial.track is not None:
+        return f"{trial.track.name}, {trial.track.role}"
     parts = [trial.condition or trial.kind]
     if trial.condition and trial.kind not in {"trial", "pass"}:
         parts.append(trial.kind)

@@ -102,7 +102,7 @@ def checked(
     model = _prediction(study, rig)
     if as_json:
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
-        record |= {"tracks": [track.record() for track in tracks]} if tracks else {}
+        record["tracks"] = [track.record() for track in tracks]
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], [], True
     said = [*preview_lines(shown, model), *[""] * bool(tracks)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from device.friction.scenes import Calibration
-from protocol.errors import Problem
+from protocol.errors import BadInput, Problem
 from protocol.study.study import Study
 from protocol.study.touch import current_ma
 from protocol.study.track import Track
@@ -91,6 +91,21 @@ def volts_of(
 
         return voltages(study, number, rig)
     return tuple(track.at(level).voltage_v for level in range(len(track.values))), []
+
+
+def solved_volts(study: Study, rig: Calibration) -> dict[str, tuple[float, ...]]:
+    """Return the voltages of the levels of each track on the axis of contrast, by its name.
+
+    Raises:
+        BadInput: a contrast cannot be reached on this rig.
+    """
+    found = {}
+    for number, track in enumerate(study.track):
+        if track.axis == "contrast":
+            found[track.name], wrong = volts_of(study, number, rig)
+            if wrong:
+                raise BadInput(str(wrong[0]))
+    return found
 
 
 def shown_tracks(study: Study, rig: Calibration) -> tuple[list[ShownTrack], list[Problem]]:

@@ -94,7 +94,6 @@ def power(
     from analysis.power.job import Job, designed, designs, tasks
     from analysis.power.power_report import figures, power_record
     from protocol.study_file.loading import text_digest
-    from protocol.study_file.tracks import require_no_tracks
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
     from runner.study.folder import StudyFolder
@@ -104,7 +103,11 @@ def power(
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
-    require_no_tracks(file, str(folder.study_file))
+    if file.track:
+        raise BadInput(
+            f"{folder.study_file}: [[track]] {file.track[0].name!r}: power simulates conditions "
+            "alone; touchbeam check says what a track is expected to tell"
+        )
     if people is not None:
         # Read here for its errors alone: workers read the text that the job holds.
         people_in_file(people)

@@ -312,7 +312,6 @@ def register(
     from device.friction.changes import LAW, RUNG
     from protocol.registration.registration import FILE, OMNIBUS
     from protocol.registration.registry_text import registry_text
-    from protocol.study_file.tracks import require_no_tracks
     from runner.journal.location import checked_place, mounts_of_this_machine
     from runner.study.calibration import fitted_calibration
     from runner.study.check import validated_study
@@ -322,7 +321,6 @@ def register(
     folder = study_folder(study)
     text = folder.text()
     checked = validated_study(text, str(folder.study_file))
-    require_no_tracks(checked, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
     choice = Choice(
         primary=primary or OMNIBUS,

@@ -2,9 +2,7 @@
 
 import pytest
 
-from protocol.errors import BadInput
 from protocol.study_file.loading import StudyError, parsed_study, template
-from protocol.study_file.tracks import require_no_tracks
 
 TEXT = template("threshold")
 
@@ -162,9 +160,3 @@ def test_a_misspelt_key_of_a_track_hides_no_other_problem() -> None:
         parsed_study(text)
     said = [str(problem) for problem in caught.value.problems]
     assert any("did you mean 'trials'?" in line for line in said)
-
-
-def test_a_study_with_tracks_is_refused_where_they_would_be_left_out() -> None:
-    with pytest.raises(BadInput, match="'smallest amplitude': tracks cannot be run yet"):
-        require_no_tracks(parsed_study(TEXT), "study.toml")
-    require_no_tracks(parsed_study(template("paper")), "study.toml")

@@ -1,0 +1,97 @@
+"""The trials of tracks: which track is asked when, and which of its touches is the comparison.
+
+Their levels are not drawn, because they follow from the answers.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from protocol.journal.records import PlannedTrack
+from protocol.plan.blocks import Name, Stream
+from protocol.plan.trials import Trial
+from protocol.study.study import Study
+from protocol.study.study_question import INTERVALS
+from protocol.study.touch import Touch
+from protocol.study.track import Track
+
+TWICE = 2
+"""How often the comparison comes in each interval before the next such stretch is drawn."""
+
+
+def track_trials(study: Study, first_block: int, name: Name) -> list[Trial]:
+    """Return the trials of all tracks in their order, in blocks from `first_block` on.
+
+    Interleaved, each track that has trials left comes once, in random order, before one comes
+    again; else the tracks follow each other in random order.
+    """
+    drawn = [_trials(track, (*name, track.name)) for track in study.track]
+    stream = Stream(*name, "order")
+    if study.design.tracks == "one after another":
+        order = [trial for own in stream.shuffled(drawn) for trial in own]
+    else:
+        order = []
+        while left := [own for own in drawn if own]:
+            order += [own.pop(0) for own in stream.shuffled(left)]
+    design, size = study.design, study.design.track_block
+    blocks = [first_block + place // size for place in range(len(order))]
+    every = design.break_every_blocks
+    return [
+        replace(
+            trial,
+            block=block,
+            break_s=design.break_s
+            if every and block > 1 and place % size == 0 and (block - 1) % every == 0
+            else 0.0,
+        )
+        for place, (trial, block) in enumerate(zip(order, blocks, strict=True))
+    ]
+
+
+def _trials(track: Track, name: Name) -> list[Trial]:
+    """Return the trials of one track; the first one is at a level that the method chooses."""
+    others = ["level"] * (track.trials - 1) + ["catch"] * track.catch + ["easy"] * track.easy
+    roles = ["level", *Stream(*name, "roles").shuffled(others)]
+    intervals = _intervals(track, Stream(*name, "intervals"))
+    return [
+        _trial(track, role, None if role == "catch" or track.intervals == 1 else next(intervals))
+        for role in roles
+    ]
+
+
+def _intervals(track: Track, stream: Stream) -> Iterator[int]:
+    """Yield the interval of each comparison; in each stretch all come equally often."""
+    while True:
+        yield from stream.shuffled([*range(1, track.intervals + 1)] * TWICE)
+
+
+def _trial(track: Track, role: str, interval: int | None) -> Trial:
+    return Trial(
+        index=0,
+        block=0,
+        kind="track",
+        condition=None,
+        question=None,
+        expected=right_answer(track, role, interval),
+        scored=False,
+        touches=touches_of(track, role, interval, track.comparison),
+        track=PlannedTrack(name=track.name, role=role, interval=interval),
+    )
+
+
+def right_answer(track: Track, role: str, interval: int | None) -> str | None:
+    """Return the answer that is right; None in a catch trial of intervals, where none is."""
+    if track.intervals == 1:
+        return "no" if role == "catch" else "yes"
+    return None if interval is None else INTERVALS[interval - 1]
+
+
+def touches_of(
+    track: Track, role: str, interval: int | None, comparison: Touch
+) -> tuple[Touch, ...]:
+    """Return the touches of a trial: the standard, but for `comparison` in its interval."""
+    standard = track.standard or comparison  # catch trials and intervals have one
+    touches: Sequence[Touch] = [standard] * track.intervals
+    if role != "catch":
+        at = (interval or 1) - 1
+        touches = [*touches[:at], comparison, *touches[at + 1 :]]
+    return tuple(touches)

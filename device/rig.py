@@ -92,9 +92,7 @@ class Rig(PortOwner):
     def arm(self) -> Identity:
         """Turn the output off, check who answers, set limits and watchdog; forget a fault.
 
-        Raises:
-            DeviceError: the device is not what or as it must be.
-            OutputUnknown: its output cannot be read back as off.
+        Raise `DeviceError` if the device is not as it must be, or `OutputUnknown` as `off`.
         """
         identity = self._owned(self._arm)
         if self._gauge is not None:
@@ -102,10 +100,7 @@ class Rig(PortOwner):
         return identity
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
-        """Find the beam's resonance near `near_hz`; the output is off afterwards.
-
-        A device that cannot measure it has the one that was kept as the rig's calibration.
-        """
+        """Find the resonance near `near_hz`, the output off afterwards, or the calibration's."""
         if self._calibration is not None and not self.measures_resonance:
             return self._calibration
 
@@ -128,10 +123,8 @@ class Rig(PortOwner):
     def drive(self, setpoint: Setpoint) -> ReadBack:
         """Set `setpoint`, output on, and return what the device says of it.
 
-        Raises:
-            LimitExceeded: the setpoint exceeds the limits; nothing was sent.
-            DeviceError: the device cannot be trusted; its output is off, and stays so.
-            OutputUnknown: the same, and it does not say that its output is off.
+        Raise `LimitExceeded`, with nothing sent, `DeviceError` for a device that cannot be trusted,
+        whose output is off and stays so, and `OutputUnknown` if it does not say that it is.
         """
         self.beat()
         return self._owned(lambda: self._guarded(lambda: self._drive(setpoint)))
@@ -160,11 +153,9 @@ class Rig(PortOwner):
         """Record the force channel from now on; what was being recorded is forgotten.
 
         The samples are fetched while the session beats, as the watchdog is fed. `clock_s` is the
-        session's clock, to which the device's is related; without it, the rig's.
-
-        Raises:
-            CannotRecord: the device has no force channel; nothing was sent.
-            DeviceError: the device cannot be trusted; its output is off, and stays so.
+        session's clock, to which the device's is related; without it, the rig's. Raise
+        `CannotRecord`, with nothing sent, if there is no force channel, and `DeviceError` as
+        `drive`.
         """
         self.beat()
         gauge, clock = self._gauge, clock_s or self._monotonic
@@ -203,11 +194,8 @@ class Rig(PortOwner):
     def beat(self) -> None:
         """Say that the session is alive; wait for the owner if samples are fetched too late.
 
-        A session on a stepped clock makes samples faster than the owner's pace.
-
-        Raises:
-            DeviceError: the device failed since the last beat, or the session stood still while
-                the output of a device without a watchdog was on.
+        Raise `DeviceError` if the device failed since the last beat, or the session stood still
+        while the output of a device without a watchdog was on.
         """
         if self._fault is not None:
             raise self._fault
@@ -303,10 +291,7 @@ class Rig(PortOwner):
         return self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG
 
     def _fetch(self, recording: Recording) -> None:
-        """Ask for the blocks that are due, until the device must be looked at.
-
-        It feeds the watchdog too, so that it is done only if the session moved since the last time.
-        """
+        """Ask for blocks that are due, if the session moved, as it feeds the watchdog too."""
         beats = self._beats
         for _ in range(MOST_BLOCKS):
             if recording.wait_s() > 0 or self._monotonic() >= self._feed_due_s:
@@ -421,9 +406,7 @@ def open_rig(
 ) -> Rig:
     """Return the rig at `url`, not armed yet; `gauge` records its forces instead of the device.
 
-    Raises:
-        AddressError: `url` is no address of a device, or there is no such dialect.
-        DeviceError: nothing can be opened there.
+    Raise `AddressError` for no such address or dialect, `DeviceError` if it cannot be opened.
     """
     try:
         driver = driver_of(dialect)

@@ -315,14 +315,10 @@ def modal_sum_field(
     *,
     direction_error: FloatArray | float = 0.0,
 ) -> Field:
-    """Return the field per volt of the patched Timoshenko beam's modes.
+    """Return the field per volt of the patched Timoshenko beam's modes, whatever its own damping.
 
-    Args:
-        beam: the beam; its own damping ratio does not count.
-        drive: which of the drives applies to each place, shape (n,), or (1,) for all places.
-        frequency_hz: of the drives, shape (drives,).
-        damping_ratio: of the drives, shape (drives,).
-        direction_error: of -Re(W ψ*), relative to its scale, for each drive.
+    `drive` is the drive of each place, shape (n,), or (1,) for all places. The frequencies, damping
+    ratios and, relative to its scale, errors of -Re(W ψ*) are of shape (drives,).
     """
     basis = modal_basis(beam)
     weights = basis.weights(frequency_hz, damping_ratio, beam.frequency_scale)

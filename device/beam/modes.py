@@ -164,8 +164,7 @@ def natural_frequency_hz(beam: Beam, mode: int) -> float:
 def modal_force_n_per_v(beam: Beam, mode: int) -> float:
     """Return the modal force Q/V of the patches on one mode, N/V; signed.
 
-    The difference of slopes is taken as a product about the patches' middle, so that a patch at a
-    place where both slopes nearly agree loses no digits.
+    The difference of slopes is a product about the patches' middle, which loses no digits.
     """
     c, patches = mode_constants(mode), beam.patches
     middle = Fraction(patches.centre_m) / Fraction(beam.length_m)
@@ -204,12 +203,8 @@ def modal_displacement_m(
 ) -> FloatArray:
     """Return the amplitude |q| of one mode, m, so that the tip moves by 2|q|.
 
-    Args:
-        beam: the beam; its damping ratio is the default.
-        mode: the mode's number.
-        voltage_v: amplitude of the drive, at least 0; any shape that broadcasts.
-        frequency_hz: frequency of the drive, above 0.
-        damping_ratio: damping ratio of the mode, above 0.
+    Voltage, at least 0, frequency and damping ratio of the mode, by default the beam's, both above
+    0, have any shapes that broadcast.
     """
     damping = np.asarray(beam.damping_ratio if damping_ratio is None else damping_ratio)
     frequency = np.asarray(frequency_hz, dtype=np.float64)

@@ -37,14 +37,10 @@ class MotionState:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """A beam's harmonic motion per volt.
+    """A beam's harmonic motion per volt: `state` at places, shape (n,), in rising order.
 
-    Attributes:
-        length_m: the beam's length.
-        wave_number_per_m: the largest one in the motion; it says how finely to sample it.
-        rounding_m_per_v: the largest rounding error of a deflection.
-        joints_m: inner places at which the motion is not smooth.
-        state: the motion at places, shape (n,), in rising order.
+    `wave_number_per_m`, the largest one, says how finely to sample it; `rounding_m_per_v` is the
+    largest rounding error of a deflection; it is not smooth at the inner `joints_m`.
     """
 
     length_m: float
@@ -225,11 +221,7 @@ def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatAr
 
 
 def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
-    """Return the inner places at which the direction of motion changes, in rising order.
-
-    Turning points of the direction are sampled too, so that no pair of edges between two places
-    is missed.
-    """
+    """Return the inner places where the direction changes, in rising order, and no pair missed."""
     turning = _signed_cells(motion, _direction_slope, places_m)
     return _signed_cells(motion, direction, _once(places_m, turning))
 
@@ -294,9 +286,8 @@ class MotionPattern(Pattern):
     """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
 
     Attributes:
-        motion: the motion itself, for windows narrower than any cell.
-        rms_m_per_v: the rms of |W| over the beam.
-        rotation_per_v: the rms of the rotation over the beam, rad/V.
+        motion: for windows narrower than any cell.
+        rms_m_per_v: of |W| over the beam; `rotation_per_v` that of the rotation, rad/V.
         edges_m: zone edges, from 0 to the length; `moves_right` is 1 or 0 for each zone.
         pieces: the cells, cut at the zone edges too, so that one search finds cell and zone.
     """

@@ -218,10 +218,8 @@ def segmented_natural_frequency_hz(beam: Beam, mode: int, *, patched: bool, shea
 
     Sign changes of the frequency determinant are counted from below, twelve samples to the
     spacing of two modes of the bare beam. `patched` says whether the patches' stiffness and mass
-    count, and `shear` whether the beam is Timoshenko's or Euler-Bernoulli's.
-
-    Raises:
-        OutOfRangeError: the mode lies beyond the beam's cut-off, where numbering is ambiguous.
+    count, and `shear` whether the beam is Timoshenko's or Euler-Bernoulli's. Raise
+    `OutOfRangeError` for a mode beyond the beam's cut-off, where numbering is ambiguous.
     """
     whole("mode", mode, 1)
     parts = sections(beam, patched=patched, shear=shear)

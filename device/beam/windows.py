@@ -156,11 +156,7 @@ def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatA
 
 
 def _narrow_mean(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """Return the mean of |φ| over [end - width, end] for windows of at most ½ in bξ.
-
-    `end_m` lie in [0, L], where x = 0 gives φ's limit 0, and `width_m` are at most as large; both
-    are of shape (n,).
-    """
+    """Return the mean of |φ| over [end - width, end], each (n,), for windows of at most ½ in bξ."""
     middle = mode_constants(here.order).root * (end_m - width_m / 2) / here.length_m
     clamped = (middle < _CLAMP_REACH) | (here.order == 1)
     if clamped.all():

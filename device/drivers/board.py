@@ -125,10 +125,7 @@ class Board(Driver):
         return True
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Set `setpoint`, switch the output on, and return what the device says of it.
-
-        An amplitude that stays is not set again, so that the steps of a sweep are short.
-        """
+        """As every driver; an amplitude that stays is not set again: a sweep's steps are short."""
         setpoint.checked(self.limits)
         # A restart since the board was armed, for one, has lost the limit and the watchdog.
         if self.driven is None:
@@ -180,10 +177,7 @@ class Board(Driver):
             self._require_cool(health.temperature_c)
 
     def still_on(self) -> str:
-        """Wait until the output has discharged; the switch alone proves nothing.
-
-        The answers come beside a token, so that no stray line is taken for them.
-        """
+        """Wait until the output has discharged; answers come beside a token, so none is stray."""
         deadline_s = self.monotonic() + DISCHARGE_S
         while True:
             on, monitor_v = self.link.certain(
@@ -198,10 +192,7 @@ class Board(Driver):
                 return f"its monitor still shows {monitor_v:.1f} V after {DISCHARGE_S:g} s"
 
     def watchdog_trips(self) -> bool:
-        """Return whether the output goes off by itself when the board hears nothing for a while.
-
-        Its voltage must be gone too. The trip is cleared, and the output stays off.
-        """
+        """As every driver; the voltage must be gone too, and the trip is cleared."""
         self.drive(
             # The watchdog runs only while the output is on. At 0 V nobody can feel the test.
             Setpoint(voltage_v=0.0, frequency_hz=_IDLE_HZ, ramp_v_per_s=self.limits.ramp_v_per_s)

@@ -93,10 +93,8 @@ class Driver(ABC):
     def arm(self) -> Identity:
         """Turn the output off, see who answers, set limits and watchdog, and read them back.
 
-        Raises:
-            ForeignOutput: it is another device; nothing else was sent.
-            DeviceError: it reports an error, or does not keep what was set.
-            OutputUnknown: its output cannot be read back as off.
+        Raise `ForeignOutput` for another device, to which nothing else is sent, `DeviceError` for
+        one that does not keep what was set, and `OutputUnknown` if it does not say that it is off.
         """
         self.driven, self.foreign = None, None
         # Off comes before the question who is there: what was left on goes off without delay.
@@ -126,11 +124,8 @@ class Driver(ABC):
     def drive(self, setpoint: Setpoint) -> ReadBack:
         """Set `setpoint`, switch the output on, and return what the device says of it.
 
-        A device that was driven already and is found off is not switched on again.
-
-        Raises:
-            LimitExceeded: the setpoint exceeds the limits; nothing was sent.
-            DeviceError: the device reports an error or something else than what was set.
+        A device that was driven already and is found off is not switched on again. Raise
+        `LimitExceeded`, with nothing sent, and `DeviceError` if it is not as it was set.
         """
 
     @abstractmethod
@@ -186,11 +181,8 @@ class Driver(ABC):
     def watchdog_trips(self) -> bool:
         """Return whether the output goes off by itself when the device hears nothing for a while.
 
-        The output is on at 0 V meanwhile, and off afterwards. Nobody should touch the beam.
-
-        Raises:
-            DeviceError: the device has no watchdog, or does not do what it is told.
-            OutputUnknown: its output cannot be read back as off.
+        The output is on at 0 V meanwhile, and off afterwards. Nobody should touch the beam. Raises
+        as `drive`, `off`, and `DeviceError` without a watchdog.
         """
         raise DeviceError(f"a {self.dialect} device has no watchdog")
 

@@ -109,10 +109,9 @@ class Generator(Driver):
         )
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
-        """Apply `setpoint`, switch the output on, and return the values read back.
+        """As every driver, from the smallest amplitude on; `carry_on` makes the steps of the ramp.
 
-        The amplitude starts at the smallest one; `carry_on` makes the steps of the ramp. A ramp to
-        the same amplitude at the same rate is continued.
+        A ramp to the same amplitude at the same rate is continued.
         """
         setpoint.checked(self.limits)
         # A smaller amplitude would be raised to it, and the data would tell another voltage.

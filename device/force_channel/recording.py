@@ -210,10 +210,8 @@ class Recorder:
     Attributes:
         source: what measures: `board`, or the dialect of the gauge.
         rate_hz: samples per second and channel, as set.
-        scale: size of one count of each channel.
         offset: the host's clock minus the source's, when the recording began.
-        told_s: when the source was told to begin, on the host's clock.
-        began_s: when it had confirmed that, on the host's clock.
+        told_s: when the source was told to begin, on the host's clock; `began_s` when it confirmed.
     """
 
     source: str
@@ -253,10 +251,8 @@ class Recorder:
     def checked(self, block: Block) -> Block:
         """Return `block` if it is the next one.
 
-        Raises:
-            ProtocolError: its samples were given before, are too many, have another rate, or are
-                not dated at the time at which they were taken.
-            DeviceError: samples before it were lost.
+        Raise `ProtocolError` for samples that were given before, are too many, or have another rate
+        or date than they should, and `DeviceError` if samples before it were lost.
         """
         # Not a `ProtocolError`, which would ask again for what the source no longer keeps.
         if block.lost or block.first > self.count:

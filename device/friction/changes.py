@@ -81,9 +81,8 @@ def trial_change(
 ) -> Change:
     """Return the change from a trial's first touch to the end of its last one.
 
-    For a single touch, the change is that during the touch or, if the drive is constant, the
-    change from the resting beam. The study gives the finger's place, path, force, contact and
-    speed, and the beams.
+    Of a single touch it is that during it or, if the drive is constant, from the resting beam. The
+    study gives the finger's place, path, force, contact and speed, and the beams.
     """
     first, last = touches[0], touches[-1]
     if len(touches) == 1 and first.programme == "hold":

@@ -63,7 +63,7 @@ def friction_coefficient(
     x_m: ArrayLike | None = None,
     tolerance: float = 0.01,
 ) -> FloatArray:
-    """Return the friction coefficient μ' of a scene.
+    """Return the friction coefficient μ' of a scene, shape (n,), or (1,) for its own place.
 
     Args:
         scene: structure, drive and touch.
@@ -73,11 +73,7 @@ def friction_coefficient(
         x_m: right edges of the finger, shape (n,), in [0, L]; by default the scene's own place.
         tolerance: the largest error in μ' that `auto` may make.
 
-    Returns:
-        μ', dimensionless, shape (n,) (shape (1,) for the scene's own place).
-
-    Raises:
-        OutOfRangeError: a place lies off the beam, or the law or rung does not exist.
+    Raise `OutOfRangeError` for a place off the beam, or no such law or rung.
 
     >>> from device.friction.scenes import Drive
     >>> friction_coefficient(Scene(drive=Drive(voltage_v=0.0)))
@@ -192,10 +188,9 @@ def _reduced_part(
 
 
 def auto_prediction(batch: Batch, choice: LawChoice, tolerance: float) -> Chosen:
-    """Return predictions of μ' within `tolerance` of the top rung, by the cheapest certified rungs.
+    """Return μ' within `tolerance` of the top rung, by the cheapest certified rungs.
 
-    Raises:
-        OutOfRangeError: the tolerance is not above 0, or a mode lies beyond the top rung's cut-off.
+    Raise `OutOfRangeError` for no tolerance above 0, or a mode beyond the top rung's cut-off.
     """
     positive("tolerance", tolerance)
     rung, bounds = np.empty(batch.size, dtype=np.object_), np.zeros(batch.size)

@@ -131,11 +131,11 @@ def contact_window(contact: Contact, field: Field) -> Window:
 def contact_state(
     contact: Contact, field: Field, reference_tip_speed_m_s: float, window: Window | None = None
 ) -> ContactState:
-    """Return the terms of a contact in a field; `window` is the contact's own, if known already.
+    """Return the terms of a contact in a field; `window` is its own, if known already.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
     9's over the whole beam) with the body mass m read as kg per metre. The reference tip speed is
-    that which the field's rung gives in the paper's scene.
+    the rung's in the paper's scene.
     """
     window = window or contact_window(contact, field)
     # (1) to (5), mathematics/friction

@@ -87,10 +87,9 @@ class Batch:
         return replace(self, contact=self.contact.rows(which), **own)
 
     def drives(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return frequencies and damping ratios that differ, and which of them each scene has.
+        """Return frequencies, -1 for a resonance (one NaN is unlike another), and damping ratios.
 
-        A resonance is -1 here: one NaN would be unlike another. The last is of shape (1,) if all
-        scenes share their drive.
+        They differ; the last says which of them each scene has, shape (1,) if all share theirs.
         """
         frequency_hz = np.nan_to_num(self.frequency_hz, nan=-1.0)
         # As complex numbers, because those sort 20 times faster than pairs.
@@ -125,9 +124,7 @@ class Prediction:
 def law_state(
     contact: Contact, field: Field, rung: str, choice: LawChoice, window: Window | None = None
 ) -> ContactState:
-    """Return the contact's state as a law sees it in a field of the named rung.
-
-    `window` is the contact's own, if it is known already.
+    """Return the contact's state as a law sees it; `window` is its own, if known already.
 
     Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
@@ -211,10 +208,7 @@ def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction
 
 
 def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Field:
-    """Return the field of `timoshenko-modes` for all scenes at once, each with its own drive.
-
-    `direction_error`, a number or one for each scene, is that of `device.beam.modal_pattern`.
-    """
+    """Return `timoshenko-modes`' field of all scenes; `direction_error` is one or one for each."""
     at_drive = replace(batch, frequency_hz=reduced_frequency_hz(batch))
     frequency_hz, damping_ratio, drive = at_drive.drives()
     errors = np.zeros(frequency_hz.size)

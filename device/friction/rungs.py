@@ -122,12 +122,7 @@ def modal_sum_field(
     damping_ratio: FloatArray,
     direction_error: FloatArray | float = 0.0,
 ) -> Field:
-    """Return the field per volt of `timoshenko-modes` for many drives at once.
-
-    See `device.beam.modal_pattern.modal_sum_field`.
-
-    Raise `OutOfRangeError` if a frequency lies beyond the modes that are summed.
-    """
+    """Return `device.beam.modal_pattern.modal_sum_field`; `OutOfRangeError` beyond its modes."""
     from device.beam import modal_pattern
     from device.beam.timoshenko_modes import modal_basis
 
@@ -206,10 +201,8 @@ def rung_by_name(name: str) -> Rung:
 def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
     """Return the driven beam's motion as the rung of that name computes it.
 
-    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`.
-
-    Raises:
-        OutOfRangeError: the rung does not exist, or the mode lies beyond its cut-off or its sum.
+    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`. Raise `OutOfRangeError`
+    for no such rung, or a mode beyond its cut-off or its sum.
     """
     return rung_by_name(name).field_of(beam, drive, overlap)
 

@@ -39,11 +39,7 @@ class Structure:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """The signal on the patches and the mode it excites.
-
-    `voltage_v` is the amplitude. A `frequency_hz` of `resonance` is the natural frequency of
-    `mode` as computed by the rung in use.
-    """
+    """The signal's amplitude and frequency, by default the rung's resonance of the `mode`."""
 
     voltage_v: float = 100.0
     frequency_hz: float | AtResonance = "resonance"

@@ -234,9 +234,7 @@ def gauges() -> dict[str, type[GaugeDriver]]:
 def open_gauge(url: str, dialect: str) -> GaugeOwner:
     """Return the gauge at `url`; a rig that is armed asks who it is.
 
-    Raises:
-        AddressError: `url` is no address of a gauge, or there is no such dialect.
-        DeviceError: nothing can be opened there.
+    Raise `AddressError` for no such address or dialect, `DeviceError` if it cannot be opened.
     """
     if dialect not in gauges():
         known = ", ".join(gauges())

@@ -100,10 +100,9 @@ class LineBuffer:
         return self._pending
 
     def feed(self, chunk: bytes) -> list[bytes]:
-        """Add `chunk` and return the non-empty lines it completes, ended by LF, CRLF or CR.
+        """Add `chunk`; return the non-empty lines it completes, ended by LF, CRLF or CR.
 
-        Raises:
-            ProtocolError: a line is longer than `LONGEST_LINE`; the pending bytes are discarded.
+        Raise `ProtocolError` beyond `LONGEST_LINE`; the pending bytes are discarded.
         """
         if not chunk:
             return []

@@ -92,10 +92,8 @@ class Link:
     def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
         """Send `query` and return the line that answers it.
 
-        Raises:
-            LinkTimeout: no complete line arrived within `timeout_s`.
-            ProtocolError: the answer is not a line of text, or is cut short.
-            DeviceError: the port is gone.
+        Raise `LinkTimeout` without a whole line in `timeout_s`, `ProtocolError` for one that is cut
+        short or no text, and `DeviceError` if the port is gone.
         """
         self._get_into_step()
         self.tell(query)
@@ -106,10 +104,9 @@ class Link:
         return answer
 
     def query(self, query: str, parsed: Callable[[str], _Value]) -> _Value:
-        """Return the parsed answer to `query`; repeat the query once if the answer is garbled.
+        """Return the parsed answer to `query`, which is repeated once if the answer is garbled.
 
-        Raises:
-            DeviceError: as for `ask` and `parsed`, or a second line arrived with the answer.
+        Raise `DeviceError` as `ask` and `parsed`, or if a second line came with the answer.
         """
         # Repeated once and only for garbled bytes: a query changes nothing, so this is safe.
         return self._twice(lambda: parsed(self._only_answer(query)))
@@ -119,9 +116,6 @@ class Link:
 
         The device must answer the same query with the same block: a garbled one is then not lost.
         Both together have `ANSWER_TIMEOUT_S`, so that broken blocks hide no other fault for longer.
-
-        Raises:
-            DeviceError: as for `ask` and `parsed`, or more than the block arrived.
         """
         deadline_s = self._deadline_s()
         return self._twice(lambda: parsed(self._only_block(query, deadline_s)))
@@ -136,11 +130,9 @@ class Link:
         return self._twice(lambda: parsed(asked(queries)))
 
     def identify(self, patience_s: float = HANDSHAKE_S) -> str:
-        """Return the device's answer to `*IDN?`, ignoring the messages it sends at start-up.
+        """Return the answer to `*IDN?`, ignoring messages at start-up, within `patience_s`.
 
-        Raises:
-            ProtocolError: the device echoes the commands it receives.
-            LinkTimeout: no answer with the four fields of `*IDN?` arrived within `patience_s`.
+        Raise `ProtocolError` for a device that echoes, and `LinkTimeout` without four fields.
         """
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
@@ -163,13 +155,10 @@ class Link:
     def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
         """Drain the input until it is quiet, then have the device return two numbers we choose.
 
-        The numbers are written to and read from the device's `register`. Devices answer in order,
-        so that any earlier answer arrives before them. Two numbers are needed because an earlier
-        answer may equal the first.
-
-        Raises:
-            LinkTimeout: the numbers did not arrive within `patience_s`.
-            ProtocolError: the device sends lines without end.
+        They are written to and read from the device's `register`. Devices answer in order, so that
+        any earlier answer arrives before them; it may equal the first, hence two. Raise
+        `LinkTimeout` if they do not come within `patience_s`, `ProtocolError` for lines without
+        end.
         """
         self._in_step = False
         deadline_s = self._monotonic() + patience_s

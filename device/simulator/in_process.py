@@ -37,15 +37,9 @@ Unbroken = Callable[[], AbstractContextManager[None]]
 class InProcessDevice(BeamControl):
     """A simulated device and the line to it.
 
-    Args:
-        seed: what the beam's hidden properties follow from.
-        dialect: what the device speaks.
-        delay_s: called for each piece of data; returns how long it is on its way. With 0 s only
-            waiting takes time, so that a fault which answers without end needs more.
-        cuts: called with a number of bytes; returns where they are cut into pieces.
-        law: of the beam's friction.
-        rung: of the beam's friction.
-        damping_ratio: of the beam; without it, it follows from the seed.
+    `delay_s` returns how long each piece of data is on its way: with 0 s only waiting takes time,
+    so that a fault which answers without end needs more. `cuts` returns where some number of bytes
+    is cut into pieces. The rest is as in `device.simulated_device`.
     """
 
     def __init__(
@@ -254,10 +248,7 @@ def in_process_rig(
     calibration: Resonance | None = None,
     gauge: type[GaugeDriver] | None = None,
 ) -> Rig:
-    """Return the rig on a new port of `device`; it has no thread, so each call does its work.
-
-    A `gauge` of that kind records the forces instead of the device.
-    """
+    """Return the rig on a new port of `device`, without a thread; a `gauge` records the forces."""
     now_s, owner = device.now_s, None
     if gauge is not None:
         owner = GaugeOwner(gauge(Link(device.gauge_port(), now_s)))

@@ -230,8 +230,7 @@ class Server:
     def serve(self, *, keep: bool = False, orphaned: Callable[[], bool] = lambda: False) -> None:
         """Serve until the host is gone and the output is off; for ever if `keep`.
 
-        `orphaned` says whether whoever started us is gone, so that a host which never came is no
-        reason to wait for ever.
+        `orphaned` says whether who started us is gone: a host may never come.
         """
         gone, instrument = False, self._device.instrument
         while keep or not gone or (instrument.output and instrument.watchdog_s is not None):

@@ -93,8 +93,7 @@ class Finger:
 class SimulatedBeam:
     """A beam whose hidden properties follow from `seed`, and its friction from a law and a rung.
 
-    Raises:
-        OutOfRangeError: the law or the rung does not exist, or the damping ratio is impossible.
+    Raise `OutOfRangeError` if there is no such law or rung, or the damping ratio is impossible.
     """
 
     seed: int

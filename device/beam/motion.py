@@ -8,15 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from device.beam import modes
 from device.beam.beam import Beam
-from device.beam.modes import (
-    ComplexArray,
-    FloatArray,
-    modal_amplitude_m_per_v,
-    mode_constants,
-    mode_shape,
-    mode_slope,
-)
+from device.beam.modes import ComplexArray, FloatArray
 from device.beam.timoshenko import Waves, sections, system_matrix, waves_of
 from device.beam.windows import Pattern, Window, window_width
 
@@ -119,8 +113,8 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
 
 def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
     """Return rows of φ and its first three derivatives; φ'' is φ with the waves' sign turned."""
-    c = mode_constants(order)
-    shape, slope = mode_shape(order, xi), mode_slope(order, xi)
+    c = modes.mode_constants(order)
+    shape, slope = modes.mode_shape(order, xi), modes.mode_slope(order, xi)
     clamp, tip = c.clamp_weight * np.exp(-c.root * xi), c.tip_weight * np.exp(-c.root * (1 - xi))
     # (11), mathematics/beam
     curvature = c.root**2 * (2 * (clamp + tip) - shape)
@@ -131,7 +125,7 @@ def _shape_derivatives(order: int, xi: FloatArray) -> FloatArray:
 def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
     """Return the sum of the bare Euler-Bernoulli beam's modes 1 to `count`, without shear."""
     amplitudes = [
-        modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
+        modes.modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
     ]
 
     def state(x_m: FloatArray) -> MotionState:
@@ -143,7 +137,7 @@ def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
 
     return Motion(
         length_m=beam.length_m,
-        wave_number_per_m=mode_constants(count).root / beam.length_m,
+        wave_number_per_m=modes.mode_constants(count).root / beam.length_m,
         rounding_m_per_v=_ROUNDING * max(map(abs, amplitudes)),
         joints_m=(),
         state=state,

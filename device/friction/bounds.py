@@ -21,6 +21,7 @@ from device.beam.beam import Beam
 from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
 from device.beam.windows import window_width
+from device.friction import rungs
 from device.friction.contact import contact_window, same_direction_given
 from device.friction.laws import ContactTerms
 from device.friction.prediction import (
@@ -31,12 +32,6 @@ from device.friction.prediction import (
     reduced_field,
     reduced_frequency_hz,
     state_prediction,
-)
-from device.friction.rungs import (
-    REDUCED_RUNG,
-    TOP_RUNG,
-    reference_tip_speed_m_s,
-    rung_resonance_hz,
 )
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
@@ -145,7 +140,7 @@ def _terms(
 ) -> TopTerms:
     """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
     contact = batch.contact
-    reference = reference_tip_speed_m_s(TOP_RUNG)
+    reference = rungs.reference_tip_speed_m_s(rungs.TOP_RUNG)
     factor = contact.lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
     per_metre = 1.0 / contact.load_n_per_m
     printed = contact.covered_m / (contact.body_count * contact.body_load_n)
@@ -290,7 +285,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     field = reduced_field(batch, direction)
     window = contact_window(contact, field)
     width = np.maximum(contact.covered_m, 1e-300)
-    state = law_state(contact, field, REDUCED_RUNG, choice, window)
+    state = law_state(contact, field, rungs.REDUCED_RUNG, choice, window)
     # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width
     right = Range(
@@ -299,7 +294,9 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     terms = state.terms
     # The reference's speed is that of the nominal beam, whatever the scale of this one.
     plain = Beam()
-    reference = _bins(plain, np.array([rung_resonance_hz(REDUCED_RUNG, plain, Drive().mode)]))
+    reference = _bins(
+        plain, np.array([rungs.rung_resonance_hz(rungs.REDUCED_RUNG, plain, Drive().mode)])
+    )
     speed = rotation + float(np.array(table["rotation"])[reference][0])
     inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
     ranges = TopTerms(

@@ -10,17 +10,9 @@ import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.modes import FloatArray
+from device.friction import scenes
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
-from device.friction.scenes import (
-    NOMINAL,
-    REFERENCE_SPEED_M_S,
-    Calibration,
-    Drive,
-    FingerContact,
-    Scene,
-    Structure,
-)
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS, Effect, Question
 from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
@@ -100,7 +92,7 @@ def trial_change(
 
 
 def friction_difference(
-    study: Study, standard: Touch, comparison: Touch, rig: Calibration
+    study: Study, standard: Touch, comparison: Touch, rig: scenes.Calibration
 ) -> float:
     """Return how much smoother `comparison` is than `standard`: the mean of ln(mu / mu')."""
     change = Change(
@@ -144,7 +136,7 @@ REFERENCE = Moment(
     coverage="local",
     force_n=_FINGER.force_n,
     contact_m=_FINGER.contact_m,
-    sliding_speed_m_s=REFERENCE_SPEED_M_S,
+    sliding_speed_m_s=scenes.REFERENCE_SPEED_M_S,
     has_bodies=True,
 )
 """The moment from which the paper's conditions differ: 100 V at resonance."""
@@ -181,7 +173,7 @@ limits, and no rung errs less than the top one, which a few contrasts can afford
 
 
 def predicted_contrast(
-    change: Change, law: str = LAW, rung: str = RUNG, rig: Calibration = NOMINAL
+    change: Change, law: str = LAW, rung: str = RUNG, rig: scenes.Calibration = scenes.NOMINAL
 ) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
@@ -202,7 +194,7 @@ def predicted_contrast(
     if change.effect == "places":
         return _rms(np.log(after / before))
     if change.effect == "depth":
-        resting = Structure().friction_coefficient
+        resting = scenes.Structure().friction_coefficient
         size = _rms(np.log(after / resting)) - _rms(np.log(before / resting))
     else:
         size = float(np.log(before / after).mean())
@@ -219,20 +211,20 @@ def friction_at(
     places_m: tuple[float, ...],
     law: str = LAW,
     rung: str = RUNG,
-    rig: Calibration = NOMINAL,
+    rig: scenes.Calibration = scenes.NOMINAL,
 ) -> FloatArray:
     """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
     beam = Beam(damping_ratio=rig.damping_ratio)
-    drive = Drive(voltage_v=rig.gain * moment.voltage_v)
+    drive = scenes.Drive(voltage_v=rig.gain * moment.voltage_v)
     if moment.frequency != 1:
         resonance_hz = rung_resonance_hz(rung, beam, drive.mode)
         drive = replace(drive, frequency_hz=moment.frequency * resonance_hz)
-    scene = Scene(
-        structure=Structure(
+    scene = scenes.Scene(
+        structure=scenes.Structure(
             beam=beam, body_height_m=rig.body_height_m if moment.has_bodies else 0.0
         ),
         drive=drive,
-        touch=FingerContact(
+        touch=scenes.FingerContact(
             contact_m=moment.contact_m,
             finger_load_n=moment.force_n,
             sliding_speed_m_s=moment.sliding_speed_m_s,

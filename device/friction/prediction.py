@@ -12,18 +12,9 @@ from device.beam.fields import Field, Signal
 from device.beam.modes import FloatArray, natural_frequency_hz
 from device.beam.windows import Window
 from device.errors import OutOfRangeError, one_of
+from device.friction import rungs
 from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
 from device.friction.laws import Law, anisotropy, law_by_name
-from device.friction.rungs import (
-    MODAL_RUNGS,
-    REDUCED_RUNG,
-    modal_rung_field,
-    modal_sum_field,
-    reference_tip_speed_m_s,
-    rung_by_name,
-    rung_field,
-    rung_resonance_hz,
-)
 from device.friction.scenes import Drive
 
 Ratio = Literal["eq15", "mode"]
@@ -128,7 +119,7 @@ def law_state(
 
     Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
-    state = contact_state(contact, field, reference_tip_speed_m_s(rung), window)
+    state = contact_state(contact, field, rungs.reference_tip_speed_m_s(rung), window)
     if choice.takes_eq15:
         return with_eq15_ratio(state, contact, choice.overlap)
     if rung == "eq15" and not choice.law.as_printed:
@@ -202,7 +193,7 @@ def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction
             mode=batch.mode,
         )
         beam = replace(batch.beam, damping_ratio=float(damping_ratio))
-        field = rung_field(rung, beam, drive).scaled(rows.voltage_v)
+        field = rungs.rung_field(rung, beam, drive).scaled(rows.voltage_v)
         parts.append((which, field_prediction(rows.contact, field, rung, choice)))
     return joined(parts, batch.size)
 
@@ -214,7 +205,7 @@ def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Fi
     errors = np.zeros(frequency_hz.size)
     # Scenes with one drive have one error, because the table of errors goes by the frequency.
     errors[drive] = direction_error
-    return modal_sum_field(batch.beam, drive, frequency_hz, damping_ratio, errors).scaled(
+    return rungs.modal_sum_field(batch.beam, drive, frequency_hz, damping_ratio, errors).scaled(
         batch.voltage_v
     )
 
@@ -224,16 +215,16 @@ def reduced_frequency_hz(batch: Batch) -> FloatArray:
     resonant = np.isnan(batch.frequency_hz)
     if not resonant.any():
         return batch.frequency_hz
-    own_hz = rung_resonance_hz(REDUCED_RUNG, batch.beam, batch.mode)
+    own_hz = rungs.rung_resonance_hz(rungs.REDUCED_RUNG, batch.beam, batch.mode)
     return np.where(resonant, own_hz, batch.frequency_hz)
 
 
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return a rung's prediction; raise `OutOfRangeError` for an unknown rung or mode."""
-    rung_by_name(rung)
-    if rung == REDUCED_RUNG:
+    rungs.rung_by_name(rung)
+    if rung == rungs.REDUCED_RUNG:
         return field_prediction(batch.contact, reduced_field(batch), rung, choice)
-    if rung not in MODAL_RUNGS:
+    if rung not in rungs.MODAL_RUNGS:
         return _solved_prediction(batch, rung, choice)
     resonance_hz = natural_frequency_hz(batch.beam, batch.mode)
     signal = Signal(
@@ -241,5 +232,5 @@ def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
         frequency_hz=np.where(np.isnan(batch.frequency_hz), resonance_hz, batch.frequency_hz),
         damping_ratio=batch.damping_ratio,
     )
-    field = modal_rung_field(rung, batch.beam, batch.mode, signal, choice.overlap)
+    field = rungs.modal_rung_field(rung, batch.beam, batch.mode, signal, choice.overlap)
     return field_prediction(batch.contact, field, rung, choice)

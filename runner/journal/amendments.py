@@ -7,19 +7,7 @@ process is running it.
 from collections.abc import Iterable
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    NOBODY,
-    SLIDE,
-    Event,
-    SessionExcluded,
-    SessionIncluded,
-    SessionOpened,
-    StudyAmended,
-    StudyRegistered,
-    TrialExcluded,
-    TrialIncluded,
-    Withdrawn,
-)
+from protocol.journal import events
 from protocol.journal.state import NotAllowed, folded, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
@@ -31,12 +19,12 @@ from runner.journal.verification import in_force
 
 def accepted_digests(journal: Journal) -> list[str]:
     """Return the digests of the study files accepted so far, the current one last."""
-    events = journal.events_of(SessionOpened, StudyAmended, StudyRegistered)
-    records = [event.record for event in events if not event.erased]
+    stored = journal.events_of(events.SessionOpened, events.StudyAmended, events.StudyRegistered)
+    records = [event.record for event in stored if not event.erased]
     return [
         record.study_sha256
         for record in records
-        if isinstance(record, SessionOpened | StudyAmended | StudyRegistered)
+        if isinstance(record, events.SessionOpened | events.StudyAmended | events.StudyRegistered)
         and record.study_sha256 is not None
     ]
 
@@ -52,7 +40,7 @@ def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reas
         why = log.state.excluded[index]
         raise BadInput(f"trial {index} of {session} is already excluded: {why}")
     close_interrupted(log)
-    _append(log, session, TrialExcluded(index=index, reason=reason))
+    _append(log, session, events.TrialExcluded(index=index, reason=reason))
 
 
 def include_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
@@ -61,14 +49,14 @@ def include_trial(journal: Journal, clock: Clock, session: str, index: int, reas
     if index not in log.state.excluded:
         known = ", ".join(map(str, log.state.excluded)) or "none"
         raise BadInput(f"trial {index} of {session} is not excluded; excluded trials: {known}")
-    _append(log, session, TrialIncluded(index=index, reason=reason))
+    _append(log, session, events.TrialIncluded(index=index, reason=reason))
 
 
 def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
     """Exclude a session, unless it is excluded or withdrawn; an unfinished one frees its slot."""
     log = _log(journal, clock, session)
     close_interrupted(log)
-    _append(log, session, SessionExcluded(reason=reason))
+    _append(log, session, events.SessionExcluded(reason=reason))
 
 
 def include_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
@@ -78,10 +66,12 @@ def include_session(journal: Journal, clock: Clock, session: str, reason: str) -
         trials = ", ".join(map(str, log.state.excluded))
         hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
         raise BadInput(f"{session} is {_state(log)}, not excluded{hint}")
-    _append(log, session, SessionIncluded(reason=reason))
+    _append(log, session, events.SessionIncluded(reason=reason))
 
 
-def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> StudyRegistered | None:
+def amend(
+    journal: Journal, clock: Clock, study_text: str, reason: str
+) -> events.StudyRegistered | None:
     """Accept a changed study file, or raise `BadInput`; return the registration that it breaks."""
     digest = text_digest(study_text)
     accepted = accepted_digests(journal)
@@ -90,7 +80,7 @@ def amend(journal: Journal, clock: Clock, study_text: str, reason: str) -> Study
     broken = in_force(journal)
     log = SessionLog(journal, STUDY_CHAIN, clock)
     breaks = None if broken is None else broken.registration
-    log.append(StudyAmended(study_sha256=digest, reason=reason, breaks=breaks))
+    log.append(events.StudyAmended(study_sha256=digest, reason=reason, breaks=breaks))
     return broken
 
 
@@ -105,7 +95,7 @@ def withdraw(
             log = SessionLog(journal, session, clock)
             # An erasure that did not reach the disk can be repeated without a second event.
             if log.state.name != "withdrawn":
-                log.append(Withdrawn())
+                log.append(events.Withdrawn())
         journal.erase_payloads(sessions)
     # After the commit, because SQLite vacuums only outside a transaction.
     journal.forget_erased()
@@ -116,10 +106,10 @@ def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
     """Return which of `sessions` still hold data, and how much, in words."""
     amounts = {}
     for session in sessions:
-        events = journal.events(session)
-        if all(event.erased for event in events):
+        stored = journal.events(session)
+        if all(event.erased for event in stored):
             continue
-        done, planned = len((state := folded(events)).answered), len(state.planned)
+        done, planned = len((state := folded(stored)).answered), len(state.planned)
         amounts[session] = f"{done} of {planned} trials answered" if planned else "imported scores"
     return amounts
 
@@ -129,8 +119,8 @@ def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[
 
     Raise `BadInput` if there is nothing of that name.
     """
-    if participant in NOBODY:
-        what = "the sliding experiment" if participant == SLIDE else "a script"
+    if participant in events.NOBODY:
+        what = "the sliding experiment" if participant == events.SLIDE else "a script"
         raise BadInput(
             f"{what} has no participant who could withdraw; take it out of the analysis with "
             "touchbeam exclude"
@@ -150,7 +140,7 @@ def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
     return SessionLog(journal, session, clock)
 
 
-def _append(log: SessionLog, session: str, decision: Event) -> None:
+def _append(log: SessionLog, session: str, decision: events.Event) -> None:
     try:
         log.append(decision)
     except NotAllowed:

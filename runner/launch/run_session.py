@@ -38,13 +38,7 @@ from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import touchbeam_versions
-from runner.launch.device_access import (
-    SessionRig,
-    require_real,
-    rig_locks,
-    session_rig,
-    stepped_rig,
-)
+from runner.launch import device_access
 from runner.launch.locks import session_lock
 from runner.launch.participants import Say, participant_and_operator, participants_screen
 from runner.launch.request import (
@@ -108,13 +102,13 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     stack.enter_context(session_lock(name, request.options.folder.path))
     request = as_begun(request)
     options = request.options
-    stack.enter_context(rig_locks(request.url, request.study.force_channel))
+    stack.enter_context(device_access.rig_locks(request.url, request.study.force_channel))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
     calibration = options.calibration or kept_calibration(options.folder.path)
     rig = stack.enter_context(_rig(request, calibration))
     if not request.rehearsal:
-        require_real(rig.device.arm().idn, request.url)
+        device_access.require_real(rig.device.arm().idn, request.url)
     clock = rig.clock
     # The rig before the journal: if no device answers, no session is opened.
     journal = stack.enter_context(journal_if_used(options.folder.journal))
@@ -153,20 +147,22 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     return context
 
 
-def _rig(request: Request, calibration: Resonance | None) -> AbstractContextManager[SessionRig]:
+def _rig(
+    request: Request, calibration: Resonance | None
+) -> AbstractContextManager[device_access.SessionRig]:
     """Return the device as a context manager; a simulated one on a stepped clock is in here."""
     options, settings = request.options, request.study.rig
     channel = request.study.force_channel
     friction = Friction(law=options.law, rung=options.rung, damping=options.damping)
     if request.pace == "stepped":
-        return stepped_rig(settings, request.seed, calibration, channel, **friction)
-    return session_rig(
+        return device_access.stepped_rig(settings, request.seed, calibration, channel, **friction)
+    return device_access.session_rig(
         request.url, settings, options.touchbeam, request.seed, calibration, channel, **friction
     )
 
 
 def _finger(
-    request: Request, rig: SessionRig, say: Say, resonance_hz: Callable[[], float]
+    request: Request, rig: device_access.SessionRig, say: Say, resonance_hz: Callable[[], float]
 ) -> Finger | None:
     """Return what a virtual participant feels with; None for a person or a block."""
     if request.options.ratings != "virtual" or request.options.slides:

@@ -6,26 +6,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    Answered,
-    Event,
-    QuestionAnswered,
-    ScoresImported,
-    SessionTerms,
-    StoredEvent,
-    StudyRegistered,
-    TouchStarted,
-)
+from protocol.journal import events, shared_form
 from protocol.journal.records import PlannedTrial
-from protocol.journal.shared_form import (
-    FOLDER,
-    MOST_BYTES,
-    REGISTRATION_FILE,
-    STUDY_FILE,
-    SUFFIX,
-    SharedSession,
-    shared_session,
-)
 from protocol.registration.registration import shared_registration
 from protocol.study.rules import Rating
 from protocol.study.study_question import ANSWERS
@@ -44,24 +26,26 @@ class DataSet:
     """A study's text, its sessions by chain, oldest first, and the event of its registration."""
 
     study_text: str
-    sessions: Mapping[str, SharedSession]
-    registration: StoredEvent | None = None
+    sessions: Mapping[str, shared_form.SharedSession]
+    registration: events.StoredEvent | None = None
 
 
 def read_data_set(source: Path) -> DataSet:
     """Return the study in the BIDS or RO-Crate data set `source`; `BadInput` if it is damaged."""
-    place = source / FOLDER
-    study_file = place / STUDY_FILE
+    place = source / shared_form.FOLDER
+    study_file = place / shared_form.STUDY_FILE
     if not study_file.exists():
         raise BadInput(
             f"{source}: must be what touchbeam export --format bids or rocrate wrote; "
-            f"{FOLDER}/{STUDY_FILE} is missing"
+            f"{shared_form.FOLDER}/{shared_form.STUDY_FILE} is missing"
         )
     text = text_of(bytes_of(study_file, most=LONGEST_TEXT), study_file)
     rating = parsed_study(text, str(study_file), dialects=DIALECTS).rating
-    files = sorted(place.glob(f"*{SUFFIX}"))
-    texts = ((str(file), text_of(bytes_of(file, most=MOST_BYTES), file)) for file in files)
-    named = [(name, shared_session(name, content)) for name, content in texts]
+    files = sorted(place.glob(f"*{shared_form.SUFFIX}"))
+    texts = (
+        (str(file), text_of(bytes_of(file, most=shared_form.MOST_BYTES), file)) for file in files
+    )
+    named = [(name, shared_form.shared_session(name, content)) for name, content in texts]
     for name, session in named:
         _require_possible(name, session, {text_digest(text): rating})
     sessions = {_name(session): session for session in _in_order(it for _, it in named)}
@@ -71,8 +55,8 @@ def read_data_set(source: Path) -> DataSet:
     return DataSet(study_text=text, sessions=sessions, registration=_registration(place))
 
 
-def _registration(place: Path) -> StoredEvent | None:
-    file = place / REGISTRATION_FILE
+def _registration(place: Path) -> events.StoredEvent | None:
+    file = place / shared_form.REGISTRATION_FILE
     if not file.exists():
         return None
     # As it is: text without its byte order mark would have another digest.
@@ -80,16 +64,18 @@ def _registration(place: Path) -> StoredEvent | None:
     return shared_registration(text, str(file))
 
 
-def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[SharedSession]:
+def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[shared_form.SharedSession]:
     """Return the sessions in `texts`, by file name, in the study's order; `BadInput` if not one."""
-    return _in_order(shared_session(name, text) for name, text in texts)
+    return _in_order(shared_form.shared_session(name, text) for name, text in texts)
 
 
-def _in_order(sessions: Iterable[SharedSession]) -> list[SharedSession]:
+def _in_order(sessions: Iterable[shared_form.SharedSession]) -> list[shared_form.SharedSession]:
     return sorted(sessions, key=lambda session: session.place)
 
 
-def _require_possible(source: str, session: SharedSession, known: Mapping[str, Rating]) -> None:
+def _require_possible(
+    source: str, session: shared_form.SharedSession, known: Mapping[str, Rating]
+) -> None:
     """Refuse answers that nobody can have given to what a session asked.
 
     `known` is the rating of the study file by its digest; a session before an amendment was rated
@@ -98,7 +84,7 @@ def _require_possible(source: str, session: SharedSession, known: Mapping[str, R
     ratings, trials = dict(known), dict[int, PlannedTrial]()
     for line, stored in enumerate(session.events, start=2):  # the first one has the place
         event = stored.record
-        if isinstance(event, SessionTerms):
+        if isinstance(event, events.SessionTerms):
             trials.update({trial.index: trial for trial in event.trials})
             own = event.study_text
             # Each text is parsed once, because every session holds it.
@@ -110,13 +96,13 @@ def _require_possible(source: str, session: SharedSession, known: Mapping[str, R
 
 
 def _impossible(
-    event: Event, trials: Mapping[int, PlannedTrial], ratings: Iterable[Rating]
+    event: events.Event, trials: Mapping[int, PlannedTrial], ratings: Iterable[Rating]
 ) -> Iterator[str]:
     """Yield which values of an event nobody can have given, and what they must be."""
     for time_s in _reaction_times_s(event):
         if time_s < 0:
             yield f"reaction_time_s: must be at least 0, got {time_s:g}"
-    if not isinstance(event, Answered):
+    if not isinstance(event, events.Answered):
         return
     if (trial := trials.get(event.index)) is None:
         yield f"index: must be a trial of the session's plan, got {event.index}"
@@ -138,14 +124,14 @@ def _impossible_change(change: str, trial: PlannedTrial, *, agrees: bool | None)
         yield f"agrees: must say whether {change!r} is the expected {trial.expected!r}"
 
 
-def _reaction_times_s(event: Event) -> tuple[float, ...]:
+def _reaction_times_s(event: events.Event) -> tuple[float, ...]:
     match event:
-        case Answered():
+        case events.Answered():
             asked = tuple(given.reaction_time_s for given in event.questions)
             return event.reaction_time_s + asked
-        case QuestionAnswered(reaction_time_s=time_s):
+        case events.QuestionAnswered(reaction_time_s=time_s):
             return (time_s,)
-        case TouchStarted(instruction=given) if given:
+        case events.TouchStarted(instruction=given) if given:
             return (given.reaction_time_s,)
     return ()
 
@@ -159,16 +145,16 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
     ):
         if data.registration is not None:
             registered = data.registration.record
-            assert isinstance(registered, StudyRegistered)
+            assert isinstance(registered, events.StudyRegistered)
             # As bytes, because other line ends would change its digest.
-            (folder.path / REGISTRATION_FILE).write_bytes(registered.text.encode())
+            (folder.path / shared_form.REGISTRATION_FILE).write_bytes(registered.text.encode())
             journal.append(STUDY_CHAIN, data.registration)
         for name, session in data.sessions.items():
             for event in session.events:
                 journal.append(name, event)
 
 
-def _name(session: SharedSession) -> str:
+def _name(session: shared_form.SharedSession) -> str:
     plain = session_name(session.opened.participant, session.opened.session)
     return f"{plain} ({REHEARSAL})" if session.opened.kind == REHEARSAL else plain
 
@@ -200,7 +186,7 @@ def import_table(
         for subject, given in scores:
             log = SessionLog(journal, session_name(subject, 1), clock)
             log.append(
-                ScoresImported(
+                events.ScoresImported(
                     participant=subject,
                     session=1,
                     conditions=tuple(given),

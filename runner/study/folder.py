@@ -20,14 +20,7 @@ from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study.study_question import is_picture_name
 from protocol.study_file.loading import parsed_study, picture_names, with_languages, with_pictures
-from runner.study.files import (
-    make_folder,
-    own_file,
-    require_no_link,
-    short_text,
-    take_away,
-    write_whole,
-)
+from runner.study import files
 
 # Pictures of a study: which files may be shown, and their digests.
 
@@ -127,8 +120,8 @@ class StudyFolder:
         if not path.exists():
             return None
         try:
-            require_no_link(path)
-            given = tomllib.loads(short_text(path))
+            files.require_no_link(path)
+            given = tomllib.loads(files.short_text(path))
         except BadInput:  # it names the file already
             raise
         except (OSError, ValueError) as error:
@@ -158,12 +151,12 @@ class StudyFolder:
         self._study_text()
         if not re.fullmatch(CODE, code):
             raise BadInput(f"a language is named by its code, such as fr or pt-BR, got {code!r}")
-        file = own_file(self.languages / f"{code}.toml", self.path)
+        file = files.own_file(self.languages / f"{code}.toml", self.path)
         if file.exists():
             raise BadInput(f"{file}: is there already; edit it, or move it away")
-        make_folder(self.languages)
+        files.make_folder(self.languages)
         known = code if code in built_in_codes() else REFERENCE
-        write_whole(file, (FOLDER / f"{known}.toml").read_bytes())
+        files.write_whole(file, (FOLDER / f"{known}.toml").read_bytes())
         return file
 
     def _languages(self) -> dict[str, str]:
@@ -172,15 +165,15 @@ class StudyFolder:
             if not re.fullmatch(CODE, file.stem):
                 raise BadInput(f"{file}: must be named by a language code, such as fr.toml")
             try:
-                texts[file.stem] = short_text(file)
+                texts[file.stem] = files.short_text(file)
             except OSError as error:
                 raise BadInput(f"{file}: cannot be read ({error})") from error
         return texts
 
     def _study_text(self) -> str:
         try:
-            require_no_link(self.study_file)
-            return short_text(self.study_file)
+            files.require_no_link(self.study_file)
+            return files.short_text(self.study_file)
         except FileNotFoundError:
             raise BadInput(
                 f"{self.path}: no study here (study.toml is missing); {self._instead}"
@@ -248,7 +241,7 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
         # With events in it, a folder holds data, which nothing here may remove.
         if unused(folder.journal):
             # A folder that was there and empty stays.
-            take_away([topmost] if topmost else place.iterdir())
+            files.take_away([topmost] if topmost else place.iterdir())
         raise
 
 
@@ -265,7 +258,7 @@ def named_after(name: str, text: str) -> str:
 def _created(place: Path) -> Path | None:
     """Create the folder `place` unless it exists and is empty; return the topmost new folder."""
     try:
-        topmost = make_folder(place)
+        topmost = files.make_folder(place)
     except OSError as error:
         raise BadInput(
             f"{place}: cannot be created ({error.strerror}); choose another folder"

@@ -10,14 +10,7 @@ from pathlib import Path
 from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
 from protocol.study.study import Study
-from runner.journal.cohort import (
-    Due,
-    SessionSummary,
-    due_between,
-    due_in_words,
-    session_summaries,
-    slot_for,
-)
+from runner.journal import cohort
 from runner.journal.names import REHEARSAL, parsed_name, session_name
 
 _OVER = ("completed", "excluded", "withdrawn")
@@ -41,7 +34,7 @@ class Progress:
     def next_slot(self) -> int | None:
         """The slot of the design that the next participant gets; with groups there are several."""
         grouped = self.study is not None and self.study.group
-        return None if grouped else slot_for(self.sessions, "", "participant")
+        return None if grouped else cohort.slot_for(self.sessions, "", "participant")
 
     @property
     def groups(self) -> list[dict[str, str | int]]:
@@ -55,7 +48,7 @@ class Progress:
                     and any(it.group == group.name for it in self._had_by(who))
                     for who in self.participants
                 ),
-                "next_slot": slot_for(self.sessions, "", "participant", group=group.name),
+                "next_slot": cohort.slot_for(self.sessions, "", "participant", group=group.name),
             }
             for group in (self.study.group if self.study is not None else ())
         ]
@@ -66,10 +59,10 @@ class Progress:
         return list(dict.fromkeys(summary.participant for summary in self._of_people))
 
     @property
-    def _of_people(self) -> list[SessionSummary]:
+    def _of_people(self) -> list[cohort.SessionSummary]:
         """The sessions that participants had, without rehearsals, slides and scripts."""
         apart = {REHEARSAL, *NOBODY}
-        return [each for each in session_summaries(self.sessions) if each.kind not in apart]
+        return [each for each in cohort.session_summaries(self.sessions) if each.kind not in apart]
 
     @property
     def next_participant(self) -> str:
@@ -93,7 +86,7 @@ class Progress:
     def _completed(self, participant: str) -> int:
         return sum(each.state == "completed" for each in self._had_by(participant))
 
-    def _had_by(self, participant: str) -> list[SessionSummary]:
+    def _had_by(self, participant: str) -> list[cohort.SessionSummary]:
         return [each for each in self._of_people if each.participant == participant]
 
     def resume_before(self, state: SessionState) -> datetime | None:
@@ -107,7 +100,9 @@ class Progress:
 
     def lines(self) -> Iterator[str]:
         """Yield what became of each session, then what to do next."""
-        for chain, summary in zip(self.sessions, session_summaries(self.sessions), strict=True):
+        for chain, summary in zip(
+            self.sessions, cohort.session_summaries(self.sessions), strict=True
+        ):
             state = self.sessions[chain]
             name = session_name(summary.participant, summary.session)
             now = in_words(state.name, running=parsed_name(chain).plain in self.running)
@@ -141,14 +136,14 @@ class Progress:
             f"{self._command(*again, *_options(state))}"
         )
 
-    def next_due(self, summary: SessionSummary, state: SessionState) -> Due | None:
+    def next_due(self, summary: cohort.SessionSummary, state: SessionState) -> cohort.Due | None:
         """Return when the session after this one is due; None at any time, or if none is left."""
         latest = summary in self._had_by(summary.participant)[-1:]
         if self.study is None or not latest or self._completed(summary.participant) >= self._each:
             return None
-        return due_between(self.study, state)
+        return cohort.due_between(self.study, state)
 
-    def _following(self, summary: SessionSummary, state: SessionState) -> str:
+    def _following(self, summary: cohort.SessionSummary, state: SessionState) -> str:
         """Return after a participant's latest session how to begin the next one, if one lacks."""
         who = summary.participant
         had, done = self._had_by(who), self._completed(who)
@@ -158,7 +153,7 @@ class Progress:
         extra = ["--extra"] if number > self._each else []
         options = ("--participant", who, "--session", str(number), *extra, *_options(state))
         due = self.next_due(summary, state)
-        when = f" {due_in_words(due)}" if due else ""
+        when = f" {cohort.due_in_words(due)}" if due else ""
         return f"; {done} of {self._each} sessions, next{when}: {self._command('run', *options)}"
 
     def _cohort(self) -> str:

@@ -8,16 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.clock import WallClock
-from touchbeam.cli.options import (
-    Choosing,
-    DialectOption,
-    JsonOption,
-    SimulatedDampingOption,
-    SimulatedLawOption,
-    SimulatedRungOption,
-    UrlArgument,
-    Wire,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import bars, named_quantity, print_json, quantity, say
 
 if TYPE_CHECKING:
@@ -29,7 +20,7 @@ app.add_typer(device_commands, name="device")
 
 
 @device_commands.command("list")
-def device_list(as_json: JsonOption = False) -> None:
+def device_list(as_json: options.JsonOption = False) -> None:
     """List the serial ports without opening them."""
     from runner.launch.device_access import ports
 
@@ -44,7 +35,7 @@ def device_list(as_json: JsonOption = False) -> None:
 
 
 @device_commands.command("probe")
-def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
+def device_probe(url: options.UrlArgument, as_json: options.JsonOption = False) -> None:
     """Identify the device and report its status.
 
     Changes no setting; the device's output stays as it is.
@@ -65,17 +56,17 @@ def device_probe(url: UrlArgument, as_json: JsonOption = False) -> None:
         say(f"{label:15} {('off', 'on')[int(shown)] if is_switch else shown}")
 
 
-@device_commands.command("sweep", cls=Choosing)
+@device_commands.command("sweep", cls=options.Choosing)
 def device_sweep(
-    url: UrlArgument,
+    url: options.UrlArgument,
     near: Annotated[
         float, typer.Option(min=100, max=95_000, metavar="HZ", help="Expected resonance.")
     ] = 24_221.0,
-    dialect: DialectOption = "board",
+    dialect: options.DialectOption = "board",
     keep: Annotated[
         Path | None, typer.Option(metavar="STUDY", help="Save it as this study's calibration.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Find the resonance of the untouched beam at 10 V.
 
@@ -111,11 +102,11 @@ def device_sweep(
     )
 
 
-@app.command("simulate-device", cls=Choosing)
+@app.command("simulate-device", cls=options.Choosing)
 def simulate_device(
-    wire: Annotated[Wire, typer.Argument(help="pty or tcp")],
+    wire: Annotated[options.Wire, typer.Argument(help="pty or tcp")],
     place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path or a loopback port.")],
-    dialect: DialectOption = "board",
+    dialect: options.DialectOption = "board",
     control: Annotated[
         Path | None, typer.Option(metavar="SOCKET", help="Unix socket to create.")
     ] = None,
@@ -123,9 +114,9 @@ def simulate_device(
         bool, typer.Option("--keep", help="Keep running after the host disconnects.")
     ] = False,
     seed: Annotated[int, typer.Option(min=0)] = 0,
-    law: SimulatedLawOption = None,
-    rung: SimulatedRungOption = None,
-    damping: SimulatedDampingOption = None,
+    law: options.SimulatedLawOption = None,
+    rung: options.SimulatedRungOption = None,
+    damping: options.SimulatedDampingOption = None,
     gauge: Annotated[
         str | None,
         typer.Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
@@ -148,7 +139,7 @@ def simulate_device(
 
 
 @app.command()
-def doctor(as_json: JsonOption = False) -> None:
+def doctor(as_json: options.JsonOption = False) -> None:
     """Check that this computer can run a session."""
     from runner.doctor import findings
     from runner.launch.device_access import touchbeam_command

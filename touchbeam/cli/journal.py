@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from runner.clock import WallClock
-from touchbeam.cli.options import (
-    JsonOption,
-    OfRehearsalOption,
-    ParticipantOption,
-    ReasonOption,
-    SessionOption,
-    StudyArgument,
-    StudyOrBackupArgument,
-    TrialOption,
-    study_folder,
-    study_journal,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
@@ -33,15 +22,15 @@ app = typer.Typer()
 
 
 @app.command()
-def status(study: StudyArgument, as_json: JsonOption = False) -> None:
+def status(study: options.StudyArgument, as_json: options.JsonOption = False) -> None:
     """Show the progress of each session and what to do next."""
     from runner.journal.cohort import session_summaries, states
     from runner.journal.names import parsed_name
     from runner.launch.locks import held_sessions
     from runner.study.progress import Progress
 
-    folder = study_folder(study)
-    with study_journal(folder) as journal:
+    folder = options.study_folder(study)
+    with options.study_journal(folder) as journal:
         sessions = states(journal)
     progress = Progress(
         folder=study,
@@ -80,7 +69,7 @@ def status(study: StudyArgument, as_json: JsonOption = False) -> None:
 
 
 @app.command()
-def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
+def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = False) -> None:
     """Check the integrity of the journal or of a backup.
 
     Checks the hash chains, the order of events, and that each trial is answered exactly once; of a
@@ -91,7 +80,7 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
     from runner.journal.verification import verdicts
     from runner.launch.locks import held_sessions
 
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     path = study if study.is_file() else folder.existing_journal()
     with read_journal(path, to_verify=True) as journal:
         checked, lacking = verdicts(journal), journal.lacking_triggers
@@ -120,9 +109,9 @@ def verify(study: StudyOrBackupArgument, as_json: JsonOption = False) -> None:
 
 @app.command()
 def backup(
-    study: StudyArgument,
+    study: options.StudyArgument,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The new file.")],
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Copy the journal, even during a session.
 
@@ -130,7 +119,7 @@ def backup(
     """
     from runner.journal.backup import backed_up
 
-    result = _verification(*backed_up(study_folder(study).existing_journal(), file))
+    result = _verification(*backed_up(options.study_folder(study).existing_journal(), file))
     if as_json:
         print_json({"file": str(file), **result})
     else:
@@ -170,12 +159,12 @@ def _verification(
 
 @app.command()
 def exclude(
-    study: StudyArgument,
-    participant: ParticipantOption,
-    reason: ReasonOption,
-    session: SessionOption = 1,
-    trial: TrialOption = None,
-    rehearsal: OfRehearsalOption = False,
+    study: options.StudyArgument,
+    participant: options.ParticipantOption,
+    reason: options.ReasonOption,
+    session: options.SessionOption = 1,
+    trial: options.TrialOption = None,
+    rehearsal: options.OfRehearsalOption = False,
 ) -> None:
     """Exclude a trial or a session.
 
@@ -194,12 +183,12 @@ def exclude(
 
 @app.command()
 def include(
-    study: StudyArgument,
-    participant: ParticipantOption,
-    reason: ReasonOption,
-    session: SessionOption = 1,
-    trial: TrialOption = None,
-    rehearsal: OfRehearsalOption = False,
+    study: options.StudyArgument,
+    participant: options.ParticipantOption,
+    reason: options.ReasonOption,
+    session: options.SessionOption = 1,
+    trial: options.TrialOption = None,
+    rehearsal: options.OfRehearsalOption = False,
 ) -> None:
     """Take back the exclusion of a trial or a session.
 
@@ -225,7 +214,7 @@ def _decided(
     from runner.launch.locks import session_lock
 
     with (
-        study_journal(study_folder(study), to_write=True) as journal,
+        options.study_journal(options.study_folder(study), to_write=True) as journal,
         session_lock(session_name(participant, number), study),
     ):
         chain = existing_chain(journal, participant, number, rehearsal=rehearsal)
@@ -235,16 +224,16 @@ def _decided(
 
 
 @app.command()
-def amend(study: StudyArgument, reason: ReasonOption) -> None:
+def amend(study: options.StudyArgument, reason: options.ReasonOption) -> None:
     """Accept changes to study.toml."""
     from runner.journal.amendments import amend as accept
     from runner.study.check import proved_study
 
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     text = folder.text()
     # Before it is accepted: an accepted file cannot be taken back, only replaced.
     proved_study(text, str(folder.study_file))
-    with study_journal(folder, to_write=True) as journal:
+    with options.study_journal(folder, to_write=True) as journal:
         broken = accept(journal, clock := WallClock(), text, reason)
     say("The changed study.toml is accepted; sessions continue with it.")
     if broken is not None:
@@ -256,11 +245,11 @@ def amend(study: StudyArgument, reason: ReasonOption) -> None:
 
 @app.command()
 def withdraw(
-    study: StudyArgument,
-    participant: ParticipantOption,
-    rehearsal: OfRehearsalOption = False,
+    study: options.StudyArgument,
+    participant: options.ParticipantOption,
+    rehearsal: options.OfRehearsalOption = False,
     yes: Annotated[bool, typer.Option("--yes", help="Erase without asking.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Erase a participant's data.
 
@@ -275,8 +264,8 @@ def withdraw(
     from runner.study.kept_files import forget
     from runner.study.old_results import old_results
 
-    folder = study_folder(study)
-    with study_journal(folder, to_write=True) as journal, ExitStack() as stack:
+    folder = options.study_folder(study)
+    with options.study_journal(folder, to_write=True) as journal, ExitStack() as stack:
         chains = sessions_of(journal, participant, rehearsal=rehearsal)
         for name in dict.fromkeys(parsed_name(chain).plain for chain in chains):
             # A session that is running would go on writing what is being erased.

@@ -11,18 +11,7 @@ import typer
 
 from protocol.errors import BadInput
 from runner.people.terminal import at_terminal
-from touchbeam.cli.options import (
-    Choosing,
-    JsonOption,
-    LawOption,
-    OverlapOption,
-    RehearsalsOption,
-    ShapeOption,
-    StudyArgument,
-    TaskOption,
-    named_folder,
-    study_folder,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import (
     complain,
     counted,
@@ -44,12 +33,12 @@ app = typer.Typer()
 
 @app.command()
 def report(
-    study: StudyArgument,
+    study: options.StudyArgument,
     out: Annotated[
         Path | None,
-        typer.Option(parser=named_folder, metavar="DIR", help="[default: STUDY/report]"),
+        typer.Option(parser=options.named_folder, metavar="DIR", help="[default: STUDY/report]"),
     ] = None,
-    rehearsals: RehearsalsOption = False,
+    rehearsals: options.RehearsalsOption = False,
     sections: Annotated[
         str | None,
         typer.Option(
@@ -61,13 +50,13 @@ def report(
         bool, typer.Option("--figures", help="Also write each figure as files: SVG, PDF, PNG.")
     ] = False,
     show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Report Table 4, statistics and figures.
 
     Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
     write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named, figures=figures)
     if show:
@@ -76,17 +65,17 @@ def report(
         webbrowser.open(((out or folder.report) / "report.html").resolve().as_uri())
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def predict(
     scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="One row per scene.")],
     out: Annotated[
         Path,
         typer.Option("-o", "--out", metavar="OUT.csv", help="Output file; - for standard output."),
     ],
-    law: LawOption = "consistent",
+    law: options.LawOption = "consistent",
     rung: Annotated[str, typer.Option(help="auto or a rung of `touchbeam ladder`.")] = "auto",
     tolerance: Annotated[float, typer.Option(help="Largest error in μ' allowed for auto.")] = 0.01,
-    eq15_overlap: OverlapOption = "first",
+    eq15_overlap: options.OverlapOption = "first",
     study: Annotated[Path | None, typer.Option(help="Study whose values fill blank cells.")] = None,
 ) -> None:
     """Predict the friction of many scenes.
@@ -101,11 +90,11 @@ def predict(
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
 
     rig = fitted_calibration(study) if study else NOMINAL
-    options = PredictOptions(
+    asked = PredictOptions(
         law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap, rig=rig
     )
-    defaults = study_defaults(study_folder(study).study(), rig) if study else None
-    text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), options, defaults)
+    defaults = study_defaults(options.study_folder(study).study(), rig) if study else None
+    text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), asked, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:
         print_csv(text)
@@ -119,7 +108,7 @@ def predict(
         (complain if streamed else say)(told)
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def fit(
     table: Annotated[
         Path,
@@ -128,8 +117,8 @@ def fit(
             help="Columns participant, track, level, trials, correct; or without trials.",
         ),
     ],
-    task: TaskOption = "two intervals",
-    shape: ShapeOption = "weibull",
+    task: options.TaskOption = "two intervals",
+    shape: options.ShapeOption = "weibull",
     threshold_at: Annotated[
         float | None,
         typer.Option(
@@ -146,7 +135,7 @@ def fit(
             help="The lapse rate, if it is known. [default: estimated]",
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Fit thresholds to a table of answers, without a study.
 
@@ -158,8 +147,8 @@ def fit(
 
     source = str(table)
     tracks = tracks_in(text_of(bytes_of(table, most=MOST_BYTES), table), source, shape)
-    options = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
-    fits = fits_of(tracks, source, **options)
+    asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
+    fits = fits_of(tracks, source, **asked)
     found = list(followed("tracks", fits, len(tracks), alone=as_json))
     if as_json:
         records = [track.record(threshold) for track, threshold in found]
@@ -172,7 +161,7 @@ def fit(
 
 @app.command()
 def ladder(
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Plot error against time: svg, png or pdf.")
     ] = None,
@@ -201,7 +190,7 @@ def ladder(
 
 
 @app.command()
-def claims(as_json: JsonOption = False) -> None:
+def claims(as_json: options.JsonOption = False) -> None:
     """Check the paper's claims.
 
     Recomputes each claim under every friction law, or once if no law plays a role.

@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from protocol.errors import BadInput
-from touchbeam.cli.options import (
-    Choosing,
-    FormatOption,
-    RehearsalsOption,
-    StudyArgument,
-    named_folder,
-    study_folder,
-    study_journal,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, followed, say
 from touchbeam.cli.results import warn_of_broken
 from touchbeam.study import asked_report
@@ -60,7 +52,7 @@ def import_scores(
     content = bytes_of(scores, most=MOST_BYTES)
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
-    import_table(study_folder(study), rows, scores.name, content)
+    import_table(options.study_folder(study), rows, scores.name, content)
     note = unpredicted_note(table.conditions)
     if note:
         say(note)
@@ -77,19 +69,22 @@ def _import_data_set(source: Path, study: Path) -> None:
         load_sessions(session.events for session in data.sessions.values())
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise BadInput(f"{source}: a session cannot be read ({error})") from error
-    import_data_set(study_folder(study), data)
+    import_data_set(options.study_folder(study), data)
     imported = counted(len(data.sessions), "session")
     say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def export(
-    study: StudyArgument,
+    study: options.StudyArgument,
     folder: Annotated[
-        Path, typer.Argument(parser=named_folder, metavar="DIR", help="A new or an empty folder.")
+        Path,
+        typer.Argument(
+            parser=options.named_folder, metavar="DIR", help="A new or an empty folder."
+        ),
     ],
-    as_format: FormatOption,
-    rehearsals: RehearsalsOption = False,
+    as_format: options.FormatOption,
+    rehearsals: options.RehearsalsOption = False,
     participant: Annotated[
         str | None, typer.Option(help="Export the data of this participant alone.")
     ] = None,
@@ -108,9 +103,9 @@ def export(
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
 
-    source = study_folder(study)
+    source = options.study_folder(study)
     broken: list[str] = []
-    with study_journal(source) as journal:
+    with options.study_journal(source) as journal:
         _require_known(participant, journal.sessions())
         mine = readable_chains(journal, broken, participant)
         chains = followed("sessions", mine, len(journal.sessions()))

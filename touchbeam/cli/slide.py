@@ -8,16 +8,7 @@ import typer
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
 from runner.clock import Pace
-from touchbeam.cli.options import (
-    Choosing,
-    DeviceOption,
-    JsonOption,
-    SimulatedLawOption,
-    SimulatedRungOption,
-    StudyArgument,
-    study_folder,
-    study_journal,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import complain, print_json, say
 
 if TYPE_CHECKING:
@@ -26,10 +17,10 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def slide(
-    study: StudyArgument,
-    device: DeviceOption = None,
+    study: options.StudyArgument,
+    device: options.DeviceOption = None,
     session: Annotated[
         int | None, typer.Option(min=1, help="[default: the last one, 1 if there is none]")
     ] = None,
@@ -48,9 +39,9 @@ def slide(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Of all noise. [default: the study's]")
     ] = None,
-    law: SimulatedLawOption = None,
-    rung: SimulatedRungOption = None,
-    as_json: JsonOption = False,
+    law: options.SimulatedLawOption = None,
+    rung: options.SimulatedRungOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Draw a block along the beam, and fit the rig to it.
 
@@ -62,7 +53,7 @@ def slide(
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
 
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     if analyse:
         write_result(folder, session, rehearsal=rehearsal, calibrate=calibrate, as_json=as_json)
         return
@@ -71,7 +62,7 @@ def slide(
     rehearsal = rehearsal or simulated
     # The last one, because the same command goes on where it stopped.
     number = session or _last_session(folder, rehearsal=rehearsal)
-    options = SessionOptions(
+    asked = SessionOptions(
         folder=folder,
         participant=SLIDE,
         number=number,
@@ -86,7 +77,7 @@ def slide(
     )
     # Standard output then holds the JSON document alone.
     tell = complain if as_json else say
-    state = run_session(options, say=tell)
+    state = run_session(asked, say=tell)
     made = f"{len(state.answered)} pass{'es' * (len(state.answered) != 1)}"
     tell(
         f"slide/{number} is complete: {made}, device off (read "
@@ -135,7 +126,7 @@ def write_result(
 
     if folder.study_file.is_file() and not folder.journal.is_file():
         raise _nothing_drawn(number or 1)
-    with study_journal(folder) as journal:
+    with options.study_journal(folder) as journal:
         rehearsal = rehearsal or not chains_of(journal, SLIDE, rehearsal=False)
         chosen = number or _last(chains_of(journal, SLIDE, rehearsal=rehearsal))
         chain = existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)

@@ -8,22 +8,7 @@ import typer
 
 from protocol.errors import BadInput
 from runner.clock import Pace, WallClock
-from touchbeam.cli.options import (
-    Choosing,
-    ConsentOption,
-    DeviceOption,
-    JsonOption,
-    LanguageOption,
-    PeopleOption,
-    RatingsOption,
-    SimulatedDampingOption,
-    SimulatedLawOption,
-    SimulatedRungOption,
-    StudyArgument,
-    TemplateOption,
-    people_in_file,
-    study_folder,
-)
+from touchbeam.cli import options
 from touchbeam.cli.output import (
     complain,
     counted,
@@ -46,7 +31,7 @@ def demo(
     ] = None,
     participants: Annotated[int, typer.Option(min=1, max=99, help="Virtual ones.")] = 9,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
-    people: PeopleOption = None,
+    people: options.PeopleOption = None,
 ) -> None:
     """Run and report the paper's study in simulation.
 
@@ -57,8 +42,8 @@ def demo(
     from runner.launch.rehearsal import rehearse_cohort
     from runner.study.folder import new_study, numbered
 
-    population = SENSITIVE if people is None else people_in_file(people)
-    folder = study_folder(out or numbered(Path("demo")))
+    population = SENSITIVE if people is None else options.people_in_file(people)
+    folder = options.study_folder(out or numbered(Path("demo")))
     # If the demo fails before its first session, its folder is removed again.
     with new_study(folder, template("paper")), progress("participants", participants) as step:
         rehearse_cohort(folder, participants, seed, step, population)
@@ -73,17 +58,17 @@ def demo(
     )
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
-    template: TemplateOption = "paper",
+    template: options.TemplateOption = "paper",
 ) -> None:
     """Create a study to edit."""
     from protocol.study_file.loading import template as template_text
     from protocol.study_file.loading import template_tests
     from runner.study.folder import named_after, new_study
 
-    study = study_folder(folder)
+    study = options.study_folder(folder)
     text = named_after(folder.resolve().name, template_text(template))
     with new_study(study, text):
         study.test_file.write_text(template_tests(), encoding="utf-8")
@@ -96,14 +81,14 @@ def new(
 
 @app.command()
 def translate(
-    study: StudyArgument,
+    study: options.StudyArgument,
     code: Annotated[str, typer.Argument(metavar="CODE", help="The language, such as fr.")],
 ) -> None:
     """Copy the participants' texts into the study, to translate them.
 
     Writes texts/CODE.toml in English, or in the built-in language of that code.
     """
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     file = folder.add_language(code)
     say(
         f'Translate {file}. Name "{code}" in `languages` of [session] in {folder.study_file}. Then:'
@@ -113,16 +98,16 @@ def translate(
 
 @app.command()
 def check(
-    study: StudyArgument,
+    study: options.StudyArgument,
     participants: Annotated[
         int | None, typer.Option(min=1, max=10_000, help="[default: the study's]")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show a study's plan, or list all its problems."""
     from runner.study.check import checked
 
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     lines, problems, in_order = checked(folder, participants, as_json=as_json)
     for problem in problems:
         complain(f"touchbeam: {problem}")
@@ -134,12 +119,12 @@ def check(
 
 @app.command()
 def track(
-    study: StudyArgument,
+    study: options.StudyArgument,
     name: Annotated[str, typer.Argument(metavar="NAME", help="The name of a [[track]].")],
     answers: Annotated[
         str, typer.Option(help='In their order, 1 for correct or yes, else 0: "1 1 0".')
     ] = "",
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show what a track would ask after these answers, and its estimate of the threshold.
 
@@ -178,13 +163,13 @@ def track(
         say(f"Mean of the last reversals of {estimate['reversals']}: {mean:.4g}{defined}")
 
 
-@app.command(cls=Choosing)
+@app.command(cls=options.Choosing)
 def run(
-    study: StudyArgument,
+    study: options.StudyArgument,
     participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
     session: Annotated[int, typer.Option(min=1, help="Number of the participant's session.")] = 1,
-    device: DeviceOption = None,
-    ratings: RatingsOption = "window",
+    device: options.DeviceOption = None,
+    ratings: options.RatingsOption = "window",
     pace: Annotated[
         Pace | None,
         typer.Option(
@@ -195,7 +180,7 @@ def run(
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="Take no slot of the design; omit from reports.")
     ] = False,
-    language: LanguageOption = None,
+    language: options.LanguageOption = None,
     screen: Annotated[
         int | None,
         typer.Option(
@@ -206,7 +191,7 @@ def run(
     windowed: Annotated[
         bool, typer.Option("--windowed", help="Use a small window instead of the full screen.")
     ] = False,
-    consent: ConsentOption = None,
+    consent: options.ConsentOption = None,
     extra: Annotated[
         bool, typer.Option("--extra", help="Allow a session that is not due.")
     ] = False,
@@ -224,10 +209,10 @@ def run(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Of everything random. [default: the study's]")
     ] = None,
-    law: SimulatedLawOption = None,
-    rung: SimulatedRungOption = None,
-    damping: SimulatedDampingOption = None,
-    people: PeopleOption = None,
+    law: options.SimulatedLawOption = None,
+    rung: options.SimulatedRungOption = None,
+    damping: options.SimulatedDampingOption = None,
+    people: options.PeopleOption = None,
     at_window: Annotated[
         bool,
         typer.Option(
@@ -245,8 +230,8 @@ def run(
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
 
-    options = SessionOptions(
-        folder=study_folder(study),
+    asked = SessionOptions(
+        folder=options.study_folder(study),
         participant=participant,
         number=session,
         device=device,
@@ -265,15 +250,15 @@ def run(
         law=law,
         rung=rung,
         damping=damping,
-        people=None if people is None else people_in_file(people),
+        people=None if people is None else options.people_in_file(people),
         at_window=at_window,
     )
-    state = run_session(options, say=say, confirm=require_confirmation)
+    state = run_session(asked, say=say, confirm=require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
     # A generator reads back no force, so that each of its touches would count.
-    unfelt = sum(state.unfelt.values()) if options.folder.study().rig.dialect == "board" else 0
+    unfelt = sum(state.unfelt.values()) if asked.folder.study().rig.dialect == "board" else 0
     fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
-    due = due_between(options.folder.study(), state)
+    due = due_between(asked.folder.study(), state)
     following = f"; the next session is due {due_in_words(due)}" if due and not dry_run else ""
     say(
         f"{participant}/{session} is complete: {counted(len(state.answered), 'trial')} answered, "
@@ -284,7 +269,7 @@ def run(
 
 @app.command()
 def register(
-    study: StudyArgument,
+    study: options.StudyArgument,
     primary: Annotated[
         str | None,
         typer.Option(metavar="NAME", help='The hypothesis tested first. ["conditions differ"]'),
@@ -300,7 +285,7 @@ def register(
             help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Lock the plan and the analysis before the first session.
 
@@ -318,7 +303,7 @@ def register(
     from runner.study.registered import REGISTRY_FILE, Choice, new_registration
     from runner.study.registered import register as write
 
-    folder = study_folder(study)
+    folder = options.study_folder(study)
     text = folder.text()
     checked = validated_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())

@@ -120,7 +120,7 @@ def device(monkeypatch: pytest.MonkeyPatch) -> FakeDevice:
         yield SessionRig(device=fake, control=None)  # type: ignore[arg-type]
 
     for name in ("session_rig", "stepped_rig"):
-        monkeypatch.setattr(f"runner.launch.run_session.{name}", rig)
+        monkeypatch.setattr(f"runner.launch.device_access.{name}", rig)
     return fake
 
 

@@ -19,7 +19,7 @@ from analysis.simulation.simulation import Tables
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.detection import noticed_p
 from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
-from analysis.statistics.groups import group_statistics
+from analysis.statistics.groups import CLAIMED, group_statistics
 from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
 from analysis.statistics.signed_rank import holm_of_rows
 from device.friction.changes import predicted_contrast, trial_change
@@ -41,8 +41,7 @@ RANK = "rank"
 """The posterior probability below the truth, of the study's first subject with ratings."""
 
 
-GROUP_SCORE, GROUP_GAIN = "mean scores differ between groups", "gains differ between groups"
-BY_GROUP = "effects of conditions differ between groups"
+GROUP_SCORE, GROUP_GAIN, BY_GROUP = CLAIMED.values()
 
 
 @dataclass(frozen=True, kw_only=True)

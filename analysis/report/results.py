@@ -5,6 +5,7 @@ decimals, three of a p-value, no zero before the point of a number that cannot e
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.factorial import Effect, Factorial, TestedEffect
 from analysis.statistics.groups import (
+    CLAIMED,
     GAIN,
     INTERACTION,
     SCORE,
@@ -24,10 +26,11 @@ from analysis.statistics.groups import (
     TwoGroups,
 )
 from analysis.statistics.omnibus import SkillingsMack
-from analysis.statistics.signed_rank import PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank, holm
 from analysis.statistics.summary import Reading
 from analysis.trials.trial_statistics import Detected
 from device.friction.changes import LAW
+from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
 NOTICE = "Are the changes noticed?"
@@ -35,6 +38,7 @@ DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
 GROUPS = "Do the groups differ?"
 FACTORS = "Which factors matter?"
+TOGETHER = "What holds for all of these questions together?"
 FOLLOW = "Do ratings follow the predicted change of friction?"
 ORDERED = "Does the model predict the order of the conditions?"
 MOST_PAIRS = 3
@@ -49,10 +53,7 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     yield DIFFER, f"{_who(found)} {_omnibus(main)}"
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
-    if found.groups is not None:
-        yield GROUPS, of_groups(found.groups)
-    if found.trials.factorial is not None:
-        yield FACTORS, _factors(found.trials.factorial)
+    yield from _of_design(found)
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
         yield FOLLOW, _gain(found.trials.m2.lines, predicted)
@@ -249,6 +250,43 @@ def _effect(tests: Factorial, it: TestedEffect) -> str:
     return (
         f"{it.name} mattered, from M = {number(low.mean, 2)} ({low.level}) to M = "
         f"{number(high.mean, 2)} ({high.level}), {said}"
+    )
+
+
+def _of_design(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield the questions about groups and factors, and what then holds for all together."""
+    if found.groups is not None:
+        yield GROUPS, of_groups(found.groups)
+    if found.trials.factorial is not None:
+        yield FACTORS, _factors(found.trials.factorial)
+    if found.groups is not None or found.trials.factorial is not None:
+        yield TOGETHER, _together(found)
+
+
+def _together(found: Findings) -> str:
+    """Tell what one correction over all questions leaves, because many together err more often."""
+    groups, factors = found.groups, found.trials.factorial
+    families: dict[str, dict[str, Any]] = {
+        "conditions": {OMNIBUS: omnibus_p(found.table.main)},
+        "gains of people": {GAINS: found.table.heterogeneity},
+        "noticing": {f"changes {NOTICED}": it.found for it in found.trials.noticed[-1:]},
+        "groups": {claim: getattr(groups, name, None) for name, claim in CLAIMED.items()},
+        "factors": {
+            effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())
+        },
+    }
+    asked = {}
+    for family, tests in families.items():
+        known = {name: getattr(test, "p", test) for name, test in tests.items()}
+        if of_family := {name: p for name, p in known.items() if isinstance(p, float)}:
+            asked[family] = of_family
+    every = {name: p for tests in asked.values() for name, p in tests.items()}
+    corrected = zip(every, holm(list(every.values())), strict=True)
+    left = [f"{name} ({p_equals(p)})" for name, p in corrected if p < LEVEL]
+    return (
+        f"Each kind of question ({', '.join(asked)}) is held at 5% alone, so that without any "
+        f"effect something may be claimed in up to {5 * len(asked)}% of studies. By one correction "
+        f"(Holm) over all of them hold: {'; '.join(left) or 'none'}."
     )
 
 

@@ -384,6 +384,12 @@ class LatentLevel:
     effect: float
     standard_error: float
 
+    @property
+    def effect_interval(self) -> Interval:
+        """The 95% interval, which tables ask for by its name."""
+        half = ordinal.NORMAL_95 * self.standard_error
+        return self.effect - half, self.effect + half
+
 
 @dataclass(frozen=True, kw_only=True)
 class LatentFactorial:

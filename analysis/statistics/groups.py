@@ -294,6 +294,12 @@ def interaction(scores: FloatArray, groups: IntArray) -> Interaction | NotEstima
 
 SCORE, GAIN, INTERACTION = "mean score", "gain", "group × condition"
 """The questions that a study of groups asks, each once."""
+CLAIMED = {
+    "score": "mean scores differ between groups",
+    "gain": "gains differ between groups",
+    "interaction": "effects of conditions differ between groups",
+}
+"""What is claimed if these of `GroupStatistics` answer a question by yes."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import pytest
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.loading.study_lock import StudyLock
 from analysis.report.report import Report, report, report_html, report_json
-from analysis.report.results import GROUPS, paragraphs
+from analysis.report.results import GROUPS, TOGETHER, paragraphs
 from analysis.report.sections.registration import marked, named_results
 from analysis.statistics.groups import SCORE
 from device.friction.changes import LAW, RUNG
@@ -55,7 +55,7 @@ def test_a_study_without_groups_has_neither_section_nor_key_nor_paragraph() -> N
     assert found.groups is None
     assert "groups" not in report_json(found)
     assert 'id="h-groups"' not in report_html(found)
-    assert GROUPS not in dict(paragraphs(found))
+    assert not {GROUPS, TOGETHER} & set(dict(paragraphs(found)))
 
 
 def test_a_higher_group_is_found_and_told() -> None:
@@ -72,6 +72,13 @@ def test_a_higher_group_is_found_and_told() -> None:
     answer = dict(paragraphs(found))[GROUPS]
     assert answer.startswith("Mean scores differed between groups")
     assert "old above young by" in answer
+    together = dict(paragraphs(found))[TOGETHER]
+    assert together.startswith("Each kind of question (conditions, gains of people, ")
+    assert "noticing, groups) is held at 5% alone" in together
+    assert "in up to 20% of studies" in together
+    # By one correction over six questions less is left than over three.
+    assert "gains differ between groups" not in together
+    assert "mean scores differ between groups (p" in together
     page = report_html(found)
     assert 'id="h-groups"' in page
     assert "Without a group, and not compared: P13." in page
@@ -85,6 +92,7 @@ def test_groups_that_do_not_differ_are_not_said_to() -> None:
     answer = dict(paragraphs(found))[GROUPS]
     assert "Mean scores were not found to differ" in answer
     assert "Conditions in which" not in answer
+    assert "between groups" not in dict(paragraphs(found))[TOGETHER]
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,20 @@ class NotEstimable:
             raise ValueError("the reason for a missing estimate must not be empty, got ''")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A value with its 95% interval."""
+
+    value: float
+    interval: Interval
+
+
+def central(values: FloatArray) -> Interval:
+    """Return the ends of the central 95% of values."""
+    low, high = np.quantile(values, ENDS).tolist()
+    return low, high
+
+
 def plain(value: object) -> Any:
     """Return records, arrays and mappings as JSON values; NaN becomes `null`."""
     if isinstance(value, NotEstimable):

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
 
-from analysis.estimates import LOWER, UPPER, BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 
 # Maps points of shape (count, dimensions) to log densities of shape (count,).
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -112,7 +112,8 @@ class WeightedPoints:
         away = self.points - mean
         covariance = (self.weights * away.T) @ away
         inverse = np.linalg.inv(np.linalg.cholesky(covariance))
-        orders = range(1, 4 if _coefficients(size) < MOST_COEFFICIENTS * len(away) else 3)
+        cubic = (size + 1) * (size + 2) * (size + 3) // 6  # coefficients
+        orders = range(1, 4 if cubic < MOST_COEFFICIENTS * len(away) else 3)
 
         def basis(points: FloatArray) -> tuple[FloatArray, FloatArray]:
             steps = (points - mean) @ inverse.T
@@ -192,11 +193,6 @@ def weighted_points(
 def _normalised(log_weights: FloatArray) -> FloatArray:
     """Return weights that sum to 1; the least are those that still are numbers."""
     return np.asarray(np.exp(np.maximum(log_weights - logsumexp(log_weights), -300.0)))
-
-
-def _coefficients(size: int) -> int:
-    """Return how many a polynomial of third order has."""
-    return (size + 1) * (size + 2) * (size + 3) // 6
 
 
 def _adapted(
@@ -332,16 +328,15 @@ class Marginals:
 
     def interval_95(self, weights: FloatArray) -> list[Interval]:
         """Return the central 95% interval of each quantity over all points."""
-        return intervals_95(weights, self.means, self.sds, self.skews)
+        low, high = (self.quantile(weights, probability).tolist() for probability in ENDS)
+        return list(zip(low, high, strict=True))
 
     def disagreement(self, halves: FloatArray, intervals: list[Interval]) -> float:
         """Return how far halves of the points differ on a limit, at most, in widths of intervals.
 
-        Parameters:
-            halves: shape (2, points), weights.
-            intervals: of each quantity over all points.
+        `halves` (2, points) are weights, and `intervals` those of each quantity over all points.
         """
-        limits, normal_of = np.array(intervals).T, _normal_scores(self.means, self.sds, self.skews)
+        limits, normal_of = np.array(intervals).T, self._normal_scores()
         found = []
         for limit in limits:
             score, slope = normal_of(limit)
@@ -350,111 +345,77 @@ class Marginals:
             found.append(np.abs(apart) / (density * (limits[1] - limits[0])))
         return float(np.max(found))
 
-    def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
-        """Return the quantile of each quantity over all points."""
-        return mixture_quantile(weights, self.means, self.sds, probability, self.skews)
-
     def above_zero(self, weights: FloatArray) -> FloatArray:
         """Return the probability that each quantity is positive."""
-        score, _ = _normal_scores(self.means, self.sds, self.skews)(np.zeros(1))
+        score, _ = self._normal_scores()(np.zeros(1))
         return np.asarray(weights @ ndtr(-score))
 
+    def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
+        """Return the quantile of each quantity over all points: of the mixture of its normals.
 
-def mixture_quantile(
-    weights: FloatArray,
-    means: FloatArray,
-    sds: FloatArray,
-    probability: float,
-    skews: FloatArray | None = None,
-) -> FloatArray:
-    """Return the quantile of each mixture of normal or of shifted log-normal distributions.
+        With skewness, it mixes shifted log-normal distributions. It is found by Newton's method,
+        within an interval that shrinks by bisection where that fails.
 
-    It is found by Newton's method, within an interval that shrinks by bisection where that fails.
+        Parameters:
+            weights: shape (points,), sum 1.
+            probability: in (0, 1).
+        """
+        parts = [
+            self.part(slice(first, first + AT_ONCE))._quantile(weights, probability)
+            for first in range(0, self.means.shape[1], AT_ONCE)
+        ]
+        return np.concatenate([np.zeros(0), *parts])
 
-    Parameters:
-        weights: shape (points,), sum 1.
-        means, sds, skews: shape (points, quantities).
-        probability: in (0, 1).
-    """
-    parts = [slice(first, first + AT_ONCE) for first in range(0, means.shape[1], AT_ONCE)]
-    found = [
-        _quantile(
-            weights,
-            means[:, part],
-            sds[:, part],
-            probability,
-            None if skews is None else skews[:, part],
-        )
-        for part in parts
-    ]
-    return np.concatenate([np.zeros(0), *found])
+    def _quantile(self, weights: FloatArray, probability: float) -> FloatArray:
+        means, sds = self.means, self.sds
+        low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
+        if len(weights) > 2 * FEW:
+            # A few of the points, which are spread alike, tell where to begin.
+            few = slice(None, None, len(weights) // FEW)
+            skews = None if self.skews is None else self.skews[few]
+            some = Marginals(means=means[few], sds=sds[few], skews=skews)
+            value = some._quantile(weights[few] / weights[few].sum(), probability)
+        else:
+            centre = weights @ means
+            sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
+            value = centre + sd * ndtri(probability)
+        value = np.clip(value, low, high)
+        normal_of = self._normal_scores()
+        for _ in range(QUANTILE_STEPS):
+            score, slope = normal_of(value)
+            excess = weights @ ndtr(score) - probability
+            low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
+            density = weights @ (_normal_density(score) * slope)
+            step = value - excess / np.maximum(density, 1e-300)
+            found = np.abs(excess) < QUANTILE_TOLERANCE
+            # The last step squares what is left of the error.
+            other = np.where(found, value, (low + high) / 2)
+            value = np.where((step > low) & (step < high), step, other)
+            if found.all():
+                break
+        return np.asarray(value)
 
+    def _normal_scores(self) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+        """Return the function that maps values to standard normal scores, and their slopes."""
+        means, sds = self.means, self.sds
+        if self.skews is None:
+            return lambda value: ((value - means) / sds, 1 / sds)
+        # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the
+        # skewness k³ + 3k: (17) to (19) of docs/mathematics/marginals.md.
+        skewed = np.where(np.abs(self.skews) < LEAST_SKEW, LEAST_SKEW, self.skews)
+        k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
+        s = np.sign(k) * np.sqrt(np.log1p(k * k))
+        gradient, offset = k / sds, 1 - k * means / sds
 
-def _quantile(
-    weights: FloatArray,
-    means: FloatArray,
-    sds: FloatArray,
-    probability: float,
-    skews: FloatArray | None,
-) -> FloatArray:
-    low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
-    if len(weights) > 2 * FEW:
-        # A few of the points, which are spread alike, tell where to begin.
-        few = slice(None, None, len(weights) // FEW)
-        total, known = weights[few].sum(), None if skews is None else skews[few]
-        value = _quantile(weights[few] / total, means[few], sds[few], probability, known)
-    else:
-        centre = weights @ means
-        sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
-        value = centre + sd * ndtri(probability)
-    value = np.clip(value, low, high)
-    normal_of = _normal_scores(means, sds, skews)
-    for _ in range(QUANTILE_STEPS):
-        score, slope = normal_of(value)
-        excess = weights @ ndtr(score) - probability
-        low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
-        density = weights @ (_normal_density(score) * slope)
-        step = value - excess / np.maximum(density, 1e-300)
-        found = np.abs(excess) < QUANTILE_TOLERANCE
-        # The last step squares what is left of the error.
-        other = np.where(found, value, (low + high) / 2)
-        value = np.where((step > low) & (step < high), step, other)
-        if found.all():
-            break
-    return np.asarray(value)
+        def scores(value: FloatArray) -> tuple[FloatArray, FloatArray]:
+            inside = np.maximum(gradient * value + offset, 1e-300)
+            return np.log(inside) / s + s / 2, gradient / (s * inside)
+
+        return scores
 
 
 def _normal_density(score: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-(score**2) / 2) / np.sqrt(2 * np.pi))
-
-
-def _normal_scores(
-    means: FloatArray, sds: FloatArray, skews: FloatArray | None
-) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return the function that maps values to standard normal scores, and their slopes."""
-    if skews is None:
-        return lambda value: ((value - means) / sds, 1 / sds)
-    # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the skewness
-    # k³ + 3k: (17) to (19) of docs/mathematics/marginals.md.
-    skewed = np.where(np.abs(skews) < LEAST_SKEW, LEAST_SKEW, skews)
-    k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
-    s = np.sign(k) * np.sqrt(np.log1p(k * k))
-    gradient, offset = k / sds, 1 - k * means / sds
-
-    def scores(value: FloatArray) -> tuple[FloatArray, FloatArray]:
-        inside = np.maximum(gradient * value + offset, 1e-300)
-        return np.log(inside) / s + s / 2, gradient / (s * inside)
-
-    return scores
-
-
-def intervals_95(
-    weights: FloatArray, means: FloatArray, sds: FloatArray, skews: FloatArray | None = None
-) -> list[Interval]:
-    """Return the central 95% interval of each mixture."""
-    low = mixture_quantile(weights, means, sds, LOWER, skews)
-    high = mixture_quantile(weights, means, sds, UPPER, skews)
-    return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
 def weighted_quantiles(weights: FloatArray, values: FloatArray, *p: float) -> list[float]:

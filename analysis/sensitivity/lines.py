@@ -157,19 +157,14 @@ class Axes:
     y_sd: float
 
 
-def axes_about(contrast: FloatArray, rating: FloatArray) -> Axes:
-    """Return centre and scale of these contrasts and ratings."""
-    x, y = ((float(values.mean()), float(values.std())) for values in (contrast, rating))
-    return Axes(x_mean=x[0], x_sd=x[1], y_mean=y[0], y_sd=y[1])
-
-
 def axes_of(trials: Ratings) -> Axes | NotEstimable:
     """Return centre and scale of the trials, or why they do not determine a line."""
     if len(trials.rating) < 3:
         return NotEstimable(
             f"a line needs at least 3 ratings with a predicted contrast, got {len(trials.rating)}"
         )
-    axes = axes_about(trials.contrast, trials.rating)
+    x, y = ((float(each.mean()), float(each.std())) for each in (trials.contrast, trials.rating))
+    axes = Axes(x_mean=x[0], x_sd=x[1], y_mean=y[0], y_sd=y[1])
     if axes.x_sd <= 1e-9 * float(np.abs(trials.contrast).max()):
         return NotEstimable("all predicted contrasts are equal, so the gain cannot be estimated")
     if axes.y_sd <= 1e-9 * float(np.abs(trials.rating).max()):
@@ -269,36 +264,34 @@ def medians(known: LineMixture) -> tuple[Medians, Medians, Medians]:
 
 def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
     """Return the lines of a mixture."""
-    weights, equal = known.points.weights, known.equal_gains
-    (bias, bias_intervals), (gain, gain_intervals), (relative, relative_intervals) = medians(known)
+    bias, gain, relative = medians(known)
+    quantities = {"bias": bias, "gain": gain, "relative_gain": relative, "jnd": _jnd(known)}
+
+    def of(row: int, *names: str) -> dict[str, Any]:
+        told: dict[str, Any] = {}
+        for name in names:
+            values, intervals = quantities[name]
+            told |= {name: float(values[row]), f"{name}_interval": intervals[row]}
+        return told
+
+    equal = known.equal_gains
     bias_sd, gain_sd = (
         known.points.quantiles(partial(_column_of_spread, known.axes, column), *LEVELS)
         for column in (0, 1)
     )
-    jnd = _jnd(known)
     # A variance that no trial reduces may exceed that between subjects by rounding.
-    own = np.maximum(1 - weights @ known.own_variance, 0.0)
+    own = np.maximum(1 - known.points.weights @ known.own_variance, 0.0)
     lines = Lines(
         subjects=tuple(
             SubjectLine(
                 subject=name,
-                bias=float(bias[row]),
-                bias_interval=bias_intervals[row],
-                gain=float(gain[row]),
-                gain_interval=gain_intervals[row],
-                relative_gain=float(relative[row]),
-                relative_gain_interval=relative_intervals[row],
-                jnd=jnd[row][1],
-                jnd_interval=(jnd[row][0], jnd[row][2]),
+                **of(row, *quantities),
                 own_share=float(own[row]),
                 trials=int(known.counts[row]),
             )
             for row, name in enumerate(subjects)
         ),
-        bias=float(bias[-1]),
-        bias_interval=bias_intervals[-1],
-        gain=float(gain[-1]),
-        gain_interval=gain_intervals[-1],
+        **of(-1, "bias", "gain", "jnd"),
         bias_sd=bias_sd[0],
         bias_sd_interval=(bias_sd[1], bias_sd[2]),
         gain_sd=gain_sd[0],
@@ -306,8 +299,6 @@ def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
         gain_sd_upper=gain_sd[3],
         small_gain_sd=equal + (1 - equal) * _small_gain_sd(known),
         equal_gains=equal,
-        jnd=jnd[-1][1],
-        jnd_interval=(jnd[-1][0], jnd[-1][2]),
     )
     return _of_one_subject(lines) if known.alone else lines
 
@@ -335,12 +326,14 @@ def _small_gain_sd(known: LineMixture) -> float:
     return float(steep[0])
 
 
-def _jnd(known: LineMixture) -> list[list[float]]:
-    """Return lower limit, median and upper limit of each JND, infinite without a positive gain."""
-    in_noise = known.gain.over(known.residual_sd)
-    steepest_first = [in_noise.quantile(known.points.weights, p) for p in (ENDS[1], 0.5, ENDS[0])]
-    rows = np.transpose(steepest_first).tolist()
-    return [[1 / gain if gain > 0 else math.inf for gain in row] for row in rows]
+def _jnd(known: LineMixture) -> Medians:
+    """Return the JNDs, infinite without a positive gain; the steepest line has the smallest."""
+    in_noise, weights = known.gain.over(known.residual_sd), known.points.weights
+    low, middle, high = (
+        [1 / gain if gain > 0 else math.inf for gain in in_noise.quantile(weights, p).tolist()]
+        for p in (ENDS[1], 0.5, ENDS[0])
+    )
+    return np.array(middle), list(zip(low, high, strict=True))
 
 
 def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, 
 from analysis.sensitivity.curvature import counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components
-from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior, integrated
+from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
 from analysis.sensitivity.lines import Ratings, log_prior_of_spread, roots_of_covariances
 
 OPPOSITE, SAME, EXPECTED = -1, 0, 1
@@ -152,7 +152,10 @@ class Noticing:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
         medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
-        rates = _false_alarm_rates(posterior.draws(RATE_DRAWS, np.random.default_rng(0)))
+        draws = posterior.draws(RATE_DRAWS, np.random.default_rng(0))
+        own, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
+        # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.
+        rates = np.minimum(np.asarray(ndtr(lean - own) + ndtr(-lean - own)), 1.0)
         low, high = np.quantile(rates, ENDS, axis=0)
         count = len(self.subjects)
         return tuple(
@@ -167,12 +170,6 @@ class Noticing:
             )
             for row, name in enumerate(self.subjects)
         )
-
-
-def _false_alarm_rates(draws: LatentDraws) -> FloatArray:
-    criterion, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
-    # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.
-    return np.minimum(np.asarray(ndtr(lean - criterion) + ndtr(-lean - criterion)), 1.0)
 
 
 def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Noticing:

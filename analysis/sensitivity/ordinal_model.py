@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import Components
@@ -32,19 +32,11 @@ FEWEST_CONDITIONS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """A posterior mean with its 95% interval."""
-
-    value: float
-    interval: Interval
-
-
-@dataclass(frozen=True, kw_only=True)
 class OrdinalSensitivity:
     """The fit of M2, in rating points.
 
     `thresholds` lie between the `categories`, from the lowest up; `discrepancies` are the effects
-    of conditions beyond their predicted contrasts, empty with fewer than three conditions.
+    of conditions beyond their predicted contrasts, posterior means, none of fewer than three.
     `effective_points` is the effective sample size of the integration over variance components.
     """
 
@@ -65,15 +57,6 @@ class OrdinalSensitivity:
         above = ndtr((place - np.array(self.thresholds)) / self.residual_sd)
         values = np.array(self.categories, dtype=np.float64)
         return np.asarray(values[0] + above @ np.diff(values))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scale:
-    """Names of the ordered answers, the thresholds between them, and which of those are fixed."""
-
-    categories: tuple[str, ...]
-    edges: FloatArray
-    fixed: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +102,10 @@ def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
-    """Return the rated trials, each different rating being a category, or why they set no scale."""
+    """Return the rated trials, equal ones counted, or why they set no scale.
+
+    Each different rating is a category; the outermost thresholds between them are fixed.
+    """
     trials = ratings.given
     axes = axes_of(trials)
     if isinstance(axes, NotEstimable):
@@ -131,20 +117,13 @@ def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
         )
     edges = (values[1:] + values[:-1]) / 2
     fixed = np.isin(np.arange(len(edges)), [0, len(edges) - 1])
-    names = tuple(f"{value:g}" for value in values)
-    scale = Scale(categories=names, edges=edges, fixed=fixed)
-    return prepared(trials, np.asarray(category), scale, axes)
-
-
-def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> PreparedTrials:
-    """Return the trials in standard units, with equal ones counted."""
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     rows, weight = counted(np.stack([trials.subject, trials.condition, x, category], axis=-1))
     used = len(np.unique(trials.condition))
     return PreparedTrials(
         subjects=trials.subjects,
         conditions=trials.conditions,
-        categories=scale.categories,
+        categories=tuple(f"{value:g}" for value in values),
         axes=axes,
         trials=OrdinalTrials(
             subjects=len(trials.subjects),
@@ -154,8 +133,8 @@ def prepared(trials: Ratings, category: IntArray, scale: Scale, axes: Axes) -> P
             x=rows[:, 2],
             category=rows[:, 3].astype(np.int64),
             weight=weight,
-            thresholds=(scale.edges - axes.y_mean) / axes.y_sd,
-            free=~scale.fixed,
+            thresholds=(edges - axes.y_mean) / axes.y_sd,
+            free=~fixed,
         ),
     )
 

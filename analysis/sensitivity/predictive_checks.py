@@ -7,7 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import (
+    LEVEL,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Interval,
+    NotEstimable,
+    central,
+)
 from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
@@ -297,15 +305,10 @@ def _check(compared: dict[str, _Compared]) -> PredictiveCheck:
                 name=name,
                 observed=float(np.median(each.observed)),
                 predicted=float(np.median(each.replicated)),
-                predicted_interval=_interval(each.replicated),
+                predicted_interval=central(each.replicated),
                 p=each.p,
                 p_holm=adjusted,
             )
             for (name, each), adjusted in zip(compared.items(), holm(p), strict=True)
         ),
     )
-
-
-def _interval(values: FloatArray) -> Interval:
-    low, high = np.quantile(values, ENDS).tolist()
-    return low, high

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.report.drawing import Panel
 from analysis.sliding import rig_model
 from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_panels, mismatches
-from analysis.sliding.fit import Estimate, RigFit, fitted_rig
+from analysis.sliding.fit import RigFit, fitted_rig
 from device.friction.scenes import Structure
 from protocol.errors import BadInput
 from protocol.journal import events as journal

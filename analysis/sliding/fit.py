@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import f as f_distribution
 
-from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, Estimate, FloatArray, NotEstimable
 from analysis.sliding import rig_model
 from analysis.sliding.rig_model import slopes
 
@@ -44,21 +44,14 @@ _TRADED = 0.9
 """Correlation of two estimates from which on one is said to trade off against the other."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """An estimate with its 95% interval, from the profile of the likelihood."""
-
-    value: float
-    interval: Interval
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigFit:
     """A rig fitted to passes.
 
     Attributes:
         rig: its properties; those that are not determined have their nominal values.
-        estimates: each property with its interval, or the reason why the passes do not tell it.
+        estimates: each property with its interval, from the profile of the likelihood, or the
+            reason why the passes do not tell it.
         noise: of the passes about the fitted friction.
         means: fitted friction in the bins of each pass.
         deviance: sum of squares of the residuals in units in which they are independent.

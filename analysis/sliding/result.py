@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from analysis.cells import json_text
-from analysis.estimates import NotEstimable, plain
+from analysis.estimates import Estimate, NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.drawing import Drawing, Words, panels_drawing
 from analysis.report.page import Masthead, rendered
 from analysis.sliding import experiment
 from analysis.sliding.comparison import Extreme
-from analysis.sliding.fit import Estimate
 from analysis.sliding.rig_model import Curve
 from protocol.errors import BadInput
 

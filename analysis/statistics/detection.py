@@ -5,12 +5,11 @@ change, because a false alarm has no direction that it could be right about.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.special import betaincinv, betaln, ndtr, ndtri, stdtrit
 
-from analysis.estimates import ENDS, UPPER, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import ENDS, UPPER, FloatArray, IntArray, Interval, NotEstimable, central
 
 _STEPS = 128
 _Z = ndtri((np.arange(_STEPS) + 0.5) / _STEPS)
@@ -89,20 +88,15 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
         hits=rates[0],
         false_alarms=rates[1],
         d_prime=z_hit - z_alarm,
-        d_prime_interval=_pair(np.quantile(x - y, ENDS)),
+        d_prime_interval=central(x - y),
         criterion=-(z_hit + z_alarm) / 2,
-        criterion_interval=_pair(np.quantile(-(x + y) / 2, ENDS)),
+        criterion_interval=central(-(x + y) / 2),
         p=float(noticed_p(hits[None], alarms[None])[0]),
     )
 
 
-def _pair(ends: Any) -> Interval:
-    low, high = ends.tolist()
-    return float(low), float(high)
-
-
 def _share_interval(told: int, trials: int, a: float, b: float) -> Interval:
-    low, high = _pair(betaincinv(a, b, ENDS))
+    low, high = betaincinv(a, b, ENDS).tolist()
     # A share of 0 or 1 lies within its interval (Brown, Cai and DasGupta 2001, section 4.1.1).
     return 0.0 if told == 0 else low, 1.0 if told == trials else high
 

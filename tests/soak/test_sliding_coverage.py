@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from analysis.estimates import Estimate
 from analysis.sliding.comparison import Extreme, turning_places
 from analysis.sliding.experiment import SlidingFindings, sliding_findings
-from analysis.sliding.fit import Estimate
 from tests.analysis.sliding.rigs import PATH_M, Rig, Setting, default_plan, passes, rig
 
 RIGS = 100

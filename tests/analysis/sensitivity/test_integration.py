@@ -8,9 +8,8 @@ from scipy.stats import qmc
 from analysis.estimates import FloatArray
 from analysis.sensitivity.integration import (
     REACH,
-    intervals_95,
+    Marginals,
     low_discrepancy,
-    mixture_quantile,
     weighted_points,
     weighted_quantiles,
 )
@@ -54,10 +53,10 @@ def test_the_same_density_gives_the_same_points() -> None:
 def test_quantiles_of_a_mixture() -> None:
     weights = np.array([0.3, 0.7])
     means, sds = np.array([[0.0, 5.0], [4.0, 5.0]]), np.array([[1.0, 2.0], [0.5, 2.0]])
-    quantile = mixture_quantile(weights, means, sds, 0.25)
+    quantile = Marginals(means=means, sds=sds).quantile(weights, 0.25)
     reached = 0.3 * stats.norm.cdf(quantile[0]) + 0.7 * stats.norm.cdf(quantile[0], 4.0, 0.5)
     assert reached == pytest.approx(0.25, abs=1e-8)
-    assert intervals_95(weights, means, sds)[1] == pytest.approx(
+    assert Marginals(means=means, sds=sds).interval_95(weights)[1] == pytest.approx(
         (5 - 3.919928, 5 + 3.919928), abs=1e-5
     )
 

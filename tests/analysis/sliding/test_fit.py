@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.estimates import NotEstimable
-from analysis.sliding.fit import Estimate, RigFit, fitted_rig
+from analysis.estimates import Estimate, NotEstimable
+from analysis.sliding.fit import RigFit, fitted_rig
 from analysis.sliding.rig_model import PROPERTIES, RigProperties, course
 from tests.analysis.sliding.rigs import (
     PAPER_HZ,

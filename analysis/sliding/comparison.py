@@ -175,7 +175,7 @@ class Mismatch:
         rung: name.
         fitted: whether for the fitted rig; else for the paper's, with μ as measured at rest and
             drives relative to the measured resonance.
-        rms: root mean square difference in μ'.
+        rmse: root mean square difference in μ'.
         mean_absolute: mean absolute difference in μ'.
         places_m: mean distance of the measured troughs and peaks from the nearest ones predicted;
             nan if none is predicted or located.
@@ -184,7 +184,7 @@ class Mismatch:
     law: str
     rung: str
     fitted: bool
-    rms: float
+    rmse: float
     mean_absolute: float
     places_m: float
 
@@ -259,7 +259,7 @@ def _mismatch(
         law=law,
         rung=rung,
         fitted=fitted,
-        rms=float(np.sqrt(np.mean(difference**2))),
+        rmse=float(np.sqrt(np.mean(difference**2))),
         mean_absolute=float(np.mean(np.abs(difference))),
         places_m=float(np.mean(distances)) if distances else float("nan"),
     )

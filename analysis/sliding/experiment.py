@@ -32,24 +32,24 @@ UNITS: Mapping[str, tuple[str, float, str]] = {
 }
 """What each property is called, and its unit in print."""
 
-_IN_WORDS = {
-    "sliding_speed_m_s": "sliding speed",
-    "body_mass_kg": "mass of the bodies",
-    "sensor_gain": "gain of the force sensor",
-}
-ALWAYS_UNKNOWN: Mapping[str, str] = {
+ALWAYS_UNKNOWN: Mapping[str, tuple[str, str]] = {
     "sliding_speed_m_s": (
+        "sliding speed",
         "friction depends on speed through (h/2 + h_c)/v alone. The speed that the position "
         "sensor shows is taken, and the height of the bodies follows; the speed over the "
-        "measured one is the reverse"
+        "measured one is the reverse",
     ),
-    "body_mass_kg": "only its product with the gain counts; 0.01 kg per metre is taken",
+    "body_mass_kg": (
+        "mass of the bodies",
+        "only its product with the gain counts; 0.01 kg per metre is taken",
+    ),
     "sensor_gain": (
+        "gain of the force sensor",
         "an error in the gain of the tangential force is an error in the friction coefficient, "
-        "which no pass shows; its interval does not contain it"
+        "which no pass shows; its interval does not contain it",
     ),
 }
-"""What no sliding experiment of this kind tells, and why."""
+"""What no sliding experiment of this kind tells: what it is called, and why."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +115,11 @@ class SlidingFindings:
         height = self.fit.estimates["body_height_m"]
         if isinstance(height, NotEstimable):
             return {**self.fit.estimates, "speed_ratio": height}
-        value, high, low = map(_speed_ratio, (height.value, *height.interval))
+        nominal_m = rig_model.HALF_THICKNESS_M + Structure().body_height_m
+        value, high, low = (
+            nominal_m / (rig_model.HALF_THICKNESS_M + each)
+            for each in (height.value, *height.interval)
+        )
         return {**self.fit.estimates, "speed_ratio": Estimate(value=value, interval=(low, high))}
 
     def calibration_record(self) -> dict[str, Any]:
@@ -139,8 +143,8 @@ class SlidingFindings:
                 f"{factor * number:.5g}" for number in (found.value, *found.interval)
             )
             rows.append([label, value + unit, f"{low} to {high}{unit}"])
-        unknown = ALWAYS_UNKNOWN.items()
-        return [*rows, *([_IN_WORDS[name], "not determined", why] for name, why in unknown)]
+        unknown = ALWAYS_UNKNOWN.values()
+        return [*rows, *([label, "not determined", why] for label, why in unknown)]
 
     def extreme_lines(self) -> list[list[str]]:
         """Return a header and a row per trough and peak."""
@@ -155,18 +159,13 @@ class SlidingFindings:
                 one.law,
                 one.rung,
                 "fitted" if one.fitted else "paper's",
-                f"{one.rms:.4f}",
+                f"{one.rmse:.4f}",
                 f"{one.mean_absolute:.4f}",
                 f"{1e3 * one.places_m:.2f}",
             ]
             for one in self.mismatches
         ]
         return [header, *rows]
-
-
-def _speed_ratio(body_height_m: float) -> float:
-    nominal_m = rig_model.HALF_THICKNESS_M + Structure().body_height_m
-    return nominal_m / (rig_model.HALF_THICKNESS_M + body_height_m)
 
 
 def _extreme_row(one: Extreme) -> list[str]:
@@ -270,7 +269,10 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     opened = records[0]
     assert isinstance(opened, journal.SessionOpened), "the first event of every session"
     planned = {trial.index: trial for trial in opened.trials}
-    slide = _slide(records)
+    texts = [each.study_text for each in records if isinstance(each, journal.SessionTerms)]
+    # The study as it was when the session began or was last resumed.
+    assert texts[-1] is not None, "every build that slides records the study"
+    slide = parsed_study(texts[-1]).slide
     found, left_out = [], []
     for attempt, zero in _attempts(records):
         made = _pass(attempt, slide, str(planned[attempt.index].touches[0]["direction"]), zero)
@@ -293,13 +295,6 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
             (each.idn for each in reversed(records) if isinstance(each, journal.DeviceArmed)), ""
         ),
     )
-
-
-def _slide(records: Sequence[object]) -> Slide:
-    """Return what was drawn, from the study as it was when the session began or last resumed."""
-    text = [each.study_text for each in records if isinstance(each, journal.SessionTerms)][-1]
-    assert text is not None, "every build that slides records the study"
-    return parsed_study(text).slide
 
 
 def _attempts(records: Sequence[object]) -> Iterator[tuple[_Attempt, Zero]]:

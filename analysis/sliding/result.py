@@ -18,6 +18,7 @@ from analysis.sliding.rig_model import Curve
 from protocol.errors import BadInput
 
 _UNKNOWN = "not determined"
+_DRIVEN = ("voltage_v", "frequency_hz", "direction")
 _CAPTION = (
     "Fig 16 of the paper redrawn: measured friction with a band of one standard error, beside the "
     "laws and rungs, and beside the fitted rig at every drive."
@@ -47,13 +48,8 @@ class SlidingResult:
             "rehearsal": drawn.rehearsal,
             "data_sha256": found.data_sha256,
             "passes": [
-                {
-                    "index": each.index,
-                    "drive": each.drive,
-                    "voltage_v": each.made.voltage_v,
-                    "frequency_hz": each.made.frequency_hz,
-                    "direction": each.made.direction,
-                }
+                {"index": each.index, "drive": each.drive}
+                | {name: getattr(each.made, name) for name in _DRIVEN}
                 for each in drawn.passes
             ],
             "planned": drawn.planned,
@@ -64,19 +60,9 @@ class SlidingResult:
             "peaks": [_place(one) for one in own if one.kind == "peak"],
             "fit": {
                 **{name: _estimate(each) for name, each in found.estimates.items()},
-                **{name: {"reason": why} for name, why in experiment.ALWAYS_UNKNOWN.items()},
+                **{name: {"reason": why} for name, (_, why) in experiment.ALWAYS_UNKNOWN.items()},
             },
-            "models": [
-                {
-                    "law": one.law,
-                    "rung": one.rung,
-                    "fitted": one.fitted,
-                    "rmse": plain(one.rms),
-                    "mean_absolute": plain(one.mean_absolute),
-                    "places_m": plain(one.places_m),
-                }
-                for one in found.mismatches
-            ],
+            "models": plain(found.mismatches),
             "curves": plain(found.curves),
             "extremes": plain(found.extremes),
             "noise": plain(found.fit.noise),
@@ -99,9 +85,9 @@ class SlidingResult:
         if len(drawn.passes) + len(drawn.left_out) < drawn.planned:
             made = len(drawn.passes) + len(drawn.left_out)
             yield f"Unfinished: {made} of {drawn.planned} passes have been made."
-        best = min(self.found.mismatches, key=lambda one: one.rms)
+        best = min(self.found.mismatches, key=lambda one: one.rmse)
         rig = "fitted rig" if best.fitted else "paper's rig"
-        yield f"Closest: law {best.law} on rung {best.rung} for the {rig}, RMS {best.rms:.4f}."
+        yield f"Closest: law {best.law} on rung {best.rung} for the {rig}, RMS {best.rmse:.4f}."
 
     def files(self) -> dict[str, bytes]:
         """Return the contents of all files, by name."""

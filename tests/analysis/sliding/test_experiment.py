@@ -43,14 +43,14 @@ def test_curves_lie_about_true_friction_by_their_standard_error() -> None:
 def test_the_law_and_rung_that_made_the_passes_fit_best() -> None:
     found = findings().mismatches
     assert len(found) == 2 * 7 * len(LAWS)
-    best = min(found, key=lambda one: one.rms)
+    best = min(found, key=lambda one: one.rmse)
     assert (best.law, best.fitted) == ("consistent", True)
     assert best.rung in {"timoshenko-modes", "timoshenko-patched"}
-    assert best.rms < 0.02
-    assert best.mean_absolute < best.rms
+    assert best.rmse < 0.02
+    assert best.mean_absolute < best.rmse
     assert best.places_m < 0.2e-3
-    by_law = {law: min(one.rms for one in found if one.law == law) for law in LAWS}
-    assert by_law["coulomb"] > 5 * best.rms
+    by_law = {law: min(one.rmse for one in found if one.law == law) for law in LAWS}
+    assert by_law["coulomb"] > 5 * best.rmse
 
 
 def test_the_figure_has_measured_friction_beside_each_law_and_rung() -> None:

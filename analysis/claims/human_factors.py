@@ -36,11 +36,8 @@ CLAIMS = Claims()
 class GainSpread:
     """Subjects' gains on one value per condition, and how much they can be said to differ.
 
-    Attributes:
-        f: the F test of equal gains, with `df` and `p`.
-        mean: the mean gain.
-        sd_interval: 95% interval of the standard deviation of the gains between subjects.
-        detectable_sd: the standard deviation that the test finds with a power of .8.
+    `f` is the F test of equal gains, with `df` and `p`; `sd_interval` the 95% interval of the SD of
+    gains between subjects, and `detectable_sd` the SD that the test finds with a power of .8.
     """
 
     f: float
@@ -73,9 +70,8 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     (Williams, Biometrika 49, 1962). Gains and residuals are taken as normal, and everybody's
     residuals to scatter alike.
 
-    Parameters:
-        scores: shape (subjects, conditions), none missing.
-        x: shape (conditions,), a predicted contrast or an effect; not all equal.
+    `scores` has shape (subjects, conditions), none missing; `x` has shape (conditions,), a predicted
+    contrast or an effect, not all equal.
     """
     centred = x - x.mean()
     information = float(centred @ centred)

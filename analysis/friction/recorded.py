@@ -192,9 +192,8 @@ class Jitter:
     def covariance(self, weights: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the covariance of weighted sums of a touch's blocks.
 
-        Parameters:
-            weights: shape (sums, blocks).
-            noise: shape (blocks,), variance of each block by the sensor's noise.
+        `weights` has shape (sums, blocks), and `noise` (blocks,) the variance of each block by the
+        sensor's noise.
         """
         # (2), mathematics/measured-contrast
         spread = weights * (self.autocovariances[0] + noise)

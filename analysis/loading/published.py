@@ -37,12 +37,10 @@ def named_as_mean(name: str) -> bool:
 def mean_column(scores: FloatArray) -> int | None:
     """Return the column that is the mean of all others in every row, None if none is.
 
-    It takes at least three others and three rows in which they differ: in fewer, and where all
-    are equal, scores meet their mean by chance. A value that only a mean can have - a fraction,
-    where all others are whole - is proof in a single row.
-
-    Args:
-        scores: shape (rows, columns), NaN where none was given.
+    It takes at least three others and three rows in which they differ: in fewer, and where all are
+    equal, scores meet their mean by chance. A value that only a mean can have - a fraction, where
+    all others are whole - is proof in a single row. `scores` has shape (rows, columns), NaN where
+    none was given.
     """
     if scores.shape[1] <= LEAST_OTHERS:
         return None

@@ -187,11 +187,7 @@ def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame
     """Return why each cell without a score has none.
 
     An answered trial that counts and has no score explains its cell before an excluded one does.
-
-    Args:
-        table: the scores.
-        counted: the trials that count.
-        excluded: the trials taken out by the operator or by a rule.
+    `excluded` are the trials taken out by the operator or by a rule.
     """
     published = counted["trial_kind"].eq("published")
     # A later line overwrites an earlier one, so that trials that count explain a cell before
@@ -400,12 +396,8 @@ def load_study_data(
 def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = None) -> StudyData:
     """Return the scores of all sessions; of rehearsals too if asked for.
 
-    A participant's score for a condition is the mean over that participant's trials.
-
-    Args:
-        found: all sessions of the journal.
-        rehearsals: whether rehearsals count.
-        rules: the study's rules on who and what is left out.
+    A participant's score for a condition is the mean over that participant's trials. `rules` are
+    the study's, on who and what is left out.
 
     Raises:
         NothingToReport: there are no sessions to report on.

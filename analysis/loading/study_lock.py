@@ -55,9 +55,7 @@ def default_rig(lock: StudyLock | None, kinds: Sequence[str], fitted: Calibratio
 def study_lock(decisions: Decisions, sessions: pd.DataFrame) -> StudyLock | None:
     """Return the lock of a study, None if it is not registered.
 
-    Args:
-        decisions: on the study.
-        sessions: those that are reported.
+    `sessions` are those that are reported.
 
     Raises:
         BadInput: the registration in the journal was changed.

@@ -354,11 +354,7 @@ class Marginals:
         """Return the quantile of each quantity over all points: of the mixture of its normals.
 
         With skewness, it mixes shifted log-normal distributions. It is found by Newton's method,
-        within an interval that shrinks by bisection where that fails.
-
-        Parameters:
-            weights: shape (points,), sum 1.
-            probability: in (0, 1).
+        within an interval that shrinks by bisection where that fails. `weights` (points,) sum to 1.
         """
         parts = [
             self.part(slice(first, first + AT_ONCE))._quantile(weights, probability)

@@ -115,16 +115,10 @@ _NEVER = 9
 class Cohort:
     """Virtual people in a session each, and what they answered.
 
-    Attributes:
-        people: the persons.
-        slots: which plan each of them has.
-        kinds: which kind of trial each trial is, shape (people, trials).
-        answered: the trials that are answered before somebody leaves, shape (people, trials).
-        change: the reported change as in `answering.meaning`; of trials with a question.
-        reaction_s: the time to that answer.
-        score: on the study's scale, NaN where none was asked for.
-        score_reaction_s: the time to the score.
-        force_n: of each touch, in order, shape (people, touches).
+    `slots` tells which plan each has, and `kinds` (people, trials) which kind of trial each is.
+    `answered`, of that shape as all that follow, are the trials before somebody leaves; `change` is
+    the reported one as in `answering.meaning`, of trials with a question; `score` is on the study's
+    scale, NaN where none was asked for. `force_n` (people, touches) is of each touch, in order.
     """
 
     people: People
@@ -143,12 +137,7 @@ def cohort(
 ) -> Cohort:
     """Return what people answer in their sessions.
 
-    Args:
-        planned: the plans of the study.
-        people: the persons.
-        names: of their sessions: see `population.session_name`.
-        slots: which plan each of them has.
-        world: what they touch.
+    `names` are those of their sessions (`person.session_name`), `slots` which plan each has.
     """
     kinds = planned.kinds_of(slots)
     table = np.array([len(kind.marks) for kind in planned.kinds])

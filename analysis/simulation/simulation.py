@@ -253,9 +253,7 @@ class Simulation:
     def data(self, participants: int, seed: int | str) -> StudyData:
         """Return what the estimators take: the sessions of one cohort, as they are loaded.
 
-        Args:
-            participants: how many take part.
-            seed: a number, or any text that is a spawn key.
+        The `seed` is a number, or any text that is a spawn key.
         """
         names = names_of(participants)
         made = list(zip(self._planned, self._sessions(self._who(participants, seed)), strict=True))

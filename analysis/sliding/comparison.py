@@ -52,12 +52,8 @@ _MARGIN_M = 2e-3
 class Extreme:
     """A trough or a peak under one setting.
 
-    Attributes:
-        kind: trough or peak.
-        setting: drive, direction, load and speed.
-        expected_m: its place in the fitted friction.
-        place_m: its place in the passes, or why they do not tell it.
-        interval_m: the 95% interval of that, None without a place.
+    `expected_m` is its place in the fitted friction, `place_m` that in the passes, or why they do
+    not tell it, and `interval_m` the 95% interval of that, None without a place.
     """
 
     kind: Kind
@@ -170,15 +166,10 @@ _FINE = 4
 class Mismatch:
     """How far a law on a rung is from the measured friction, over all driven settings.
 
-    Attributes:
-        law: name.
-        rung: name.
-        fitted: whether for the fitted rig; else for the paper's, with μ as measured at rest and
-            drives relative to the measured resonance.
-        rmse: root mean square difference in μ'.
-        mean_absolute: mean absolute difference in μ'.
-        places_m: mean distance of the measured troughs and peaks from the nearest ones predicted;
-            nan if none is predicted or located.
+    `fitted` is whether for the fitted rig; else it is for the paper's, with μ as measured at rest
+    and drives relative to the measured resonance. `rmse` and `mean_absolute` are of the difference
+    in μ'; `places_m` is the mean distance of the measured troughs and peaks from the nearest ones
+    predicted, nan if none is predicted or located.
     """
 
     law: str

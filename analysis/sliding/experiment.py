@@ -56,12 +56,8 @@ ALWAYS_UNKNOWN: Mapping[str, tuple[str, str]] = {
 class SlidingFindings:
     """What passes say about friction along the beam and about the rig.
 
-    Attributes:
-        session: which session the passes come from.
-        data_sha256: digest of the passes.
-        courses: passes by place.
-        nominal: the paper's rig, with μ at rest and resonance as measured.
-        fit: the rig that fits best.
+    `session` is the one that the passes come from, `data_sha256` their digest; `courses` are passes
+    by place, and `nominal` is the paper's rig, with μ at rest and resonance as measured.
     """
 
     session: str
@@ -230,14 +226,9 @@ class PlannedPass:
 class DrawnSession:
     """A sliding experiment: its passes, and the rig on which they were made.
 
-    Attributes:
-        session: what people call it.
-        rehearsal: whether it is a rehearsal.
-        planned: number of passes of the plan.
-        passes: those that count, in the order in which they were made.
-        left_out: those that were made and do not count: number and reason.
-        resonance: the resonance that was measured last.
-        idn: the device's answer to `*IDN?`.
+    `session` is what people call it, `planned` the number of passes of the plan. `passes` are those
+    that count, in the order in which they were made; `left_out` has number and reason of the others
+    that were made. `resonance` is the last that was measured, `idn` the device's answer to `*IDN?`.
     """
 
     session: str

@@ -48,14 +48,11 @@ _TRADED = 0.9
 class RigFit:
     """A rig fitted to passes.
 
-    Attributes:
-        rig: its properties; those that are not determined have their nominal values.
-        estimates: each property with its interval, from the profile of the likelihood, or the
-            reason why the passes do not tell it.
-        noise: of the passes about the fitted friction.
-        means: fitted friction in the bins of each pass.
-        deviance: sum of squares of the residuals in units in which they are independent.
-        points: bins fitted.
+    Properties of `rig` that are not determined have their nominal values; `estimates` has each with
+    its interval, from the profile of the likelihood, or the reason why the passes do not tell it.
+    `noise` is that of the passes about the fitted friction, `means` the latter in the bins of each
+    pass, `deviance` the sum of squares of the residuals in units in which they are independent, and
+    `points` the number of bins.
     """
 
     rig: rig_model.RigProperties
@@ -65,18 +62,12 @@ class RigFit:
     deviance: float
     points: int
 
-    @property
-    def determined(self) -> tuple[str, ...]:
-        """Names of the properties that the passes determine."""
-        return tuple(name for name, found in self.estimates.items() if isinstance(found, Estimate))
-
 
 def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProperties) -> RigFit:
     """Return the rig that fits the passes best.
 
-    Args:
-        courses: driven passes, and with the output off.
-        nominal: where the search begins; its resonance is the measured one.
+    `courses` are driven passes, and with the output off. The search begins at `nominal`, whose
+    resonance is the measured one.
     """
     problem = _Problem(courses=tuple(courses), nominal=nominal)
     found, given_up = rig_model.coordinates(nominal), dict[str, NotEstimable]()
@@ -136,13 +127,8 @@ class _Fit:
     """A least-squares problem under one noise, and its best coordinates so far.
 
     Friction is linear in the patches' place about `found`: each step of it would need new modes.
-
-    Attributes:
-        problem: passes and nominal rig.
-        noise: of the passes.
-        means: friction to which jitter is taken in proportion, by pass.
-        found: coordinates of all properties.
-        free: names of those that are fitted.
+    `means` is the friction to which jitter is taken in proportion, by pass; `found` has the
+    coordinates of all properties, and `free` the names of those that are fitted.
     """
 
     problem: _Problem

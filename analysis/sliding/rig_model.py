@@ -80,16 +80,9 @@ class Setting:
 class Course:
     """A pass by place: means over bins of half a millimetre, each of shape (bins,).
 
-    Attributes:
-        setting: drive, direction, load, contact and speed.
-        bin: number of each bin, counted from the clamp.
-        x_m: mean place of the samples in the bin.
-        t_s: mean time of the samples, from the beginning of the pass.
-        mu: mean friction coefficient.
-        count: number of samples.
-        spacing_s: time between two samples.
-        spread_m: standard deviation of the block's true places in one bin: the bin's width, and
-            the noise of the position sensor.
+    `bin` is the number of each bin, counted from the clamp; `x_m`, `t_s` (from the beginning of the
+    pass) and `mu` are means of its `count` samples. `spread_m` is the standard deviation of the
+    block's true places in one bin: the bin's width, and the noise of the position sensor.
     """
 
     setting: Setting
@@ -199,13 +192,9 @@ _STRUCTURE = Structure()
 class RigProperties:
     """What a fit determines.
 
-    Attributes:
-        friction_coefficient: μ, with the output off.
-        damping_ratio: ζ.
-        resonance_hz: of the mode that is driven.
-        gain: volts at the beam per volt of the drive.
-        body_height_m: height of the ciliary bodies.
-        patch_centre_m: place of the patches' middle.
+    `friction_coefficient` is μ with the output off, `damping_ratio` ζ, `resonance_hz` of the mode
+    that is driven, `gain` in volts at the beam per volt of the drive, `patch_centre_m` the place of
+    the patches' middle.
     """
 
     friction_coefficient: float

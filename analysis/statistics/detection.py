@@ -134,11 +134,8 @@ def noticed_p(hits: IntArray, alarms: IntArray) -> FloatArray:
     """Return p of the test that nobody reports a change more often with a signal, one-sided.
 
     (6): within each person every choice of the trials that had a signal is equally likely, so that
-    the number of hits is hypergeometric; the cohort's is a sum of these. Exact.
-
-    Parameters:
-        hits: shape (studies, people, 2), reported changes and trials with a signal.
-        alarms: the same of catch trials.
+    the number of hits is hypergeometric; the cohort's is a sum of these. Exact. Counts are as for
+    `detection`, for each of many studies: shape (studies, people, 2).
     """
     sums = np.ones((len(hits), 1))
     for person in range(hits.shape[1]):

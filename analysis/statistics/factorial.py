@@ -32,9 +32,8 @@ _SHUFFLES = 999
 class Crossed:
     """Mean scores by person and by level of each factor; NaN where no score was given.
 
-    Parameters:
-        factors: names of the levels of each factor, by its name.
-        scores: shape (people, levels of the first factor, levels of the second, ...).
+    `factors` has the names of the levels of each factor; `scores` has shape (people, levels of the
+    first factor, levels of the second, ...).
     """
 
     factors: Mapping[str, tuple[str, ...]]
@@ -131,10 +130,8 @@ class Factorial:
 def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Factorial:
     """Return every main effect and interaction of two factors.
 
-    Parameters:
-        crossed: over the sessions.
-        by_session: the same by session as well, for the effects of `SESSION`, so that who missed
-            a session counts for the other effects.
+    `crossed` is over the sessions; `by_session` is the same by session as well, for the effects of
+    `SESSION`, so that who missed a session counts for the other effects.
     """
     wide = by_session or crossed
     names = effects_of(wide.factors)
@@ -193,13 +190,10 @@ def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotE
 
     (21): F = n Σ r̄² / df over Σ (r - r̄)² / (df (n - 1)), where r are a person's means by level of
     these factors, less the means over each of them, and r̄ is their mean over n people. Under the
-    hypothesis a person's levels are exchangeable, so that the levels of each factor may be
-    shuffled within each person, for an interaction the rows and the columns of r. The permutation
-    p is the share of these arrangements whose F is at least as large.
-
-    Parameters:
-        scores: shape (people, levels of each factor), none missing.
-        factors: positions among the factors.
+    hypothesis a person's levels are exchangeable, so that the levels of each factor may be shuffled
+    within each person, for an interaction the rows and the columns of r. The permutation p is the
+    share of these arrangements whose F is at least as large. `scores` has shape (people, levels of
+    each factor), none missing; `factors` are positions among the factors.
     """
     test = _f_test(scores, factors)
     if isinstance(test, NotEstimable):
@@ -265,8 +259,7 @@ def _f_test(scores: FloatArray, factors: tuple[int, ...]) -> _FTest | NotEstimab
 def exact_p(own: FloatArray) -> float | None:
     """Return the share of all arrangements with an effect at least as large, if they can be listed.
 
-    Parameters:
-        own: shape (people, levels of each factor), each person's deviations.
+    `own` has shape (people, levels of each factor): deviations of each person.
     """
     shape = own.shape[1:]
     if prod(factorial(levels) for levels in shape) > MOST_LISTED:

@@ -44,11 +44,9 @@ def _ways(sizes: tuple[int, ...]) -> tuple[IntArray, bool]:
 def permuted(values: FloatArray, groups: IntArray) -> MonteCarlo:
     """Return the p of groups whose means of centred values differ as much as these, (3).
 
-    It is exact, without an error, where all ways can be listed.
-
-    Parameters:
-        values: shape (people, columns), with a mean of 0 in each column; NaN if missing.
-        groups: shape (people,), from 0, each with somebody.
+    It is exact, without an error, where all ways can be listed. `values` has shape (people,
+    columns), with a mean of 0 in each column, NaN if missing; `groups` has shape (people,), from 0,
+    each with somebody.
     """
     ways, every = _ways(tuple(np.bincount(groups).tolist()))
     given = ~np.isnan(values)
@@ -202,11 +200,8 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
     """Return the comparison of people's values between groups, or why there is none.
 
     Groups without any value are left out of the test. p permutes people between groups: of two
-    groups by rank sums (1), of more by Kruskal and Wallis' H (3), (4).
-
-    Parameters:
-        values: shape (people,); NaN if missing.
-        groups: shape (people,), positions in `names`.
+    groups by rank sums (1), of more by Kruskal and Wallis' H (3), (4). `values` has shape
+    (people,), NaN if missing; so has `groups`, positions in `names`.
     """
     own = [values[(groups == group) & ~np.isnan(values)] for group in range(len(names))]
     some = [group for group, found in enumerate(own) if found.size]
@@ -263,11 +258,8 @@ def interaction(scores: FloatArray, groups: IntArray) -> Interaction | NotEstima
 
     (5): scores less their condition's mean and then less the person's own; people with their whole
     profiles, missing scores included, are permuted between groups. So a group that scores higher
-    throughout does not count as an interaction, and no distribution is assumed.
-
-    Parameters:
-        scores: shape (people, conditions); NaN if missing.
-        groups: shape (people,).
+    throughout does not count as an interaction, and no distribution is assumed. `scores` has shape
+    (people, conditions), NaN if missing, and `groups` (people,).
     """
     known = (~np.isnan(scores)).sum(axis=1) >= 2
     profiles, sizes = scores[known], np.bincount(groups[known])

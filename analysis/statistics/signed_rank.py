@@ -161,11 +161,8 @@ def p_of_ranks(doubled_ranks: IntArray, positive: int) -> float:
     """Return the p of a signed rank test; NaN without ranks.
 
     It is the share of all sign patterns whose V is at least as far from its middle, or, for more
-    than 200 ranks, the normal approximation to it.
-
-    Parameters:
-        doubled_ranks: twice the midranks of the non-zero differences.
-        positive: their sum over the positive differences, 2 V.
+    than 200 ranks, the normal approximation to it. `doubled_ranks` are twice the midranks of the
+    non-zero differences, and `positive` is their sum over the positive ones, 2 V.
     """
     if not len(doubled_ranks):
         return float("nan")

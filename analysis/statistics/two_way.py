@@ -132,9 +132,7 @@ def _refusal(table: ScoreTable) -> NotEstimable | None:
 def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable | None:
     """Return which conditions no chain of subjects compares with the rest, None if all are linked.
 
-    Args:
-        given: shape (subjects, conditions), where each subject and condition has a score.
-        conditions: names.
+    `given` has shape (subjects, conditions); each subject and condition has a score.
     """
     compared = given.T.astype(np.intp) @ given  # by how many subjects each pair is
     group = connected_components(compared, directed=False)[1]

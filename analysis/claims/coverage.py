@@ -351,16 +351,6 @@ def _left_troughs(law: str, sheet_start_m: float = PATCH_START_M) -> FloatArray:
     return found[found < sheet_start_m]
 
 
-def _with_sheets_at_each_peak(law: str) -> dict[str, FloatArray]:
-    """Return the troughs left of the sheets by the peak of mode 6, in mm, on which they are."""
-    return {
-        f"troughs_m_with_sheets_at_{1e3 * peak_m:.0f}_mm": _left_troughs(
-            law, peak_m - BEAM.patches.length_m / 2
-        )
-        for peak_m in ZONES.antinodes_m
-    }
-
-
 @CLAIMS.add(
     "Fig 12",
     "there are four troughs left of the piezoelectric sheet",
@@ -370,8 +360,12 @@ def _with_sheets_at_each_peak(law: str) -> dict[str, FloatArray]:
 )
 def _fig12_four_troughs(law: str) -> Finding:
     """Minima of μ' at x below 81 mm."""
-    found = _left_troughs(law)
-    return finding(found.size == 4, troughs_m=found, **_with_sheets_at_each_peak(law))
+    found, half_m = _left_troughs(law), BEAM.patches.length_m / 2
+    by_place = {
+        f"troughs_m_with_sheets_at_{1e3 * peak_m:.0f}_mm": _left_troughs(law, peak_m - half_m)
+        for peak_m in ZONES.antinodes_m
+    }
+    return finding(found.size == 4, troughs_m=found, **by_place)
 
 
 @CLAIMS.add(

@@ -70,8 +70,8 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     (Williams, Biometrika 49, 1962). Gains and residuals are taken as normal, and everybody's
     residuals to scatter alike.
 
-    `scores` has shape (subjects, conditions), none missing; `x` has shape (conditions,), a predicted
-    contrast or an effect, not all equal.
+    `scores` has shape (subjects, conditions), none missing; `x` has shape (conditions,), a
+    predicted contrast or an effect, not all equal.
     """
     centred = x - x.mean()
     information = float(centred @ centred)

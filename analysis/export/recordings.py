@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.friction.recorded import decoded
 from protocol.journal.events import (
     Opening,
     StoredEvent,
@@ -69,11 +70,7 @@ class RecordedTouch:
 
     def measured(self) -> NDArray[np.float64]:
         """Return a row per sample: the forces, less those of the untouched beam, and the place."""
-        recorded = self.recording
-        # Samples are stored as the sensor counts them, 16 bits, channel by channel.
-        counts = np.frombuffer(recorded.counts(), "<i2").reshape(len(CHANNELS), -1)
-        zero = np.array([*(recorded.tare_n or (0.0, 0.0)), 0.0])
-        return np.asarray((counts * np.array(recorded.scale)[:, None]).T - zero)
+        return decoded(self.recording, self.recording.tare_n)[2].T
 
     def times_s(self) -> NDArray[np.float64]:
         """Return when each sample was taken, on the session's clock."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import BoolArray, FloatArray, Interval, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, NotEstimable
 from analysis.friction import recorded
 from analysis.friction.measured_contrast import (
     Compared,
@@ -160,7 +160,14 @@ def measured_trials(
         _of_trial(change, touches.loc[own, "planned"], forces, sessions.get(session))
         for change, own, session in zip(changes, made.values(), trials["session_id"], strict=True)
     ]
-    columns = np.array([_numbers(each) for each in found]).reshape(len(found), -1).T
+    missing = [np.nan] * (2 + len(recorded.PREDICTORS))
+    numbers = [
+        missing
+        if isinstance(each, NotEstimable)
+        else [each.value, each.error, *each.predictors.values()]
+        for each in found
+    ]
+    columns = np.array(numbers).reshape(len(found), -1).T
     value, error = columns[:2]
     best, best_error = value.copy(), error.copy()
     known = np.isfinite(value)
@@ -185,13 +192,6 @@ def measured_trials(
         predictors=dict(zip(recorded.PREDICTORS, columns[2:], strict=True)),
         why=tuple(each.reason if isinstance(each, NotEstimable) else None for each in found),
     )
-
-
-def _numbers(found: MeasuredContrast | NotEstimable) -> list[float]:
-    """Return contrast, error and predictors, or as many missing numbers."""
-    if isinstance(found, NotEstimable):
-        return [np.nan] * (2 + len(recorded.PREDICTORS))
-    return [found.value, found.error, *found.predictors.values()]
 
 
 def _of_trial(
@@ -221,25 +221,6 @@ def _of_trial(
         within=planned[last].programme != "hold",
     )
     return measured_contrast(compared, session.jitter, session.rest)
-
-
-# What people may feel of friction: the predictors of the literature, scored as laws are.
-
-
-def predictor_scores(
-    data: StudyData, measured: MeasuredTrials, scale: Interval, keep: Kept
-) -> tuple[LawScore, ...]:
-    """Return how each predictor orders the conditions and fits the ratings, on the same trials.
-
-    All are of single trials: a contrast that borrows from other trials would have less noise.
-    """
-    contrasts = TrialContrasts(
-        by_law={**measured.predictors, LAW: measured.predictors[recorded.FRICTION]},
-        measured=measured.known,
-    )
-    scored = scored_trials(data, contrasts)
-    by_name = {name: scored.contrasts[name] for name in measured.predictors}
-    return law_scores(data, scored.ratings, by_name, scale, keep)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -320,7 +301,12 @@ class MeasuredStatistics:
     @property
     def noise_share(self) -> float | NotEstimable:
         """The part of the variance of M1's residuals that the contrasts' errors explain."""
-        return _noise_share(self.data, self.trials, self.m1)
+        m1 = self.m1
+        if isinstance(m1, NotEstimable):
+            return m1
+        scored = is_scored(self.data.trials).to_numpy() & self.trials.known
+        by_errors = m1.lines.middle[1] ** 2 * float((self.trials.best_error[scored] ** 2).mean())
+        return min(by_errors / m1.residual_sd**2, 1.0)
 
     @property
     def differences(self) -> FTest | NotEstimable:
@@ -329,10 +315,18 @@ class MeasuredStatistics:
 
     @cached_property
     def predictors(self) -> tuple[LawScore, ...]:
-        """What else might be felt, as laws are scored."""
-        rating = self.study.rating
+        """How each thing that people may feel orders conditions and fits ratings, as laws do.
+
+        All are of single trials: a contrast that borrows from other trials would have less noise.
+        """
+        found, rating = self.trials.predictors, self.study.rating
+        contrasts = TrialContrasts(
+            by_law={**found, LAW: found[recorded.FRICTION]}, measured=self.trials.known
+        )
+        scored = scored_trials(self.data, contrasts)
+        by_name = {name: scored.contrasts[name] for name in found}
         scale = (float(rating.minimum), float(rating.maximum))
-        return predictor_scores(self.data, self.trials, scale, self.keep)
+        return law_scores(self.data, scored.ratings, by_name, scale, self.keep)
 
 
 def measured_statistics(
@@ -367,13 +361,3 @@ def _conditions(
                 )
             )
     return tuple(entries)
-
-
-def _noise_share(
-    data: StudyData, found: MeasuredTrials, m1: LinearSensitivity | NotEstimable
-) -> float | NotEstimable:
-    if isinstance(m1, NotEstimable):
-        return m1
-    scored = is_scored(data.trials).to_numpy() & found.known
-    by_errors = m1.lines.middle[1] ** 2 * float((found.best_error[scored] ** 2).mean())
-    return min(by_errors / m1.residual_sd**2, 1.0)

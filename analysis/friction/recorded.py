@@ -1,6 +1,6 @@
 """Recordings of touches as forces in newtons: averages of short blocks, on the session's clock."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -79,6 +79,27 @@ class TouchForces:
         return replace(self, tangential_n=tangential_n)
 
 
+def decoded(
+    recording: Recording, zero_n: Sequence[float] | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times, the sensors' counts and forces and place of each sample, less the zero.
+
+    Shapes (samples,), on the session's clock, and (3, samples) twice: tangential, normal, place.
+
+    Raises:
+        DamagedSamplesError: the samples are not those recorded.
+    """
+    # Samples are stored as the sensor counts them, 16 bits, channel by channel.
+    counts = np.frombuffer(recording.counts(), "<i2").reshape(3, recording.count).astype(np.float64)
+    t_s = recording.first_s + recording.clock_offset_s
+    zero = np.array([*(zero_n or (0.0, 0.0)), 0.0])[:, None]
+    return (
+        t_s + np.arange(recording.count) / recording.rate_hz,
+        counts,
+        counts * np.array(recording.scale)[:, None] - zero,
+    )
+
+
 def reduced(recording: Recording) -> TouchForces | NotEstimable:
     """Return the forces of a recording while the finger moved, or why they say nothing.
 
@@ -86,26 +107,18 @@ def reduced(recording: Recording) -> TouchForces | NotEstimable:
     its limit.
     """
     try:
-        counts = np.frombuffer(recording.counts(), "<i2").reshape(3, recording.count)
+        t_s, counts, found = decoded(recording, recording.tare_n)
     except DamagedSamplesError as error:
         return NotEstimable(str(error))
     size = max(round(BLOCK_S * recording.rate_hz), 1)
-    t_s = (
-        recording.first_s
-        + recording.clock_offset_s
-        + np.arange(recording.count) / (recording.rate_hz)
-    )
     began_s, over_s = recording.moved_s
     moving = slice(*np.searchsorted(t_s, [began_s, over_s]))
     length = (moving.stop - moving.start) // size * size
     chosen = slice(moving.start, moving.start + length)
     if length < LEAST_BLOCKS * size:
         return NotEstimable("the finger moved for less than 0.2 s of the recording")
-    own = counts[:, chosen].astype(np.float64)
-    at_limit = np.abs(own[:2]).max(axis=0) >= FULL_SCALE
-    zero = (0.0, 0.0) if recording.tare_n is None else recording.tare_n
-    tangential_n, normal_n, position_m = own * np.array(recording.scale)[:, None]
-    tangential_n, normal_n = tangential_n - zero[0], normal_n - zero[1]
+    at_limit = np.abs(counts[:2, chosen]).max(axis=0) >= FULL_SCALE
+    tangential_n, normal_n, position_m = found[:, chosen]
     noise_n2 = float(np.mean(np.diff(tangential_n) ** 2)) / 2
 
     def averaged(values: FloatArray) -> FloatArray:
@@ -131,7 +144,7 @@ def reduced(recording: Recording) -> TouchForces | NotEstimable:
         moved_s=over_s - began_s,
         noise_n2=noise_n2 / size,
         tare_n2=noise_n2 / (TARE_S * recording.rate_hz),
-        zero_n=None if recording.tare_n is None else zero[0],
+        zero_n=None if recording.tare_n is None else recording.tare_n[0],
         zero_s=float(t_s[0]) - TARE_S / 2,
         touched_s=(began_s + over_s) / 2,
         stick_slip=_stick_slip(tangential_n, size, counted, noise_n2),

@@ -259,22 +259,14 @@ class Course:
         if event.when == "desk":
             self._at_desk[event.name] = row
 
-    def _add_answer(
-        self,
-        given: QuestionAnswer,
-        when: str,
-        *,
-        attempt_id: int | None = None,
-        block: int | None = None,
-    ) -> AnswerRow:
+    def _add_answer(self, given: QuestionAnswer, when: str, **known: int | None) -> AnswerRow:
         row = AnswerRow(
             session_id=self._rows.sessions.last_id,
             name=given.name,
             when=when,
             answer=_plain(given.answer),
             reaction_time_s=given.reaction_time_s,
-            attempt_id=attempt_id,
-            block=block,
+            **known,
         )
         self._rows.answers.append(row)
         return row

@@ -42,7 +42,13 @@ class ScoreTable:
         object.__setattr__(self, "scores", scores)
         _check_names("subject", self.subjects)
         _check_names("condition", self.conditions)
-        _check_scores(scores, (len(self.subjects), len(self.conditions)))
+        shape = len(self.subjects), len(self.conditions)
+        if scores.shape != shape:
+            raise ValueError(f"scores must have shape {shape}, got {scores.shape}")
+        if np.isinf(scores).any():
+            raise ValueError(
+                f"a score must be finite or missing, got {scores[np.isinf(scores)][0]}"
+            )
 
     @property
     def given(self) -> BoolArray:
@@ -81,11 +87,3 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
     name, count = Counter(names).most_common(1)[0]
     if count > 1:
         raise ValueError(f"each {kind} must be named once, got {name!r} {count} times")
-
-
-def _check_scores(scores: FloatArray, shape: tuple[int, int]) -> None:
-    if scores.shape != shape:
-        raise ValueError(f"scores must have shape {shape}, got {scores.shape}")
-    infinite = scores[np.isinf(scores)]
-    if infinite.size:
-        raise ValueError(f"a score must be finite or missing, got {infinite[0]}")

@@ -147,9 +147,9 @@ def rules_in_words(rules: Exclusions) -> list[str]:
 
 
 class Why(StrEnum):
-    """Why no trial of a subject under a condition has a score that counts."""
+    """Why no trial of a subject under a condition has a score that counts, as readers are told."""
 
-    WITHHELD = "withheld"
+    WITHHELD = "not given"
     BLANK = "blank"
     EXCLUDED = "excluded"
     NOT_REACHED = "not reached"
@@ -160,13 +160,6 @@ EmptyCells = Mapping[tuple[int, int], Why]
 
 MARKS = {Why.WITHHELD: "–", Why.BLANK: "–", Why.EXCLUDED: "×", Why.NOT_REACHED: "○"}
 """What stands in such a cell where people read the table."""
-
-LABELS = {
-    Why.WITHHELD: "not given",
-    Why.BLANK: "blank",
-    Why.EXCLUDED: "excluded",
-    Why.NOT_REACHED: "not reached",
-}
 
 WITHHELD_AS = {
     "agrees": "the answer disagreed with the expectation",

@@ -55,7 +55,9 @@ def exclusions(
         sessions=recorded.sessions.assign(exclusion=None),
         attempts=attempts.assign(exclusion=None),
     )
-    slips = attempts["exclusion"].mask(attempts.index.isin(_slips(recorded)), STRICT)
+    judged = recorded.touches[["force_ok", "place_ok", "speed_ok"]]
+    slipped = recorded.touches["attempt_id"][judged.eq(False).fillna(False).any(axis=1)]
+    slips = attempts["exclusion"].mask(attempts.index.isin(slipped), STRICT)
     # Without `rules`, because these exclude, too.
     whole = study_data(nobody, rehearsals=rehearsals)
     found = {DECIDED: decided}
@@ -73,12 +75,6 @@ def exclusions(
     if strict.table.given.any() and not any(_same_trials(strict, it) for it in found.values()):
         found[STRICT] = strict
     return found, whole
-
-
-def _slips(recorded: Sessions) -> set[int]:
-    touches = recorded.touches
-    slipped = touches[["force_ok", "place_ok", "speed_ok"]].eq(False).fillna(False).any(axis=1)
-    return set(touches["attempt_id"][slipped])
 
 
 def _same_trials(one: StudyData, other: StudyData) -> bool:

@@ -130,7 +130,7 @@ class PeopleCohorts:
         """
         simulation, names = self._simulation, names_of(self.participants)
         made = simulation.cohort(self.participants, key)
-        counted, out = counted_trials(simulation.planned, made)
+        counted, _, out = counted_trials(simulation.planned, made)
         # Who left before the first answer breaks no rule, because there is nothing to judge.
         kept = np.flatnonzero(~(out & made.answered.any(axis=1)))
         # People are described on the paper's scale and answer on the study's.

@@ -180,11 +180,10 @@ def joined(sessions: Sequence[Cohort]) -> Cohort:
     forces_n = beside("force_n")
     # Who touches less often in a session than others has no forces at its end.
     in_order = np.argsort(np.isnan(forces_n), axis=1, kind="stable")
-    names = ("kinds", "change", "reaction_s", "score", "score_reaction_s")
+    names = ("kinds", "answered", "change", "reaction_s", "score", "score_reaction_s")
     return replace(
         sessions[0],
         force_n=np.take_along_axis(forces_n, in_order, axis=1),
-        answered=np.concatenate([each.answered for each in sessions], axis=1),
         **{name: beside(name) for name in names},
     )
 
@@ -215,29 +214,17 @@ class _Feeling:
         mark, made = kind.marks[touch], self._people.rows(who)
         way = answers.course(made, u, mark)
         parts = answers.fractions(mark)
-        # The friction of touches between is computed for nothing; their force is recorded all the
-        # same.
-        if touch in {0, len(kind.marks) - 1}:
-            self._friction[number, touch] = np.empty((len(who), len(parts)))
-            self._collect((number, touch), made, way.places_m(parts), way.force_n, way.speed_m_s)
-        return way.force_n
-
-    def _collect(
-        self,
-        key: tuple[int, int],
-        made: People,
-        places_m: FloatArray,
-        force_n: FloatArray,
-        speed_m_s: FloatArray,
-    ) -> None:
-        number, touch = key
-        to_make = self._kinds[number].trial.touches[touch].at(self._world.resonance_hz)
+        # The friction of touches between would be computed for nothing; their force is recorded.
+        if touch not in {0, len(kind.marks) - 1}:
+            return way.force_n
+        self._friction[number, touch] = np.empty((len(who), len(parts)))
+        places_m = way.places_m(parts)
+        to_make = kind.trial.touches[touch].at(self._world.resonance_hz)
         # A touch without a beam of its own is on the one that the study mounts.
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
-        parts = answers.fractions(self._kinds[number].marks[touch])
         # A finger that stays at its place slides to and fro there.
-        sliding_m_s = np.where(speed_m_s > 0, speed_m_s, REFERENCE_SPEED_M_S)
+        sliding_m_s = np.where(way.speed_m_s > 0, way.speed_m_s, REFERENCE_SPEED_M_S)
         voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
         frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
         # One frequency at a time, because the beam is solved once for each.
@@ -246,14 +233,16 @@ class _Feeling:
             shape = (len(places_m), len(which))
             fingers = Fingers(
                 place_m=places_m[:, which].ravel(),
-                force_n=np.repeat(force_n, len(which)),
+                force_n=np.repeat(way.force_n, len(which)),
                 speed_m_s=np.repeat(sliding_m_s, len(which)),
                 voltage_v=np.broadcast_to(voltages_v[which], shape).ravel(),
                 body_height_m=np.full(shape, height_m).ravel(),
                 skin=np.repeat(made.skin, len(which)),
                 mu0=np.repeat(made.mu0, len(which)),
             )
-            self._asked[frequency, to_make.direction].append(((key, which), fingers))
+            asked = self._asked[frequency, to_make.direction]
+            asked.append((((number, touch), which), fingers))
+        return way.force_n
 
     def contrasts(self, shape: tuple[int, ...]) -> FloatArray:
         """Return the change that each trial makes, shape (people, trials)."""

@@ -134,10 +134,10 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
     # No column has the number -1, so that trials without a condition enter none.
     columns = [conditions.index(name) if name in conditions else -1 for name in names]
     condition = np.array(columns)[made.kinds]
-    counted, out = counted_trials(planned, made)
-    among = np.zeros(counted.shape[1], dtype=np.bool_)
+    counted = counted_trials(planned, made)
+    among = np.zeros(counted.scored.shape[1], dtype=np.bool_)
     among[trials] = True
-    given = counted & among & ~np.isnan(made.score)
+    given = counted.scored & among & ~np.isnan(made.score)
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
@@ -145,7 +145,7 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
         total = np.where(counts, made.score, 0.0).sum(axis=1)
         # Where nothing counts the cell stays NaN: a missing score, not zero.
         np.divide(total, number, out=table[:, column], where=number > 0)
-    table[out] = np.nan
+    table[counted.out] = np.nan
     return table
 
 
@@ -155,7 +155,7 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     Shape (people, conditions + 1, 2). Trials that expect no change are neither, as in the report;
     those whom the rules leave out have none.
     """
-    names, counted = planned.study.conditions, _judged(planned, made)
+    names, counted = planned.study.conditions, counted_trials(planned, made)
     row = [
         len(names)
         if kind.trial.kind == "catch"
@@ -171,24 +171,19 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     return np.array([[(some & reported).sum(1), some.sum(1)] for some in each]).transpose(2, 0, 1)
 
 
-def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray]:
-    """Return which trials with a score or without it count, and whom the rules leave out.
+class Counted(NamedTuple):
+    """Which scored and catch trials count, (people, trials), and whom the rules leave out.
 
-    Shapes (people, trials) and (people,); the trials of those who are left out may be among them.
+    The trials of those who are left out may be among them.
     """
-    judged = _judged(planned, made)
-    return judged.scored, judged.out
-
-
-class _Judged(NamedTuple):
-    """Which scored and which catch trials count, and whom the rules leave out."""
 
     scored: BoolArray
     catch: BoolArray
     out: BoolArray
 
 
-def _judged(planned: PlannedTrials, made: Cohort) -> _Judged:
+def counted_trials(planned: PlannedTrials, made: Cohort) -> Counted:
+    """Return which trials count, by the study's rules on who and what is left out."""
     of = planned.kinds
     scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
     catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
@@ -204,7 +199,7 @@ def _judged(planned: PlannedTrials, made: Cohort) -> _Judged:
     numbers = {name: some.sum(axis=1) for name, some in counted.items()}
     broken = broken_rules(planned.study.exclusions, "participant", numbers)
     out = np.zeros(made.people.size, dtype=np.bool_)
-    return _Judged(
+    return Counted(
         scored=counted["scored"],
         catch=counted["catches"],
         out=np.logical_or.reduce([out, *broken.values()]),

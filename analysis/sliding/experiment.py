@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Estimate, FloatArray, NotEstimable
+from analysis.friction.recorded import decoded
 from analysis.report.drawing import Panel
 from analysis.sliding import rig_model
 from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_panels, mismatches
@@ -311,12 +312,9 @@ def _pass(attempt: _Attempt, slide: Slide, direction: str, zero: Zero) -> rig_mo
     if recorded is None or commanded is None:
         return "nothing was recorded"
     try:
-        counts = np.frombuffer(recorded.counts(), "<i2").reshape(3, recorded.count)
+        t_s, _, (tangential_n, normal_n, x_m) = decoded(recorded, zero)
     except DamagedSamplesError as error:
         return str(error)
-    tangential_n, normal_n, x_m = counts * np.array(recorded.scale)[:, None]
-    tangential_n, normal_n = tangential_n - zero[0], normal_n - zero[1]
-    t_s = recorded.first_s + recorded.clock_offset_s + np.arange(x_m.size) / recorded.rate_hz
     began_s, over_s = recorded.moved_s
     chosen = (t_s >= began_s) & (t_s <= over_s) & (normal_n > LIFTED_N)
     if chosen.sum() < recorded.rate_hz * (over_s - began_s) / 2:

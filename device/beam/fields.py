@@ -48,7 +48,6 @@ class SinusoidPattern(Pattern):
         return Window(right=right, left=1.0 - right, mean=mean)
 
     def _right_before_m(self, place_m: FloatArray) -> FloatArray:
-        """Return the right-moving length between the clamp and each place."""
         half_wave_m = math.pi / self._wave_number_per_m
         period = np.maximum(place_m / half_wave_m - 0.75, 0.0)
         complete = np.floor(period)

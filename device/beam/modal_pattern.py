@@ -159,7 +159,6 @@ class _Cells:
         return right, area, _running(self.doubt_m)[drive, cell]
 
     def _part_area(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
-        """Return ∫|W|dx over the beginning of cells."""
         width = self.widths_m[cell]
         start, stop = self.deflection[drive, cell], self.deflection[drive, cell + 1]
         slope, stop_slope = self.slope[drive, cell] * width, self.slope[drive, cell + 1] * width

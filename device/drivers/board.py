@@ -237,7 +237,6 @@ class Board(Driver):
         self.send("TRAC:STAT OFF")
 
     def _keeps_its_promises(self) -> None:
-        """Check that limit and watchdog are as set, and that nothing has tripped since."""
         cause, boot, limit_v, watchdog_s = self.link.query(_PROMISES, lambda said: fields(said, 4))
         self._require_untripped(whole(boot), cause)
         _kept("VOLT:LIM", self.limits.max_voltage_v, number(limit_v))
@@ -275,7 +274,6 @@ class Board(Driver):
             self._know(max(self.driven.voltage_v, min(most_v, instant_v)))
 
     def _allowed_v(self, at_s: float) -> float:
-        """Return what the output may have at most at a moment; nothing while it is off."""
         if self.driven is None:
             return 0.0
         fallen_v = self.driven.ramp_v_per_s * (at_s - self._known_s)

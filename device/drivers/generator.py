@@ -250,7 +250,6 @@ class ScpiGenerator(Generator):
 
     @property
     def _most_v(self) -> float:
-        """Return the largest voltage allowed at the output, V, of either sign."""
         return self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
 
     def _remarks(self) -> tuple[str, ...]:

@@ -154,7 +154,6 @@ def _words(answer: str, header: str) -> list[str]:
 
 
 def _word(words: list[str], name: str) -> str:
-    """Return the word that follows `name`."""
     if name not in words[:-1]:
         raise ProtocolError(f"the device must answer with its {name}, got {','.join(words)!r}")
     return words[words.index(name) + 1]

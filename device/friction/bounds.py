@@ -71,7 +71,6 @@ class TopTerms:
 
 @lru_cache(maxsize=1)
 def _table() -> Mapping[str, Any]:
-    """Return the table as stored."""
     text = files("device.friction").joinpath("certified_bounds.json").read_text(encoding="utf-8")
     table: Mapping[str, Any] = json.loads(text)
     return table

@@ -68,7 +68,6 @@ def _modal_pattern(beam: Beam, frequency_hz: float, count: int) -> "MotionPatter
 
 
 def _driven(pattern: "MotionPattern", frequency_hz: float, voltage_v: float) -> Field:
-    """Return the field of a motion per volt at a voltage."""
     return Field(
         pattern=pattern,
         frequency_hz=np.asarray(frequency_hz),
@@ -87,8 +86,6 @@ def _modal(name: str) -> Rung:
 
 
 def _segmented(*, patched: bool, shear: bool) -> Rung:
-    """Return a rung that solves the segmented beam."""
-
     def resonance_hz(beam: Beam, mode: int) -> float:
         from device.beam.timoshenko import segmented_natural_frequency_hz
 

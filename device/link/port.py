@@ -126,7 +126,6 @@ def advice(error: BaseException) -> str:
 
 
 def _numbers(error: BaseException | None) -> list[int]:
-    """Return the error numbers of an error and of its causes, where pySerial hides them."""
     numbers = []
     while error is not None:
         first = error.args[0] if error.args else None  # termios.error has no errno

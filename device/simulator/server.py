@@ -144,7 +144,6 @@ class Wire:
         self._send(data)
 
     def _of_blocks(self, data: bytes) -> bytes:
-        """Return what is sent of a block of samples."""
         self._first_block = self._first_block or data
         if "block-stale" in self._active:
             return self._first_block

@@ -165,7 +165,6 @@ def relative_gain_half_width(contrasts: Contrasts, share: float, people: Cohort)
 
 
 def _mean_gain_half_width(contrasts: Contrasts, share: float, people: Cohort) -> float:
-    """Return half the 95% interval of the group's mean gain, infinite if it is undetermined."""
     groups = [own for own in contrasts.values() if own]
     means = [sum(own) / len(own) for own in groups]
     between, within = squared_spread(means), sum(squared_spread(own) for own in groups)

@@ -117,7 +117,6 @@ def _by_time(heading: str, listed: Mapping[str, Sequence[str]]) -> Iterator[str]
 
 
 def _language_lines(shown: preview.Preview) -> Iterator[str]:
-    """Yield, for each language of the study's own, which texts are still the English ones."""
     for code, language in shown.study.languages.items():
         same = [key for key, text in reference_texts().items() if language.texts.get(key) == text]
         if same:

@@ -272,7 +272,6 @@ def checked_version(
 
 
 def _objects(connection: sqlite3.Connection) -> dict[tuple[str, str], tuple[object, ...]]:
-    """Return table and SQL of each object of the schema by kind and name."""
     rows = connection.execute(
         # A stranger's file may have millions of tables; one too many is enough to refuse it.
         "SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT ?",

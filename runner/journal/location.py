@@ -26,7 +26,10 @@ def checked_place(folder: Path, mounts: Iterable[Mount]) -> Path:
         # Such as "OneDrive - University", hence the beginning alone.
         if part.casefold().startswith(CLOUD_FOLDERS):
             raise BadInput(_refusal(folder, f"synchronised by a cloud service ({part})"))
-    kind = _file_system(absolute, mounts)
+    holding = [(place, kind) for place, kind in mounts if absolute.is_relative_to(place)]
+    # Of several mounts at one place the last hides the others, such as an automounter's.
+    by_depth = sorted(holding, key=lambda mount: len(PurePath(mount[0]).parts))
+    kind = by_depth[-1][1] if by_depth else ""
     if kind in NETWORK_TYPES:
         raise BadInput(_refusal(folder, f"on a network ({kind})"))
     return absolute
@@ -40,14 +43,6 @@ def mounts_of_this_machine() -> list[Mount]:
         return [(entry.mountpoint, entry.fstype) for entry in psutil.disk_partitions(all=True)]
     except OSError:
         return []
-
-
-def _file_system(path: Path, mounts: Iterable[Mount]) -> str:
-    """Return the type of the innermost mount that contains `path`."""
-    holding = [(place, kind) for place, kind in mounts if path.is_relative_to(place)]
-    # Of several mounts at one place the last hides the others, such as an automounter's.
-    by_depth = sorted(holding, key=lambda mount: len(PurePath(mount[0]).parts))
-    return by_depth[-1][1] if by_depth else ""
 
 
 def _refusal(folder: Path, why: str) -> str:

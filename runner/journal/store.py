@@ -105,7 +105,6 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
 
 
 def _decoded(body: str) -> Any:
-    """Return the JSON value in `body`."""
     try:
         # Spaces around the value, which touchbeam never writes, take `decode` half its time.
         value, end = _STORED.raw_decode(body)

@@ -212,7 +212,6 @@ def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bo
 
 
 def _folded(chain: list[store.ChainLink]) -> tuple[SessionState, set[int], str]:
-    """Return the state, the planned trials, and the problem, if there is one."""
     try:
         state = folded(link.event for link in chain)
         planned = state.planned

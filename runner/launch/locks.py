@@ -76,7 +76,9 @@ def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
             "a network, or this computer has no locks left; keep it on a local disk, or restart"
         ) from error
     try:
-        _write_holder(holder_file)
+        holder_file.unlink(missing_ok=True)  # never written through a link in its place
+        with holder_file.open("x", encoding="ascii") as file:
+            file.write(str(os.getpid()))
         yield
     finally:
         holder_file.unlink(missing_ok=True)  # before the release: the next holder writes its own
@@ -111,7 +113,6 @@ def held_sessions(sessions: Iterable[str], study: Path) -> set[str]:
 
 
 def _is_held(holder_file: Path) -> bool:
-    """Return whether the process that wrote `holder_file` is still alive."""
     import psutil
 
     try:
@@ -150,13 +151,6 @@ def _one_spelling(host: str | int) -> str:
     found = getattr(found, "ipv4_mapped", None) or found
     here = found.is_loopback or found.is_unspecified  # systems connect 0.0.0.0 to themselves
     return "this machine" if here else str(found)
-
-
-def _write_holder(path: Path) -> None:
-    """Write the holder of a lock to a new file, never through a link in its place."""
-    path.unlink(missing_ok=True)
-    with path.open("x", encoding="ascii") as file:
-        file.write(str(os.getpid()))
 
 
 def _holder(path: Path) -> str:

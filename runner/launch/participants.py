@@ -119,7 +119,6 @@ def _block_and_operator(
 
 
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
-    """Return what else happens when the operator is asked to mount a beam."""
     if rig.control is not None:
         return swapping(rig.control, session.study.beams)
     return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
@@ -128,7 +127,6 @@ def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[
 def _virtual_participant(
     session: Session, finger: Finger, clock: Clock, control: BeamControl | None
 ) -> Participant:
-    """Return the participant that the journal describes; a simulated beam gets its skin."""
     assert session.virtual is not None, "a virtual participant has parameters"
     person = person_of(session.virtual)
     if control is not None:
@@ -141,7 +139,6 @@ def _virtual_participant(
 def _operator_by_lines(
     lines: TypedLines, display: PlainDisplay, swap: Callable[[str], None], unit: PlanUnit = "trial"
 ) -> OperatorConsole:
-    """Return an operator who types lines, or whose lines come from a file or a program."""
     for line in line_help(unit):
         display.say(line)
     return OperatorConsole(
@@ -215,7 +212,6 @@ def participants_screen(
 
 
 def _asked(there: Sequence[ScreenPlace], say: Say) -> ScreenPlace:
-    """Ask the operator, who sees each screen's number on it."""
     choices = ", ".join(map(str, there))
     if not at_terminal(sys.stdin, sys.stdout):
         raise BadInput(
@@ -239,7 +235,6 @@ def choice_file() -> Path:
 
 
 def _kept(there: Sequence[ScreenPlace]) -> ScreenPlace | None:
-    """Return the screen that was chosen on this computer, if it is still there."""
     with suppress(OSError, ValueError, TypeError):
         kept = ScreenPlace(**json.loads(choice_file().read_text(encoding="utf-8")))
         return next((screen for screen in there if screen.is_same(kept)), None)

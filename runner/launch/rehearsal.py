@@ -63,7 +63,6 @@ class Rehearsal:
             )
 
     def _records(self, kind: type[_Kind]) -> list[_Kind]:
-        """Return the records of one kind of event."""
         records = [event.record for event in self.events]
         return [record for record in records if isinstance(record, kind)]
 

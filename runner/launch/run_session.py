@@ -150,7 +150,6 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
 def _rig(
     request: Request, calibration: Resonance | None
 ) -> AbstractContextManager[device_access.SessionRig]:
-    """Return the device as a context manager; a simulated one on a stepped clock is in here."""
     options, settings = request.options, request.study.rig
     channel = request.study.force_channel
     friction = Friction(law=options.law, rung=options.rung, damping=options.damping)
@@ -174,7 +173,6 @@ def _finger(
 
 
 def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticipant | None]:
-    """Return the participant's window as a context manager, which yields None without a window."""
     options = request.options
     if options.ratings != "window" and not options.at_window:
         return nullcontext()
@@ -278,7 +276,10 @@ def as_begun(request: Request) -> Request:
 
     Raise `BadInput` if an option gives another beam.
     """
-    begun, options = _begun(request), request.options
+    options = request.options
+    first = recorded(request, lambda journal: journal.events(request.chain(journal))[:1])
+    records = (event.record for event in first or () if not event.erased)
+    begun = next((it for it in records if isinstance(it, SessionOpened)), None)
     truth = None if begun is None else begun.virtual
     # The damping ratio is known of simulated beams alone.
     if begun is None or truth is None or truth.damping_ratio is None or request.url != SIMULATED:
@@ -296,13 +297,6 @@ def as_begun(request: Request) -> Request:
                 f"{name} {value}; resume it without --{name}, since the journal describes that beam"
             )
     return replace(request, options=replace(options, **kept))
-
-
-def _begun(request: Request) -> SessionOpened | None:
-    """Return how the session was opened, if it was and if the journal can be read."""
-    first = recorded(request, lambda journal: journal.events(request.chain(journal))[:1])
-    records = (event.record for event in first or () if not event.erased)
-    return next((it for it in records if isinstance(it, SessionOpened)), None)
 
 
 def _virtual_truth(

@@ -123,7 +123,6 @@ def _kept_or_nothing(path: Path) -> dict[str, Any]:
 
 
 def _kept(path: Path) -> dict[str, Any] | None:
-    """Return what the file contains, None without a file."""
     if not path.exists():
         return None
     try:

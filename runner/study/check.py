@@ -123,7 +123,6 @@ def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[Sho
 
 
 def _language_lines(study: Study) -> Iterator[str]:
-    """Yield what is read in English because a language file of the study lacks it."""
     for code in study.languages:
         if keys := read_in_reference(study, code):
             lacks = ", ".join(keys)
@@ -131,7 +130,6 @@ def _language_lines(study: Study) -> Iterator[str]:
 
 
 def _lock_lines(folder: StudyFolder, registered: "Registration | None", text: str) -> Iterator[str]:
-    """Yield that the study is registered, and whether it still is the registered one."""
     if registered is not None:
         yield f"Registered: {registered.digest}, which seeds the orders."
         if (digest := text_digest(text)) == registered.study_sha256:
@@ -145,7 +143,6 @@ def _lock_lines(folder: StudyFolder, registered: "Registration | None", text: st
 
 
 def _is_accepted(folder: StudyFolder, digest: str) -> bool:
-    """Return whether the journal holds this digest as that of the latest accepted study file."""
     if not folder.journal.is_file():  # of a copy that rehearses
         return False
     from runner.journal.amendments import accepted_digests

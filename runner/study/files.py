@@ -146,7 +146,6 @@ def write_whole(path: Path, data: bytes, mode: int = 0o666) -> None:
 
 
 def _replace(place: Path, data: bytes, mode: int) -> None:
-    """Replace the file `place` by one with `data`, atomically."""
     exists = place.exists() or place.is_symlink()
     if exists:
         # Fails for a file without write permission and for a link that leads to itself.
@@ -268,7 +267,10 @@ def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
     Raise `BadInput` for a file or a folder that is not empty, `OSError` if it cannot be written.
     """
     place = Path(os.path.realpath(folder))
-    _require_free(place, folder)
+    if place.exists() and not place.is_dir():
+        raise BadInput(f"{folder}: must be a new or empty folder, got a file")
+    if place.exists() and any(place.iterdir()):
+        raise BadInput(f"{folder}: must be a new or empty folder, but it contains files")
     try:
         _write(contents, place)
     except OSError as error:
@@ -289,10 +291,3 @@ def _write(contents: Mapping[str, bytes], place: Path) -> None:
         if place.exists():
             place.rmdir()  # it is empty; Windows cannot rename a folder onto another
         whole.rename(place)
-
-
-def _require_free(place: Path, given: Path) -> None:
-    if place.exists() and not place.is_dir():
-        raise BadInput(f"{given}: must be a new or empty folder, got a file")
-    if place.exists() and any(place.iterdir()):
-        raise BadInput(f"{given}: must be a new or empty folder, but it contains files")

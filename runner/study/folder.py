@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from hashlib import sha256
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -66,20 +67,12 @@ def _is_shown(data: bytes) -> bool:
     return True
 
 
-def _dialects() -> Iterable[str]:
-    from device.drivers.driver import drivers
-
-    return drivers()
-
-
-def _gauge_dialects() -> Iterable[str]:
-    from device.gauges.owner import gauges
-
-    return gauges()
-
-
+# Imported once a study names one, because that takes a while.
 DIALECTS: Mapping[str, Names] = MappingProxyType(
-    {"dialects": _dialects, "gauge dialects": _gauge_dialects}
+    {
+        "dialects": lambda: import_module("device.drivers.driver").drivers(),
+        "gauge dialects": lambda: import_module("device.gauges.owner").gauges(),
+    }
 )
 """What devices and gauges may speak, by what a study file calls it."""
 

@@ -90,7 +90,6 @@ def _log_holds(path: Path, participant: str) -> bool:
 
 
 def _result(path: Path, study: Path) -> Path:
-    """Return the folder of the report or export that contains `path`, or `path` itself."""
     # From the outermost folder, because an export may contain a report.
     inside = reversed(path.relative_to(study).parents[:-1])
     folders = (study / folder for folder in inside)

@@ -118,7 +118,6 @@ class Progress:
         yield self._cohort()
 
     def _advice(self, chain: str, state: SessionState) -> str:
-        """Return what to do about an interrupted session."""
         until = self.resume_before(state)
         if until is None or parsed_name(chain).plain in self.running:
             return ""

@@ -97,7 +97,6 @@ def file_problem(
 
 
 def _command(made: Registration) -> str:
-    """Return the command that makes this registration again, for a study's folder STUDY."""
     asked = [word for name in made.secondary for word in ("--hypothesis", name)]
     command = shlex.join(["touchbeam", "register", "STUDY", "--primary", made.primary, *asked])
     file = made.power.get("file")
@@ -298,7 +297,6 @@ def _require_new(
     made: Registration,
     begun: Sequence[str],
 ) -> None:
-    """Refuse to register after a session, or otherwise than before."""
     if begun:
         raise BadInput(
             f"{begun[0]} is recorded: a study must be registered before its first session "

@@ -145,7 +145,6 @@ def _registration_problem(journal: "Journal", folder: "StudyFolder") -> str:
 def _verification(
     lacking: Sequence[str], checked: "Sequence[SessionVerdict]", unlocked: str = ""
 ) -> dict[str, Any]:
-    """Return the result of verifying a journal for programs."""
     from runner.journal.names import STUDY_CHAIN
 
     return {

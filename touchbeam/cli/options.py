@@ -67,8 +67,6 @@ def _choose_from(parameter: str, ctx: object) -> str:  # noqa: ARG001 - typer's 
 
 
 def _one_of(parameter: str) -> Callable[[str], str]:
-    """Return a parser that accepts only the parameter's choices."""
-
     def parsed(given: str) -> str:
         known = tuple(_CHOICES[parameter]())
         if given not in known:

@@ -23,7 +23,6 @@ _MOST_DIGITS = 9
 
 
 def _numbers(given: str | None, option: str) -> list[int]:
-    """Return whole numbers given by commas."""
     texts = [] if given is None else given.split(",")
     # Before `int`, which refuses numbers of more than 4300 digits in words of its own.
     if any(len(text.strip()) > _MOST_DIGITS for text in texts):
@@ -38,7 +37,6 @@ def _numbers(given: str | None, option: str) -> list[int]:
 
 
 def _cores() -> int:
-    """Return the number of cores that this process may use."""
     # A container or a batch system may give fewer cores than the computer has.
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

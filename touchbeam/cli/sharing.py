@@ -165,7 +165,6 @@ def _report_in_crate(
 
 
 def _require_known(participant: str | None, sessions: Sequence[str]) -> None:
-    """Refuse a participant who has no session."""
     known = sorted({name.rpartition("/")[0] for name in sessions} - {""})
     if participant is not None and participant not in known:
         near = [name for name in known if name.casefold() == participant.casefold()]

@@ -136,7 +136,6 @@ class ForceSampler:
         return np.asarray(self._felt.drift_factor * self._felt.sensor.drift_n_per_min / 60 * away_s)
 
     def _noise(self, begin: int, end: int) -> FloatArray:
-        """Return four rows of standard noise; the last has the jitter's correlation."""
         key = (self._beam.seed, self._recording, self.rate_hz * self._felt.sensor.jitter_s)
         # In chunks of fixed places, so that asking in other portions gives the same samples.
         first = begin // _CHUNK

@@ -41,7 +41,8 @@ def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expe
     slope = random.uniform(*slopes(track), observers)
     lapse = random.uniform(*track.lapse, observers)
     levels = np.array(track.distances)[:, np.newaxis]
-    counted = _answered(track, correct_share(track, levels, threshold, slope, lapse), random)
+    right = correct_share(track, levels, threshold, slope, lapse)
+    counted = counted_answers(track, right, random)
     grid = lattice(track, fine=True)
     middle, low, high = grid.interval(grid.posterior(counted))
     return Expected(
@@ -51,10 +52,10 @@ def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expe
     )
 
 
-def _answered(track: Track, right: FloatArray, random: np.random.Generator) -> FloatArray:
+def counted_answers(track: Track, right: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return how often each observer erred and was right at each level, (observers, 2, levels).
 
-    `right` has the chance of a correct answer, (levels, observers).
+    `right` has the chance of a correct answer (or of yes), (levels, observers).
     """
     levels, observers = right.shape
     counted = np.zeros((observers, 2, levels))

@@ -13,8 +13,11 @@ from touchbeam.cli.output import complain, followed, print_json, print_table, sa
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json
-    from analysis.power.diagnosands import Findings
+    from analysis.power.diagnosands import Findings, Measured
     from analysis.power.job import Design, Job, Kind, Task
+    from analysis.power.track_power import TrackFindings
+    from device.people.person import Population
+    from protocol.study.study import Study
     from runner.study.kept_files import PowerFolder
 
 app = typer.Typer()
@@ -101,20 +104,14 @@ def power(
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
-    if file.track:
-        raise BadInput(
-            f"{folder.study_file}: [[track]] {file.track[0].name!r}: power simulates conditions "
-            "alone; touchbeam check says what a track is expected to tell"
-        )
-    if people is not None:
-        # Read here for its errors alone: workers read the text that the job holds.
-        people_in_file(people)
-    wanted = designs(
-        file,
-        _numbers(participants, "--participants"),
-        _numbers(repeats, "--repeats"),
-        _numbers(levels, "--levels"),
-    )
+    # Workers read the text that the job holds.
+    population = None if people is None else people_in_file(people)
+    sizes = _numbers(participants, "--participants")
+    tracks = _tracks(file, folder.path, population, sizes, (studies, seed)) if file.track else []
+    if len(file.conditions) < 2 and tracks:
+        _print_tracks(tracks, text_digest(folder.text()), as_json=as_json)
+        return
+    wanted = designs(file, sizes, _numbers(repeats, "--repeats"), _numbers(levels, "--levels"))
     for design in wanted:
         # Each design is tried before the first is simulated, because that takes minutes.
         designed(file, design)
@@ -152,9 +149,67 @@ def power(
     place.write({"power.json": json_text(lasting).encode(), **figures(found)})
     record = power_record(found, *of_study)
     if as_json:
+        record["tracks"] = [each.record() for each in tracks]
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
         return
     _print(found, record, place.path)
+    for each in tracks:
+        _table_of_tracks(each)
+
+
+def _tracks(
+    study: "Study",
+    path: Path,
+    people: "Population | None",
+    sizes: Sequence[int],
+    of: tuple[int, int],
+) -> "list[TrackFindings]":
+    """Return what the tracks tell with each number of participants; `of`: studies and seed."""
+    from analysis.power.track_power import track_findings
+    from device.people.person import DEFAULT
+    from runner.study.calibration import fitted_calibration
+
+    studies, seed = of
+    rig = fitted_calibration(path)
+    return [
+        track_findings(study, people or DEFAULT, rig, (studies, size), seed)
+        for size in sizes or [study.design.participants or 9]
+    ]
+
+
+def _print_tracks(found: "list[TrackFindings]", digest: str, *, as_json: bool) -> None:
+    if as_json:
+        print_json({"study_sha256": digest, "tracks": [each.record() for each in found]})
+        return
+    for each in found:
+        _table_of_tracks(each)
+
+
+def _table_of_tracks(found: "TrackFindings") -> None:
+    """Print what tracks tell: errors in dB, with their Monte Carlo errors."""
+
+    def told(measured: "Measured", digits: int = 2) -> str:
+        return f"{measured.value:.{digits}f} ± {measured.error:.{digits}f}"
+
+    rows = [["track", "bias, dB", "RMSE, dB", "coverage", "trials", "beyond its levels"]]
+    rows += [
+        [
+            each.name,
+            told(each.bias_db),
+            told(each.rmse_db),
+            told(each.coverage, 3),
+            f"{each.trials.value:.1f}",
+            f"{100 * each.beyond.value:.1f}%",
+        ]
+        for each in found.tracks
+    ]
+    rows.append([""] * len(rows[0]))  # no footer
+    print_table(f"Thresholds: {found.participants} participants, {found.studies} studies", rows)
+    for each in found.differences:
+        say(
+            f"{each.above} above {each.below}, by {each.ratio_db:.1f} dB on average: "
+            f"found in {100 * each.power.value:.0f}% of studies"
+        )
 
 
 def _found(

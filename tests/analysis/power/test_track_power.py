@@ -1,0 +1,80 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.power.track_power import _of_three, shares, track_findings, truths
+from device.friction.changes import friction_difference
+from device.friction.scenes import NOMINAL
+from device.people.answering import TRACK_NUMBERS, Answering
+from device.people.person import DEFAULT, People, Person
+from protocol.study.track import Find, Task
+from protocol.study_file.loading import parsed_study, template
+
+TEXT = template("threshold")
+DRAWS = 40_000
+
+
+def test_three_touches_that_are_alike_are_named_by_chance() -> None:
+    for odd in (True, False):
+        by_chance, surely = _of_three(np.array([[0.0], [11.0]]), odd=odd)[:, 0]
+        assert by_chance == pytest.approx(1 / 3, abs=1e-3)
+        assert surely == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("task", "find"),
+    [
+        ("two intervals", "smoother"),
+        ("three intervals", "different"),
+        ("three intervals", "smoother"),
+        ("yes or no", "smoother"),
+        ("yes or no", "different"),
+        ("yes or no", "rougher"),
+    ],
+)
+def test_shares_are_those_of_the_people_who_rehearse(task: Task, find: Find) -> None:
+    study = parsed_study(TEXT)
+    track = study.track[0].model_copy(update={"task": task, "find": find})
+    person = Person(felt_noise=0.05, criterion=0.04, criterion_less=0.06, skin=1.2)
+    level = 24
+    standard = track.standard
+    assert standard is not None
+    smoother = friction_difference(study, standard, track.at(level), NOMINAL)
+    felt = np.zeros((DRAWS, track.intervals))
+    felt[:, -1] = -1.2 * smoother  # the comparison is the last touch
+    people = People.of([person] * DRAWS)
+    u = np.random.default_rng(7).random((DRAWS, TRACK_NUMBERS))
+    named, _ = Answering(people).track(felt, find, u)
+    right = named == (1 if track.intervals == 1 else track.intervals - 1)
+    wanted = shares(study, track, People.of([person]), NOMINAL)[level, 0]
+    assert right.mean() == pytest.approx(wanted, abs=4 * np.sqrt(0.25 / DRAWS))
+    assert 0.01 < wanted < 0.99
+
+
+def test_a_threshold_is_where_the_curve_has_its_share_or_beyond_the_levels() -> None:
+    study = parsed_study(TEXT)
+    track = study.track[0]
+    people = People.of([Person(felt_noise=0.05), Person(felt_noise=5.0)])
+    right = shares(study, track, people, NOMINAL)
+    found, beyond = truths(track, right)
+    at = np.interp(np.log(found), np.log(track.distances), right[:, 0])
+    assert at == pytest.approx(track.share, abs=2e-3)
+    assert np.isnan(beyond)
+
+
+def test_a_track_of_sensitive_people_lies_below_one_of_a_harder_rule() -> None:
+    text = TEXT.replace('name = "by a staircase"', 'name = "of nine in ten"')
+    text = text.replace("stop = { reversals = 12 }", "threshold_at = 0.91")
+    study = parsed_study(text)
+    population = replace(DEFAULT, typical=Person(felt_noise=0.05), varied={})
+    told = track_findings(study, population, NOMINAL, (30, 8), 1)
+    (differ,) = told.differences
+    assert (differ.above, differ.below) == ("of nine in ten", "smallest amplitude")
+    assert differ.ratio_db > 3
+    assert differ.power.value > 0.8
+    first = told.tracks[0]
+    assert first.trials.value == study.track[0].trials
+    assert first.rmse_db.value < 3
+    assert first.coverage.value > 0.85
+    assert told.record()["tracks"][0]["rmse_db_mc_error"] > 0

@@ -40,9 +40,8 @@ def resonance(
     """Return the resonance within `HALF_WIDTH` of `near_hz` and within `limits`.
 
     A coarse sweep finds the peak. A fine sweep about it is fitted by a parabola in 1/amplitude²,
-    the form of a resonance near its peak, so that noise averages out.
-
-    Raise `DeviceError` if the range contains no peak, or the peak is not a resonance.
+    the form of a resonance near its peak, so that noise averages out. Raise `DeviceError` without a
+    peak.
     """
     # A rig may allow less than the usual amplitude of the search.
     voltage_v = min(SWEEP_VOLTAGE_V, limits.max_voltage_v)

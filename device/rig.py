@@ -132,9 +132,8 @@ class Rig(PortOwner):
     def watchdog_trips(self, meanwhile: Callable[[], None] = lambda: None) -> bool:
         """Return whether the device turns its output off when it hears nothing for a while.
 
-        Tried with the output on at 0 V, which nobody should touch; it is off afterwards. No other
-        call is made, but `meanwhile` is called again and again; an error that it raises stops the
-        test. Raises as `drive`.
+        Nobody should touch the beam: the output is on at 0 V, and off afterwards. `meanwhile` is
+        called again and again; an error that it raises stops the test. Raises as `drive`.
         """
         self.beat()
         found = self._put(lambda: self._guarded(self._driver.watchdog_trips))
@@ -152,10 +151,8 @@ class Rig(PortOwner):
     def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:
         """Record the force channel from now on; what was being recorded is forgotten.
 
-        The samples are fetched while the session beats, as the watchdog is fed. `clock_s` is the
-        session's clock, to which the device's is related; without it, the rig's. Raise
-        `CannotRecord`, with nothing sent, if there is no force channel, and `DeviceError` as
-        `drive`.
+        Samples are fetched while the session beats; `clock_s`, by default the rig's, is related to
+        the device's. Raise `CannotRecord` without a force channel, nothing sent, else as `drive`.
         """
         self.beat()
         gauge, clock = self._gauge, clock_s or self._monotonic

@@ -71,15 +71,10 @@ def _pieces(overlap: Overlap) -> _Pieces:
 def same_direction_ratio(
     x_m: FloatArray, contact_m: FloatArray | float, overlap: Overlap = "first"
 ) -> FloatArray:
-    """Return a/u of Eq 15 as printed, for a finger moving right.
+    """Return a/u of Eq 15 as printed, for a finger moving right; `overlap` says which γ applies.
 
-    Args:
-        x_m: the finger's right edge, shape (n,), in [0, 0.1] m.
-        contact_m: the covered length l_s, above 0. Below λ/4 the printed ratio exceeds 1.
-        overlap: which γ applies where two pieces overlap.
-
-    Raises:
-        OutOfRangeError: x lies outside [0, 0.1] m, where Eq 15 is not defined.
+    `x_m`, shape (n,), are right edges in [0, 0.1] m, beyond which `OutOfRangeError` is raised;
+    `contact_m` is l_s, above 0, and below λ/4 makes the printed ratio exceed 1.
 
     >>> same_direction_ratio(np.array([0.022]), 0.01)
     array([0.87])

@@ -80,11 +80,9 @@ class Eq15Pattern(SinusoidPattern):
 class Field:
     """The driven beam's motion, as friction needs it.
 
-    Attributes:
-        pattern: directions, and magnitudes relative to `displacement_m`, along the beam.
-        frequency_hz: of the drive.
-        displacement_m: |q|, the rms amplitude over the beam (of one mode: its modal amplitude).
-        rotation: √(mean |ψ|²) of the section's rotation over the beam; b|q|/L for one mode.
+    The pattern's magnitudes are relative to `displacement_m`, the rms |q| over the beam (of one
+    mode: its modal amplitude). The rotation is √(mean |ψ|²) of the section over the beam; b|q|/L
+    for one mode.
     """
 
     pattern: Pattern

@@ -243,8 +243,7 @@ class ModalPattern(Pattern):
     """Direction and magnitude of sums of modes, |W| relative to its rms.
 
     Attributes:
-        basis: the sum's terms along the beam.
-        weights: of the terms, shape (drives, terms).
+        weights: of the basis's terms, shape (drives, terms).
         rms_m_per_v: of |W| over the beam, for each drive.
         direction_error: how far each drive's direction -Re(W ψ*) may be wrong.
         drive: which drive applies to each place, shape (n,); of shape (1,) it applies to all.

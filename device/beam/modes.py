@@ -103,12 +103,8 @@ def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
 def mode_shape(order: int, xi: ArrayLike) -> FloatArray:
     """Return the mode shape φ(ξ) of a clamped-free beam, normalised to ∫₀¹ φ² dξ = 1.
 
-    Args:
-        order: the mode's number, from 1.
-        xi: places as fractions x/L of the length, in [0, 1], any shape.
-
-    Returns:
-        φ, dimensionless, of xi's shape; φ(1) = ±2. The absolute error is below 2e-14 at mode 60.
+    φ is dimensionless and of the shape of `xi`, places x/L in [0, 1]; φ(1) = ±2. The absolute error
+    is below 2e-14 at mode 60.
 
     >>> round(float(abs(mode_shape(6, 1.0))), 12)
     2.0

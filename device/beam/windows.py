@@ -25,13 +25,10 @@ _SERIES = tuple(2.0 / math.factorial(power) for power in (23, 19, 15, 11, 7, 3))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
-    """The motion under a finger: its directions and its magnitude over the window.
+    """The motion under a finger: the parts that move right and left, in [0, 1], and its magnitude.
 
-    Attributes:
-        right: the part of the window that moves right, in [0, 1].
-        left: the part that moves left; right + left = 1.
-        mean: mean magnitude over the window, relative to the displacement: mean |φ| for a mode.
-        doubt_m: the length in it whose direction an error of the motion may turn, where known.
+    `mean` is relative to the displacement, mean |φ| for a mode; `doubt_m` is the length whose
+    direction an error of the motion may turn, where known.
     """
 
     right: FloatArray
@@ -63,10 +60,8 @@ def window_width(end_m: FloatArray, contact_m: FloatArray | float) -> FloatArray
 def mode_window(order: int, length_m: float, end_m: FloatArray, width_m: FloatArray) -> Window:
     """Return the right-moving part and the mean of |φ| for many windows over mode `order`.
 
-    Exact sums from the zone edges and the mode's antiderivative split at its nodes; windows
-    narrower than half a unit of bξ take a form without cancellation (`_settle_narrow`).
-
-    `end_m` are the right ends in [0, L] and `width_m` those of `window_width`, each of shape (n,).
+    Exact sums from the zone edges and the mode's antiderivative split at its nodes; narrow windows
+    take a form without cancellation. `end_m` in [0, L] and `width_m` are of shape (n,).
     """
     sums = _sums(order, length_m)
     places = np.concatenate([end_m - width_m, end_m])

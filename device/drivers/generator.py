@@ -200,12 +200,9 @@ class Generator(Driver):
 class Words:
     """The names of commands and states of one model.
 
-    Attributes:
-        source: the prefix of commands for channel 1, such as `SOUR1:`, or nothing.
-        output: the command for the output.
-        limits: the command for the voltage limits; empty for a model without limits.
-        off: settings that must be off: name → command, and the answer if it is off.
-        switches: the answers for off and on.
+    `source` is the prefix of channel 1's commands, such as `SOUR1:`; `limits` is empty for a model
+    without voltage limits; `off` has settings that must be off, by name: the command, and the
+    answer if it is off; `switches` are the answers for off and on.
     """
 
     source: str

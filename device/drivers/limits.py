@@ -12,12 +12,9 @@ from protocol.study.touch import slew_v_per_us
 class Amplifier:
     """Its gain, and what it and the generator before it can do; None where nobody has said.
 
-    Attributes:
-        gain: output over input voltage, above 0; a board has its amplifier inside and needs none.
-        max_vpp: what the generator gives into an open circuit, V.
-        max_slew_v_per_us: from its datasheet, V/µs.
-        max_current_a: peak, from its datasheet, A.
-        load_f: capacitance of the actuators, F.
+    The gain is output over input voltage; a board has its amplifier inside and needs none.
+    `max_vpp` is what the generator gives into an open circuit, V. Slew (V/µs) and peak current (A)
+    are from the amplifier's datasheet; `load_f` is the capacitance of the actuators, F.
     """
 
     gain: float | None = None

@@ -70,18 +70,15 @@ _RANGES = ((0.01, 1000.0), (0.01, 1000.0), (1e-3, 10.0))
 
 @dataclass(frozen=True, kw_only=True)
 class Samples:
-    """The samples of one recording, none lost and none doubled.
+    """The samples of one recording by a board or gauge, none lost and none doubled.
 
     Attributes:
-        source: what measured: `board`, or the dialect of the gauge.
         rate_hz: samples per second and channel.
         first_s: time of the first sample on the source's own clock, s.
         scale: size of one count of each channel.
-        counts: 16-bit counts, least byte first: all of tangential force, of normal force, of
-            position.
+        counts: 16 bits, least byte first: all of tangential force, of normal force, of position.
         saturated: samples in which a channel was at its limit.
-        clock_offset_s: the host's monotonic clock minus the source's, s.
-        clock_error_s: largest error of that, s.
+        clock_offset_s: the host's monotonic clock minus the source's, s; `clock_error_s` at most.
     """
 
     source: str
@@ -207,11 +204,8 @@ the results.
 class Recorder:
     """The samples of one recording so far.
 
-    Attributes:
-        source: what measures: `board`, or the dialect of the gauge.
-        rate_hz: samples per second and channel, as set.
-        offset: the host's clock minus the source's, when the recording began.
-        told_s: when the source was told to begin, on the host's clock; `began_s` when it confirmed.
+    The `offset` is the host's clock minus the source's when the recording began; on the host's
+    clock, the source was told to begin at `told_s` and had confirmed it at `began_s`.
     """
 
     source: str

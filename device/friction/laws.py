@@ -21,13 +21,10 @@ _LN3 = math.log(3.0)
 class ContactTerms:
     """The terms of the contact that a law needs; all dimensionless, of shapes that broadcast.
 
-    Attributes:
-        friction_coefficient: μ, with the drive off.
-        same_direction: r (the paper's a/u), the part of the contact that moves with the finger.
-        opposing: 1 - r, given separately so that neither loses digits near 0.
-        relative_tip_speed: s, the bodies' tip speed over the finger's, relative to the reference.
-        inertial_ratio: p, inertial over static load per metre of beam.
-        printed_inertial_ratio: f_p/(uf) as Eqs 9 and 11 give it.
+    μ with the drive off; r (the paper's a/u), the part that moves with the finger, and 1 - r, given
+    separately so that neither loses digits near 0; s, the bodies' tip speed over the finger's,
+    relative to the reference; p, inertial over static load per metre; and f_p/(uf) as Eqs 9 and 11
+    give it.
     """
 
     friction_coefficient: FloatArray
@@ -87,7 +84,6 @@ class Law:
 
     Attributes:
         meaning: what it is, in a few words, for tables that name laws.
-        formula: μ' of the terms.
         extremes_at_corners: it falls with r, rises with p and f_p/(uf), and is monotonic in s at
             fixed r, so that ranges of the terms bound μ' by their corners. `auto` takes the top
             rung for a law of which this is not known.

@@ -50,9 +50,9 @@ class LawChoice:
 class Batch:
     """Scenes that share beam, mode, coverage and direction; arrays of shape (n,).
 
-    Places are n; the other arrays may have shape (1,), for a value that all scenes share, so that
-    one scene at many places costs what depends on the place alone. A `frequency_hz` of nan means
-    the rung's own resonance.
+    Arrays other than places may have shape (1,), for a value that all scenes share, so that one
+    scene at many places costs what depends on the place alone. A frequency of nan is the rung's
+    resonance.
     """
 
     contact: Contact
@@ -90,15 +90,9 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a rung and a law say of n scenes; each of shape (n,).
+    """What a rung and a law say of n scenes; each of shape (n,): μ', r, η, p, f_p (N) and |q| (m).
 
-    Attributes:
-        mu_effective: the friction coefficient μ'.
-        same_direction_ratio: r, or a/u for the printed law.
-        anisotropy: η; ½ for the printed law.
-        inertial_ratio: p; f_p/(uf) for the printed law.
-        inertial_load_n: the printed f_p, N.
-        displacement_m: |q|, m.
+    For the printed law the ratio is a/u, the anisotropy ½, and the inertial ratio f_p/(uf).
     """
 
     mu_effective: FloatArray

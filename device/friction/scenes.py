@@ -103,15 +103,9 @@ class Scene:
 class Calibration:
     """What predictions take of the rig; by default the paper's values and the model's resonance.
 
-    Drives are relative to the resonance wherever a session measured it; `resonance_hz` is for
-    drives in Hz.
-
-    Attributes:
-        damping_ratio: ζ.
-        gain: volts at the beam per volt of the drive.
-        body_height_m: height of the ciliary bodies.
-        resonance_hz: of the rig; None is that of the rung in use.
-        origin: session and digest of the calibration, empty for the paper's values.
+    The gain is volts at the beam per volt of the drive. Drives are relative to the resonance
+    wherever a session measured it; `resonance_hz` is for drives in Hz, None for the rung's.
+    `origin` is session and digest of the calibration, empty for the paper's values.
     """
 
     damping_ratio: float = Beam().damping_ratio

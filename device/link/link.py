@@ -37,12 +37,9 @@ _Value = TypeVar("_Value")
 class Register:
     """A number that the device stores and returns, and that touchbeam may choose.
 
-    Attributes:
-        put: the command that stores it, with a place for the number, 1 to 255.
-        get: the query that returns it.
-        told: a pattern of the answer; its group is the number.
-        compound: whether the device answers several queries in one line.
-        is_a_setting: whether users set it too, so that it may change only once the rig is armed.
+    `put` stores a number from 1 to 255 and `get` returns it, in the group of `told`. The device may
+    answer several queries in one line (`compound`). A register that users set, too,
+    (`is_a_setting`) may change only once the rig is armed.
     """
 
     put: str
@@ -155,10 +152,9 @@ class Link:
     def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
         """Drain the input until it is quiet, then have the device return two numbers we choose.
 
-        They are written to and read from the device's `register`. Devices answer in order, so that
-        any earlier answer arrives before them; it may equal the first, hence two. Raise
-        `LinkTimeout` if they do not come within `patience_s`, `ProtocolError` for lines without
-        end.
+        Devices answer in order, so that any earlier answer arrives before the numbers of its
+        `register`; it may equal the first, hence two. Raise `LinkTimeout` if they do not come
+        within `patience_s`, `ProtocolError` for lines without end.
         """
         self._in_step = False
         deadline_s = self._monotonic() + patience_s

@@ -313,12 +313,10 @@ def simulate(
 ) -> None:
     """Serve a simulated device until SIGTERM or Ctrl-C, or, unless `keep`, until its host is gone.
 
-    `make` returns the device, `place` is the path of the pseudo-terminal's link, or a loopback
-    port (0: any), `gauge` is such a place for a gauge on the same beam, if there is to be one, and
-    `control` is the path of a socket for hands. `say` is called with `gauge URL`, if there is one,
-    and then with `ready URL`.
-
-    Raise `BadInput` if the place is taken or cannot be used.
+    `make` returns the device. `place`, and `gauge` for a gauge on the same beam, is the path of the
+    pseudo-terminal's link, or a loopback port (0: any), and `control` that of a socket for hands.
+    `say` gets `gauge URL`, if there is one, then `ready URL`. Raise `BadInput` for an unusable
+    place.
     """
     ending = _Ending()
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -42,17 +42,11 @@ class Conduct:
     """How a registered study was conducted and is reported.
 
     Attributes:
-        sessions: those that are reported.
-        amendments: in their order.
-        participants: how many completed all their sessions.
-        groups: how many of them in each group, if there are groups.
+        participants: how many completed all their sessions, and `groups` how many in each.
         by_hand: what was excluded without a rule, and why.
-        withdrawn: how many sessions were withdrawn and erased.
-        withdrawn_completed: how many of these had been completed.
+        withdrawn: how many sessions were erased, of which `withdrawn_completed` had been completed.
         study_sha256: digest of the present study file.
         law, rung: under which contrasts are predicted.
-        analysis: the settings of this analysis.
-        touchbeam: the version that reports.
         later: the origin of a calibration made since the last session, empty without one.
         broken_file: what is wrong with the file of the registration.
     """

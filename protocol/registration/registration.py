@@ -34,17 +34,13 @@ class Registration:
     """What a study's author settled before the first session.
 
     Attributes:
-        study: name of the study.
         study_sha256: digest of the study file, with its languages and pictures.
         primary: name of the hypothesis that is tested first.
         secondary: names of further ones; they count only if the primary one is supported.
-        law, rung: of the friction model that predicts.
-        calibration: the rig's values that predictions take, and their `origin`, empty for the
-            paper's.
-        participants, sessions, groups: the stopping rule: how many participants, with how many
-            sessions, and how many of them in each group, if there are groups.
+        calibration: the rig's values and their `origin`, empty for the paper's.
+        participants, sessions, groups: the stopping rule: how many, with how many sessions each,
+            and how many in each group.
         exclusions: the rules on who and what is left out, in words.
-        analysis: the settings of the analysis, by name.
         power: what a power analysis found, as texts by name; empty without one.
         touchbeam: the version that registered.
     """

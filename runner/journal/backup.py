@@ -10,15 +10,11 @@ from runner.journal.verification import SessionVerdict, verdicts
 
 
 def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerdict]]:
-    """Copy the journal at `path`, as it is now, into the new file `file`.
+    """Copy the journal at `path`, as it is now, into the new file `file`, whole or not at all.
 
-    It is on the disk when this returns; a failure leaves nothing behind. Return the triggers that
-    the copy lacks, and a verdict on each of its chains.
-
-    Raises:
-        BadInput: `file` exists.
-        JournalError: the journal cannot be read, or the copy cannot be written.
-        OSError: the copy cannot be written; the error names `file`.
+    It is on the disk when this returns the triggers that it lacks and a verdict on each chain.
+    Raise `BadInput` if `file` exists, `JournalError` for the journal, and `OSError`, which names
+    `file`.
     """
     _require_new(file)
     # On the same disk, so that it can be renamed, and under a name that nobody takes for a backup.

@@ -237,9 +237,8 @@ def checked_version(
 ) -> int:
     """Return the version of the schema, after comparing all of it; 0 for a file without tables.
 
-    The body of one transaction, so that all of it is read from the same state. Missing triggers
-    are added to the list `lacking`, if there is one. Raise `sqlite3.DatabaseError` for another
-    schema.
+    The body of one transaction, so that all of it is of one state. Missing triggers are added to
+    the list `lacking`, if there is one. Raise `sqlite3.DatabaseError` for another schema.
     """
     version = int(connection.execute("PRAGMA user_version").fetchone()[0])
     # Another schema may mean something else by the same columns, so that nothing is guessed.

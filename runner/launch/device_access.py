@@ -199,12 +199,8 @@ def swept(
 ) -> tuple[Resonance, str]:
     """Return the resonance of the beam at `url` and the device's identity; leave the output off.
 
-    Raises:
-        AddressError: `url` is not the address of a device, or the dialect is unknown.
-        BadInput: the device measures no vibration; its output was left as it is.
-        ForeignDevice: there is no driver for the device; its output was left as it is.
-        DeviceError: the device does not work, or there is no resonance near `near_hz`.
-        OutputUnknown: the output could not be read back as off.
+    Raise `AddressError` for a wrong address or dialect; `BadInput` for a device that measures no
+    vibration and `ForeignDevice` for an unknown one, their outputs as they were; and `DeviceError`.
     """
     driver = driver_of(dialect)
     if driver.measures_vibration and url != SIMULATED:

@@ -43,12 +43,8 @@ class UnsafeFolder(WorkFailed):
 def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
     """Lock the rig, by its real address, while the body runs; a simulated one needs no lock.
 
-    Every process of this user finds the folder `common`.
-
-    Raises:
-        RigInUse: another process holds the rig; the message gives its command.
-        NoLocks: the system cannot lock a file.
-        UnsafeFolder: other users can open the folder of the locks.
+    Every process of this user finds the folder `common`. Raise `RigInUse` with the other's command,
+    `NoLocks` without any in this system, and `UnsafeFolder` if others can open the folder.
     """
     lock = _lock(url, real_address(url), common) if url != SIMULATED else nullcontext()
     with lock:

@@ -36,18 +36,10 @@ def keep_calibration(folder: Path, swept: "Resonance", idn: str, measured_utc: s
 def keep_fit(
     folder: Path, measured: "ResonanceMeasured", idn: str, fitted: Mapping[str, object]
 ) -> Path:
-    """Store what a sliding experiment determined of the rig; return the file.
+    """Store what a slide determined of the rig, the `calibration_record` of its findings.
 
-    Without a sweep's resonance, that of the experiment is kept.
-
-    Args:
-        folder: the study's.
-        measured: the resonance that the experiment began with.
-        idn: of the device.
-        fitted: see `analysis.sliding.experiment.SlidingFindings.calibration_record`.
-
-    Raises:
-        BadInput: as `keep_calibration`, or a rehearsal would replace the fit of a rig.
+    Without a sweep's resonance, the one `measured` by the device `idn` at its beginning is kept.
+    Raise `BadInput` as `keep_calibration`, and for a rehearsal that would replace the fit of a rig.
     """
     path, is_rehearsal = folder / FILE, bool(fitted.get("rehearsal"))
     # What a damaged file held may have been of a rig, which only a rig's own replaces.

@@ -168,13 +168,9 @@ def import_table(
     source: str,
     content: bytes,
 ) -> None:
-    """Create a study from `scores`, one session per subject.
+    """Create a study from `scores`, condition → score or None, one session per subject.
 
-    Args:
-        folder: the new study.
-        scores: each subject with condition → score, None for a missing one.
-        source: name of the file with the scores; also gives the study its name.
-        content: the bytes of that file, for its digest.
+    `source` is the name of their file, after which the study is called, and `content` its bytes.
     """
     clock = WallClock()
     digest = sha256(content).hexdigest()

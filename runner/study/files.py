@@ -123,14 +123,8 @@ def is_stream(path: Path) -> bool:
 def write_whole(path: Path, data: bytes, mode: int = 0o666) -> None:
     """Write `data` to `path`, through links; a failure leaves an existing file unchanged.
 
-    Args:
-        path: the file.
-        data: its content.
-        mode: permissions of a new file, before the umask; an existing one keeps its own.
-
-    Raises:
-        BadInput: `path` is a folder.
-        OSError: the file cannot be written; the error names `path`.
+    `mode` are the permissions of a new file, before the umask; an existing one keeps its own. Raise
+    `BadInput` for a folder, and `OSError`, which names `path`.
     """
     if path.is_dir():
         raise BadInput(f"{path}: must be a file, got a folder")
@@ -226,17 +220,11 @@ def write_files(
     *,
     study: Path | None = None,
 ) -> None:
-    """Write `contents`, by relative path, into `folder`, each file atomically.
+    """Write `contents`, by relative path, into `folder`, made if missing, each file atomically.
 
-    Args:
-        contents: bytes by relative path.
-        folder: made if it is missing.
-        replaced: paths written by an earlier call, removed unless `contents` has them.
-        study: the folder of a study in which touchbeam named `folder`, not the user.
-
-    Raises:
-        BadInput: a file below `study` is one that `own_file` refuses; nothing is written.
-        OSError: a file cannot be written; the error names it.
+    Paths `replaced`, of an earlier call, are removed unless `contents` has them. `study` is the
+    folder of a study in which touchbeam, not the user, named `folder`: `own_file` must then allow
+    each file, or nothing is written. Raise `OSError`, which names the file.
     """
     # Without its folder a file is gone already; a link in the folder's place is looked at all the
     # same, wherever it leads.

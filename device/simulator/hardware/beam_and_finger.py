@@ -34,10 +34,8 @@ class Skin:
 class ForceSensor:
     """What a sample has besides the force: noise (SD), zero drift, gains, and the slide's jitter.
 
-    Attributes:
-        drift_n_per_min: of both forces, to one side for 15 min and back again.
-        jitter: SD of what stick-slip multiplies the tangential force by, as a logarithm.
-        jitter_s: its correlation time.
+    Both forces drift to one side for 15 min and back again. The jitter, with its correlation time,
+    is the SD of what stick-slip multiplies the tangential force by, as a logarithm.
     """
 
     tangential_noise_n: float = 0.01

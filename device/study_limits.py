@@ -41,7 +41,12 @@ def reach_problems(study: Study) -> Iterator[Problem]:
         for path, way_m in ways.items()
         for number, place_m in enumerate(way_m)
     ]
-    for path, place_m in [*places, (("touch", "smooth_place_m"), study.touch.smooth_place_m)]:
+    places.append((("touch", "smooth_place_m"), study.touch.smooth_place_m))
+    for number, track in enumerate(study.track):
+        if track.axis == "place":
+            places.append((("track", number, "levels"), max(track.values, default=0.0)))
+            places.append((("track", number, "standard"), track.reference))
+    for path, place_m in places:
         if place_m > length_m:
             yield Problem(
                 where=".".join(map(str, path)),

@@ -95,12 +95,23 @@ def friction_difference(
     study: Study, standard: Touch, comparison: Touch, rig: scenes.Calibration
 ) -> float:
     """Return how much smoother `comparison` is than `standard`: the mean of ln(mu / mu')."""
+    if comparison.own_place_m != standard.own_place_m:
+        # At two places each is compared with the beam at rest, which is alike everywhere.
+        rests = (touch.model_copy(update={"voltage_v": 0.0}) for touch in (standard, comparison))
+        standard_by, comparison_by = (
+            friction_difference(study, rest, touch, rig)
+            for rest, touch in zip(rests, (standard, comparison), strict=True)
+        )
+        return comparison_by - standard_by
+    own_m = comparison.own_place_m
     change = Change(
         effect="friction",
         contrary=False,
         before=_moment(study, standard, standard.voltage_v, standard.frequency),
         after=_moment(study, comparison, comparison.voltage_v, comparison.frequency),
-        places_m=_places_m(study.touch, "friction", comparison.place),
+        places_m=_places_m(study.touch, "friction", comparison.place)
+        if own_m is None
+        else (own_m,),
     )
     return predicted_contrast(change, rig=rig)
 

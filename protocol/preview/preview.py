@@ -262,10 +262,14 @@ class Preview:
     slide_s: float
 
 
-def preview(study: Study, participants: int) -> Preview:
-    """Return the preview of the first sessions of that many participants."""
+def preview(study: Study, participants: int, at_levels: Iterable[Touch] = ()) -> Preview:
+    """Return the preview of the first sessions of that many participants.
+
+    `at_levels` are the touches that tracks may make, which the plans do not have.
+    """
     plans = cohort_plans(study, participants)
     touches = [touch for each in plans for trial in each.trials for touch in trial.touches]
+    touches += at_levels
     nominal_hz = study.rig.nominal_resonance_hz
     sliding = slide_study(study)
     slide = slide_plan(sliding) if "slide" in study.model_fields_set else None

@@ -30,6 +30,8 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield from _session_lines(shown)
     yield from _question_lines(shown)
     yield from _language_lines(shown)
+    if not shown.study.condition:  # neither order nor sensitivity of none
+        return
     yield ""
     yield from _carryover_lines(shown)
     yield ""
@@ -49,8 +51,11 @@ def _trial_rows(shown: preview.Preview, model: preview.Prediction) -> Iterator[t
             str(trial.block) if trial.block else "",
             # Scored trials are the rule, so that only other kinds are named.
             "opposite" if trial.opposite else trial.kind.replace("trial", ""),
-            trial.condition or "",
-            _courses((f"{t.voltage_v:g}", f"{t.end_voltage_v:g}") for t in trial.touches),
+            trial.condition or (trial.track.name if trial.track else ""),
+            # The voltage of a track's level follows from the answers.
+            ""
+            if trial.track
+            else _courses((f"{t.voltage_v:g}", f"{t.end_voltage_v:g}") for t in trial.touches),
             _courses(touch.drive_ends for touch in trial.touches),
             "" if contrast is None else f"{contrast:+.3f}",
             trial.expected or "",

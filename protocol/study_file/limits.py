@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, inf
+from types import MappingProxyType
 
 from protocol.address import SIMULATED
 from protocol.errors import Path, Problem
@@ -486,10 +487,17 @@ def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Ite
         )
 
 
-def problems_at(study: Study, resonance_hz: float, *, sliding: bool = False) -> list[Problem]:
+def problems_at(
+    study: Study,
+    resonance_hz: float,
+    *,
+    sliding: bool = False,
+    volts: Mapping[str, Sequence[float]] = MappingProxyType({}),
+) -> list[Problem]:
     """Return what `study` may not ask of a rig whose beam has its resonance there, in Hz.
 
-    What counts is what its participants touch, or with `sliding` its sliding experiment.
+    What counts is what its participants touch, or with `sliding` its sliding experiment. `volts`
+    are those of the levels of tracks on the axis of contrast, by track.
     """
     rig = study.rig.model_copy(update={"nominal_resonance_hz": resonance_hz})
     there = study.model_copy(update={"rig": rig})
@@ -497,7 +505,11 @@ def problems_at(study: Study, resonance_hz: float, *, sliding: bool = False) -> 
         return slide_problems(there)
     # A session does not slide: a block that may not be drawn at this resonance does not keep people
     # from touching.
-    return [problem for problem in limit_problems(there) if problem.path[:1] != ("slide",)]
+    found = [problem for problem in limit_problems(there) if problem.path[:1] != ("slide",)]
+    for number, track in enumerate(study.track):
+        levels = enumerate(volts.get(track.name, ()))
+        found += level_problems(there, number, (track.at(level, v) for level, v in levels))
+    return found
 
 
 def max_resonance_hz(study: Study, touches: Iterable[Touch]) -> float:

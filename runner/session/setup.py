@@ -196,7 +196,9 @@ def prepare(context: SessionContext) -> None:
     context.log.append(events.ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
     # The study was checked at the nominal resonance. Drives are relative to the measured one, so
     # that limits of frequency, slew rate and current are looked at again.
-    if problems := problems_at(study, hz, sliding=context.session.slides):
+    if problems := problems_at(
+        study, hz, sliding=context.session.slides, volts=context.session.volts
+    ):
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problems[0]}")
     context.resonance_hz = hz
     update_view(context, warning=tare(context))  # nobody touches the beam yet

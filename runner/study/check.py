@@ -95,7 +95,8 @@ def checked(
         if registered := checked_registration(folder):
             study = locked(study, registered.digest)
     size = participants or study.design.participants or 1
-    shown = preview(study, size)
+    at_levels = (touch for track in tracks for touch in track.touches())
+    shown = preview(study, size, at_levels)
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)

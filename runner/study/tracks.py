@@ -7,7 +7,7 @@ from typing import Any
 from device.friction.scenes import Calibration
 from protocol.errors import BadInput, Problem
 from protocol.study.study import Study
-from protocol.study.touch import current_ma
+from protocol.study.touch import Touch, current_ma
 from protocol.study.track import Track
 from protocol.tracks.convergence import converges_at
 from protocol.tracks.procedure import staircase
@@ -27,6 +27,10 @@ class ShownTrack:
     rmse_db: float
     interval_db: float
     trials: float
+
+    def touches(self) -> Iterator[Touch]:
+        """Yield the comparison at each level."""
+        return map(self.track.at, range(len(self.volts)), self.volts)
 
     def record(self) -> dict[str, Any]:
         """Return it as plain JSON values."""

@@ -106,21 +106,42 @@ def test_check_refuses_a_contrast_that_cannot_be_reached(folder: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("command", ["run", "register", "power"])
-def test_tracks_are_refused_where_they_would_be_left_out(folder: Path, command: str) -> None:
-    extra = ["--participant", "P01", "--ratings", "virtual"] if command == "run" else []
-    done = CliRunner().invoke(app, [command, str(folder), *extra])
-    assert "tracks cannot be run yet" in str(done.exception)
-    assert sorted(path.name for path in folder.iterdir()) == ["study.toml"]
-
-
-def test_the_live_protocol_of_a_laboratory_needs_no_code(folder: Path) -> None:
-    """5 dB then 1 dB, 3 correct answers of any order, 5 reversals: it says that it is 79.4%."""
+def test_check_tells_the_largest_drive_of_any_level(folder: Path) -> None:
     file = folder / "study.toml"
     text = file.read_text(encoding="utf-8")
-    text = text.replace("step_db = [4, 4, 1]", 'step_db = [5, 1]\nstreak = "cumulative"')
-    file.write_text(text.replace("reversals = 12", "reversals = 5"), encoding="utf-8")
-    assert (
-        "its rule converges to 0.7500 correct"
-        in CliRunner().invoke(app, ["check", str(folder)]).stdout
-    )
+    file.write_text(text[: text.index("# Scored beside")], encoding="utf-8")
+    printed = CliRunner().invoke(app, ["check", str(folder), "--json"])
+    told = json.loads(printed.stdout)
+    assert told["max_voltage_v"] == 160
+    assert told["max_slew_v_per_us"] > 24
+    said = CliRunner().invoke(app, ["check", str(folder)]).stdout
+    assert "Carry-over" not in said, "a study without conditions has none"
+
+
+def test_a_level_beyond_the_end_of_the_beam_is_refused(folder: Path) -> None:
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    beyond = """
+[[track]]
+name = "place"
+task = "two intervals"
+method = "constant"
+axis = "place"
+levels = { from = 0.05, to = 0.4, count = 5 }
+standard = { place = "smooth", voltage_v = 100, place_m = 0.0414 }
+comparison = { place = "smooth", voltage_v = 100 }
+trials = 10
+"""
+    file.write_text(text[: text.index("[[track]]")] + beyond, encoding="utf-8")
+    said = CliRunner().invoke(app, ["check", str(folder)]).output
+    assert "track.0.levels: must lie on the beam, which ends at 0.1 m, got 0.4 m" in said
+
+
+def test_power_says_how_thresholds_err(folder: Path) -> None:
+    given = ["power", str(folder), "--studies", "4", "--participants", "3", "--json"]
+    told = json.loads(CliRunner().invoke(app, given).stdout)
+    (found,) = told["tracks"]
+    assert [each["name"] for each in found["tracks"]] == ["smallest amplitude", "by a staircase"]
+    assert found["tracks"][0]["trials"] == 40
+    said = CliRunner().invoke(app, given[:-1]).stdout
+    assert "Thresholds: 3 participants, 4 studies" in said

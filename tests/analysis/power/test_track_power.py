@@ -78,3 +78,32 @@ def test_a_track_of_sensitive_people_lies_below_one_of_a_harder_rule() -> None:
     assert first.rmse_db.value < 3
     assert first.coverage.value > 0.85
     assert told.record()["tracks"][0]["rmse_db_mc_error"] > 0
+
+
+def test_places_differ_as_their_frictions_do() -> None:
+    text = TEXT[: TEXT.index("[[track]]")] + PLACES
+    study = parsed_study(text)
+    track = study.track[0]
+    right = shares(study, track, People.of([Person(felt_noise=0.05)]), NOMINAL)[:, 0]
+    standard = track.standard
+    assert standard is not None
+    both = [
+        friction_difference(study, a, b, NOMINAL)
+        for a, b in ((standard, track.at(2)), (track.at(2), standard))
+    ]
+    assert both[0] == pytest.approx(-both[1])
+    assert abs(both[0]) > 0.01
+    assert np.ptp(right) > 0.05
+
+
+PLACES = """
+[[track]]
+name = "place"
+task = "two intervals"
+method = "constant"
+axis = "place"
+levels = { from = 0.02, to = 0.04, count = 5, spaced = "equal steps" }
+standard = { place = "smooth", voltage_v = 100, place_m = 0.0414 }
+comparison = { place = "smooth", voltage_v = 100 }
+trials = 10
+"""

@@ -21,7 +21,7 @@ from runner.journal.verification import chain_is_unbroken
 from runner.screens import Notice
 from runner.session.session import Session, SessionContext
 from runner.session.setup import prepare
-from runner.session.tracks import as_made, ended
+from runner.session.track_levels import as_made, ended
 from runner.session.trial import ask, ask_due, introduce, read_pages, touch
 from runner.session.waiting import RepeatTrial, pause_if_wanted, show_page, update_view, wait
 from runner.signals import errors_are_last, stops_allowed, stops_deferred

@@ -21,7 +21,7 @@ from protocol.study.touch import Touch
 from runner import screens
 from runner.session.session import Session, SessionContext, judged, known_before, samples_of
 from runner.session.setup import begin, end, mount, tare
-from runner.session.tracks import answered
+from runner.session.track_levels import answered
 from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 
 # Questions to the participant, among them the study's own, and the study's own pages.

@@ -23,7 +23,7 @@ from runner.screens import (
     page_name,
 )
 from runner.session.session import SessionContext
-from runner.session.tracks import as_made
+from runner.session.track_levels import as_made
 from runner.signals import raise_if_stopped
 
 # What participant and operator see of a running session.

@@ -145,3 +145,15 @@ def test_power_says_how_thresholds_err(folder: Path) -> None:
     assert found["tracks"][0]["trials"] == 40
     said = CliRunner().invoke(app, given[:-1]).stdout
     assert "Thresholds: 3 participants, 4 studies" in said
+
+
+def test_the_live_protocol_of_a_laboratory_needs_no_code(folder: Path) -> None:
+    """5 dB then 1 dB, 3 correct answers of any order, 5 reversals: it says that it is 79.4%."""
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    text = text.replace("step_db = [4, 4, 1]", 'step_db = [5, 1]\nstreak = "cumulative"')
+    file.write_text(text.replace("reversals = 12", "reversals = 5"), encoding="utf-8")
+    assert (
+        "its rule converges to 0.7500 correct"
+        in CliRunner().invoke(app, ["check", str(folder)]).stdout
+    )

@@ -266,7 +266,27 @@ class MeasuredStatistics:
     @cached_property
     def conditions(self) -> tuple[ConditionContrast, ...]:
         """The measured contrasts of each condition."""
-        return _conditions(self.data, self.trials, self.predicted)
+        found, predicted = self.trials, self.predicted
+        scored = is_scored(self.data.trials).to_numpy() & found.known
+        names = self.data.trials["condition"].to_numpy()
+        entries = []
+        for name in self.data.table.conditions:
+            own = scored & (names == name)
+            if own.any():
+                errors, best = found.error[own], found.best[own]
+                entries.append(
+                    ConditionContrast(
+                        condition=name,
+                        trials=int(own.sum()),
+                        mean=float(found.value[own].mean()),
+                        mean_error=float(np.sqrt((errors**2).sum()) / own.sum()),
+                        predicted=float(predicted[own].mean()),
+                        spread=float(best.std()),
+                        trial_error=float(np.sqrt((errors**2).mean())),
+                        best_error=float(np.sqrt((found.best_error[own] ** 2).mean())),
+                    )
+                )
+        return tuple(entries)
 
     @cached_property
     def left_out(self) -> Mapping[str, int]:
@@ -336,28 +356,3 @@ def measured_statistics(
     if not data.forces:
         return None
     return MeasuredStatistics(study=study, data=data, predicted=predicted, keep=keep or Kept())
-
-
-def _conditions(
-    data: StudyData, found: MeasuredTrials, predicted: FloatArray
-) -> tuple[ConditionContrast, ...]:
-    scored = is_scored(data.trials).to_numpy() & found.known
-    names = data.trials["condition"].to_numpy()
-    entries = []
-    for name in data.table.conditions:
-        own = scored & (names == name)
-        if own.any():
-            errors, best = found.error[own], found.best[own]
-            entries.append(
-                ConditionContrast(
-                    condition=name,
-                    trials=int(own.sum()),
-                    mean=float(found.value[own].mean()),
-                    mean_error=float(np.sqrt((errors**2).sum()) / own.sum()),
-                    predicted=float(predicted[own].mean()),
-                    spread=float(best.std()),
-                    trial_error=float(np.sqrt((errors**2).mean())),
-                    best_error=float(np.sqrt((found.best_error[own] ** 2).mean())),
-                )
-            )
-    return tuple(entries)

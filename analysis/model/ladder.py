@@ -1,6 +1,6 @@
 """The ladder: measured time of each rung, and its error against the top rung."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from statistics import median
@@ -25,15 +25,10 @@ _ROUNDS = 15
 class LadderRow:
     """A rung measured in the paper's scene, law `consistent`, at the rung's own resonance.
 
-    Attributes:
-        rung: name.
-        setup_us: median time of a set-up of beam and drive, with the search for the resonance.
-        setup_us_range: its lowest and highest time.
-        us_per_1000: median time of μ' at 1,000 places after the set-up.
-        us_per_1000_range: its lowest and highest time.
-        max_error: largest |μ' - μ' of the top rung| over the places, a model-form error.
-        rms_error: root mean square of that error.
-        resonance_hz: resonance of mode 6.
+    `setup_us` is the median time of a set-up of beam and drive, with the search for the resonance,
+    and `us_per_1000` that of μ' at 1,000 places after it, each with its lowest and highest time;
+    `max_error` is the largest |μ' - μ' of the top rung| over the places, a model-form error, and
+    `rms_error` its root mean square.
     """
 
     rung: str
@@ -65,29 +60,6 @@ def _round(scene: Scene, places_m: FloatArray) -> dict[str, tuple[float, float]]
     return times
 
 
-def _row(
-    rung: str,
-    scene: Scene,
-    places_m: FloatArray,
-    top: FloatArray,
-    rounds: Sequence[dict[str, tuple[float, float]]],
-) -> LadderRow:
-    beam, drive = scene.structure.beam, scene.drive
-    error = friction_coefficient(scene, rung=rung, x_m=places_m) - top
-    setups, places = zip(*(times[rung] for times in rounds), strict=True)
-    return LadderRow(
-        rung=rung,
-        # A median, because the computer may do something else in any single round.
-        setup_us=median(setups),
-        setup_us_range=(min(setups), max(setups)),
-        us_per_1000=median(places),
-        us_per_1000_range=(min(places), max(places)),
-        max_error=float(np.abs(error).max()),
-        rms_error=float(np.sqrt(np.mean(error**2))),
-        resonance_hz=rungs.rung_resonance_hz(rung, beam, drive.mode),
-    )
-
-
 def measured_ladder() -> tuple[LadderRow, ...]:
     """Measure every rung in the paper's scene, from the cheapest model to the best.
 
@@ -101,7 +73,24 @@ def measured_ladder() -> tuple[LadderRow, ...]:
     top = friction_coefficient(scene, rung=rungs.TOP_RUNG, x_m=places_m)
     _round(scene, places_m)  # loads and caches what is not a set-up
     rounds = [_round(scene, places_m) for _ in range(_ROUNDS)]
-    return tuple(_row(rung, scene, places_m, top, rounds) for rung in RUNGS)
+    rows = []
+    for rung in RUNGS:
+        error = friction_coefficient(scene, rung=rung, x_m=places_m) - top
+        setups, places = zip(*(times[rung] for times in rounds), strict=True)
+        rows.append(
+            LadderRow(
+                rung=rung,
+                # A median, because the computer may do something else in any single round.
+                setup_us=median(setups),
+                setup_us_range=(min(setups), max(setups)),
+                us_per_1000=median(places),
+                us_per_1000_range=(min(places), max(places)),
+                max_error=float(np.abs(error).max()),
+                rms_error=float(np.sqrt(np.mean(error**2))),
+                resonance_hz=rungs.rung_resonance_hz(rung, scene.structure.beam, scene.drive.mode),
+            )
+        )
+    return tuple(rows)
 
 
 def ladder_lines(rows: tuple[LadderRow, ...]) -> list[list[str]]:

@@ -237,6 +237,9 @@ def _mixture(
 ) -> LineMixture:
     residual_sd, between = _components(posterior.points)
     known = line_posterior(sums, residual_sd, between)
+    lost = np.eye(2) - known.kept
+    departures = lost @ known.population_covariance[:, None] @ np.swapaxes(lost, -1, -2)
+    departures += known.own_covariances
     turn = turn_of(axes)
     covariances = np.concatenate([known.covariances, known.population_covariance[:, None]], axis=1)
     variances = np.diagonal(turn @ covariances @ turn.T, axis1=-2, axis2=-1)
@@ -250,7 +253,7 @@ def _mixture(
         bias=bias.plus(axes.y_mean),
         gain=gain,
         relative=_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
-        own_variance=_departure_variances(known)[..., 1, 1] / between[:, None, 1, 1],
+        own_variance=departures[..., 1, 1] / between[:, None, 1, 1],
         residual_sd=residual_sd * axes.y_sd,
         log_evidence_of_equal=equal,
         counts=sums.counts,
@@ -267,10 +270,3 @@ def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marg
     variances += ((kept @ known.population_covariance) * kept).sum(axis=2)
     means = slopes - (slopes @ mean)[:, None]
     return Marginals(means=unit * means, sds=unit * np.sqrt(np.maximum(variances, SMALLEST)))
-
-
-def _departure_variances(known: LinePosterior) -> FloatArray:
-    """Return the covariances of each subject's departure from the population's line."""
-    lost = np.eye(2) - known.kept
-    spread = lost @ known.population_covariance[:, None] @ np.swapaxes(lost, -1, -2)
-    return np.asarray(known.own_covariances + spread)

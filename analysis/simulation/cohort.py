@@ -84,13 +84,11 @@ class PlannedTrials:
 
     def kinds_of(self, slots: IntArray) -> IntArray:
         """Return which of `kinds` each trial is, shape (slots, trials)."""
-        return np.stack([self._row(int(slot)) for slot in slots])
-
-    def _row(self, slot: int) -> IntArray:
-        if slot not in self._rows:
-            row = [self._number(trial) for trial in self.plan(slot).trials]
-            self._rows[slot] = np.array(row, dtype=np.int64)
-        return self._rows[slot]
+        for slot in slots.tolist():
+            if slot not in self._rows:
+                row = [self._number(trial) for trial in self.plan(slot).trials]
+                self._rows[slot] = np.array(row, dtype=np.int64)
+        return np.stack([self._rows[slot] for slot in slots.tolist()])
 
     def _number(self, trial: Trial) -> int:
         asked = (trial.kind, trial.condition, trial.question, trial.expected, trial.scored)

@@ -1,6 +1,6 @@
 """Every friction law and rung beside the measured friction: Fig 16 redrawn, with error measures."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -209,19 +209,15 @@ def predicted(
 
 
 def mismatches(
-    curves: Sequence[Curve],
-    located: Sequence[Extreme],
-    nominal: RigProperties,
-    fitted: RigProperties,
-    rungs: Iterable[str] = RUNGS,
+    curves: Sequence[Curve], located: Sequence[Extreme], paper: RigProperties, fitted: RigProperties
 ) -> tuple[Mismatch, ...]:
     """Return the mismatch of each law on each rung, for the paper's rig and for the fitted one."""
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
     return tuple(
         _mismatch(driven, located, rig, law, rung, fitted=rig is fitted)
         for law in LAWS
-        for rung in rungs
-        for rig in (nominal, fitted)
+        for rung in RUNGS
+        for rig in (paper, fitted)
     )
 
 

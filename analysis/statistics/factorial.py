@@ -416,7 +416,11 @@ def latent_factorial(
             fastest.
         factors: levels by name.
     """
-    sums = {name: _sum_coding(len(levels)) for name, levels in factors.items()}
+    # The effect of the last level is minus the sum of the others.
+    sums = {
+        name: np.concatenate([np.eye(len(levels) - 1), -np.ones((1, len(levels) - 1))])
+        for name, levels in factors.items()
+    }
     terms = [(name,) for name in factors] + list(combinations(factors, 2))
     places = np.indices([len(levels) for levels in factors.values()]).reshape(len(factors), -1)
     main = {name: sums[name][at] for name, at in zip(factors, places, strict=True)}
@@ -459,11 +463,6 @@ def latent_factorial(
         subject_sd=abs(float(ordinal.unpacked(best.packed, data).sds[0])),
         cell_sd=None if isinstance(wider, NotEstimable) else abs(float(best.packed[-1])) or None,
     )
-
-
-def _sum_coding(levels: int) -> FloatArray:
-    """Return the effect of each level per coefficient: the last is minus the sum of the others."""
-    return np.concatenate([np.eye(levels - 1), -np.ones((1, levels - 1))])
 
 
 def _wald(of: tuple[str, ...], values: FloatArray, errors: FloatArray) -> LatentEffect:

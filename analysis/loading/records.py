@@ -81,7 +81,6 @@ class SessionRow:
 class AttemptRow:
     """An attempt at a trial, with its plan at that time; or a score of a published table.
 
-    - `session_id`: the row of the session.
     - `trial_index`: the trial's place in the plan, or the score's place in its table, from 0.
     - `attempt`: counts from 1; missing for a published score, as are plan and course.
     - `score`: missing where it was not asked for or not given.
@@ -142,9 +141,6 @@ class AttemptRow:
 class TouchRow:
     """A touch that was begun: as planned, as commanded, as read back and as judged.
 
-    - `attempt_id`: the row of the attempt.
-    - `planned`: the complete plan of the touch.
-    - `beam`: the mounted one.
     - `start_*`, `end_*`: as read back; missing if the touch was cut short.
     - `force_n` (median), `force_ok`, `place_ok`: missing also on a rig without sensors; `speed_ok`
       where speed is not judged, too.
@@ -195,7 +191,6 @@ class TouchRow:
 class AnswerRow:
     """The answer to a question of the study's own.
 
-    - `session_id`: the row of the session.
     - `attempt_id`: the row of the attempt if it is about a trial.
     - `when`: as in the study file; `block` is the number of the block just over.
     - `answer`: a label's value, a tuple of them, a number or a text; None if it was skipped.

@@ -174,18 +174,18 @@ def _single(
     readings: Mapping[str, object],
     contrasts: list[tuple[dict[Choice, str], FloatArray]],
 ) -> dict[Choice, str]:
-    reasons = {}
-    if len(readings) == 1:
-        reasons[Choice.READING] = "no score was withheld, so that the three readings are one"
-    if len(left_out) == 1:
-        reasons[Choice.EXCLUSIONS] = (
-            "nothing was excluded, and no touch that counts was judged to be not as instructed"
-        )
-    if len({options[Choice.CONTRAST] for options, _ in contrasts}) == 1:
-        reasons[Choice.CONTRAST] = (
-            "no friction was measured, and touches as made have the contrasts of those planned"
-        )
-    return reasons
+    alone = {
+        Choice.READING: (readings, "no score was withheld, so that the three readings are one"),
+        Choice.EXCLUSIONS: (
+            left_out,
+            "nothing was excluded, and no touch that counts was judged to be not as instructed",
+        ),
+        Choice.CONTRAST: (
+            {options[Choice.CONTRAST] for options, _ in contrasts},
+            "no friction was measured, and touches as made have the contrasts of those planned",
+        ),
+    }
+    return {choice: why for choice, (options, why) in alone.items() if len(options) == 1}
 
 
 def _contrasts(

@@ -17,25 +17,18 @@ from analysis.estimates import LEVEL, Estimate, FloatArray, NotEstimable
 from analysis.sliding import rig_model
 from analysis.sliding.rig_model import slopes
 
-LIMITS: Mapping[str, float] = {
-    "friction_coefficient": 0.1,
-    "resonance_hz": 0.0008,
-    "damping_ratio": 0.25,
-    "gain": 0.25,
-    "body_height_m": 0.25,
-    "patch_centre_m": 0.0015,
+_BOUNDS: Mapping[str, tuple[float, float]] = {
+    "friction_coefficient": (0.1, 1.5),
+    "resonance_hz": (0.0008, 0.03),
+    "damping_ratio": (0.25, 2.5),
+    "gain": (0.25, 1.5),
+    "body_height_m": (0.25, 0.3),
+    "patch_centre_m": (0.0015, 0.008),
 }
 """Largest standard error of a property that counts as determined: relative (of the body height:
-relative to the tip's lever), for the patches' place in m."""
-_REACH: Mapping[str, float] = {
-    "friction_coefficient": 1.5,
-    "resonance_hz": 0.03,
-    "damping_ratio": 2.5,
-    "gain": 1.5,
-    "body_height_m": 0.3,
-    "patch_centre_m": 0.008,
-}
-"""How far a property is searched on either side of its nominal value; no interval goes further."""
+relative to the tip's lever), for the patches' place in m. And how far it is searched on either side
+of its nominal value; no interval goes further."""
+LIMITS, _REACH = ({name: both[which] for name, both in _BOUNDS.items()} for which in (0, 1))
 _NOISES = 2
 _EVALUATIONS = 30
 _RIDGE = 1e-13  # of scaled information, so that what the passes do not see has a large error

@@ -9,7 +9,7 @@ is not known.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,18 +37,11 @@ steadier."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pass:
-    """One drawing of the block along the beam, while it moved.
+class Drawn:
+    """How a block is drawn along the beam: amplitude and frequency of the drive, and the block.
 
-    Attributes:
-        voltage_v: amplitude of the drive, 0 with the output off.
-        frequency_hz: of the drive.
-        direction: of the block.
-        load_n: weight of the block.
-        contact_m: length of beam under the block.
-        t_s: time of each sample, shape (n,), rising, s.
-        x_m: right edge of the block at each sample, m.
-        mu: tangential over normal force at each sample, after the tare.
+    `voltage_v` is 0 with the output off, `load_n` the block's weight, and `contact_m` the length of
+    beam under it.
     """
 
     voltage_v: float
@@ -56,23 +49,28 @@ class Pass:
     direction: Direction
     load_n: float
     contact_m: float
+
+
+_DRAWN = tuple(entry.name for entry in fields(Drawn))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pass(Drawn):
+    """One drawing of the block along the beam, while it moved; arrays of shape (samples,).
+
+    `t_s` rises, `x_m` is the right edge of the block, and `mu` the tangential over the normal
+    force, after the tare.
+    """
+
     t_s: FloatArray
     x_m: FloatArray
     mu: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
-    """What passes have in common: drive, direction, load, contact and speed.
+class Setting(Drawn):
+    """What passes have in common; `speed_m_s` is measured: the slope of place against time."""
 
-    `speed_m_s` is measured: the slope of place against time.
-    """
-
-    voltage_v: float
-    frequency_hz: float
-    direction: Direction
-    load_n: float
-    contact_m: float
     speed_m_s: float
 
 
@@ -111,14 +109,8 @@ def course(made: Pass) -> Course:
         np.bincount(number, weights=values)[kept] / count[kept]
         for values in (made.x_m, t_s, made.mu)
     )
-    setting = Setting(
-        voltage_v=made.voltage_v,
-        frequency_hz=made.frequency_hz,
-        direction=made.direction,
-        load_n=made.load_n,
-        contact_m=made.contact_m,
-        speed_m_s=abs(float(np.polyfit(t_s, made.x_m, 1)[0])),
-    )
+    speed_m_s = abs(float(np.polyfit(t_s, made.x_m, 1)[0]))
+    setting = Setting(**{name: getattr(made, name) for name in _DRAWN}, speed_m_s=speed_m_s)
     return Course(
         setting=setting,
         bin=kept.astype(np.float64),
@@ -138,9 +130,8 @@ Group: TypeAlias = tuple[Setting, tuple[Course, ...]]
 def grouped(courses: Iterable[Course]) -> list[Group]:
     """Return repeated passes together, each group with the setting of its slowest pass."""
 
-    def key(one: Course) -> tuple[float | str, ...]:
-        own = one.setting
-        return own.voltage_v, own.frequency_hz, own.direction, own.load_n, own.contact_m
+    def key(one: Course) -> tuple[Any, ...]:
+        return tuple(getattr(one.setting, name) for name in _DRAWN)
 
     groups: list[list[Course]] = []
     for one in sorted(courses, key=lambda one: (*key(one), one.setting.speed_m_s)):

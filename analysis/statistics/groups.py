@@ -339,12 +339,8 @@ def group_statistics(
 ) -> GroupStatistics:
     """Return everything that is said of groups.
 
-    Parameters:
-        scores: shape (people, conditions); NaN if missing.
-        gains: shape (people,), each from the person's own trials alone.
-        groups: shape (people,), positions in `names`.
-        names: of the groups.
-        conditions: names.
+    `scores` has shape (people, conditions), NaN if missing; `gains`, each from the person's own
+    trials alone, and `groups`, positions in `names`, have shape (people,).
     """
     mean = compared(mean_scores(scores), groups, names)
     gain = compared(gains, groups, names)

@@ -140,13 +140,9 @@ def _cells(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the log-likelihood of subjects at levels, and the shares of their cells' levels.
 
-    Parameters:
-        counts: shape (conditions, subjects, categories).
-        log_p: shape (conditions, categories, levels, own levels).
-        log_own: shape (own levels,), weights.
-
-    Returns:
-        Arrays of shape (subjects, levels) and (conditions, subjects, levels, own levels).
+    Shapes: `counts` (conditions, subjects, categories), `log_p` (conditions, categories, levels,
+    own levels), `log_own` (own levels,), and (subjects, levels) and (conditions, subjects, levels,
+    own levels) of what is returned.
     """
     flat = log_p.reshape(*log_p.shape[:2], -1)
     cells = (counts @ flat).reshape(*counts.shape[:2], *log_p.shape[2:]) + log_own

@@ -13,7 +13,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from hashlib import sha256
 from types import FunctionType, NoneType
-from typing import Any, ParamSpec, Protocol, TypeVar, cast, get_args, get_type_hints
+from typing import Any, ParamSpec, Protocol, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -216,6 +216,7 @@ def _returned(function: Callable[..., Any]) -> Records:
     while hints:
         hint = hints.pop()
         hints += get_args(hint)
+        hint = get_origin(hint) or hint
         if isinstance(hint, type) and _field_names(hint) and _class_name(hint) not in records:
             records[_class_name(hint)] = hint
             hints += get_type_hints(hint).values()

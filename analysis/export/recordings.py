@@ -29,10 +29,7 @@ MEASURED: Mapping[str, Mapping[str, str]] = {
         "Units": "N",
     },
     "normal_n": {"Description": "Force of the finger onto the beam.", "Units": "N"},
-    "position_m": {
-        "Description": "Place of the finger's right edge along the beam.",
-        "Units": "m",
-    },
+    "position_m": {"Description": "Place of the finger's right edge along the beam.", "Units": "m"},
 }
 DRIVEN: Mapping[str, Mapping[str, str]] = {
     "voltage_v": {
@@ -42,7 +39,7 @@ DRIVEN: Mapping[str, Mapping[str, str]] = {
     },
     "frequency_hz": {"Description": "Frequency of the drive, likewise.", "Units": "Hz"},
     "mark_moves": {
-        "Description": "Whether the mark moved that the finger was to follow, or to wait for.",
+        "Description": "Whether the mark moved that the finger was to follow, or to wait for."
     },
 }
 TIME = {"Description": "Time on the clock of started_monotonic_s in the trials.", "Units": "s"}

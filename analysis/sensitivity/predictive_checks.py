@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.special import ndtr
@@ -27,6 +28,8 @@ from analysis.sensitivity.two_stage_model import (
     two_stage_posterior,
 )
 from analysis.statistics.signed_rank import holm
+
+Fit = TypeVar("Fit")
 
 SEED = 1
 MOST_DRAWS, LARGE_DRAWS = 1000, 150
@@ -72,51 +75,43 @@ class PredictiveCheck:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckedOrdinal:
-    """M2, or why there is none, and its check, also if that rejects the model."""
+class Checked(Generic[Fit]):
+    """A model, or why there is none, and its check, also if that rejects the model."""
 
-    fit: ordinal_model.OrdinalSensitivity | NotEstimable
+    fit: Fit | NotEstimable
     check: PredictiveCheck | NotEstimable
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckedTwoStage:
-    """M3, or why there is none, and its check, also if that rejects the model."""
-
-    fit: TwoStageSensitivity | NotEstimable
-    check: PredictiveCheck | NotEstimable
-
-
-def checked_ordinal(ratings: Ratings) -> CheckedOrdinal:
+def checked_ordinal(ratings: Ratings) -> Checked[ordinal_model.OrdinalSensitivity]:
     """Return M2 with its check of scores by condition and by subject."""
     ready = ordinal_model.prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
-        return CheckedOrdinal(fit=ready, check=ready)
+        return Checked(fit=ready, check=ready)
     posterior = ordinal_model.latent_posterior(ready)
     found = ordinal_model.lines_or_refusal(ready, posterior)
     if isinstance(found, NotEstimable):
-        return CheckedOrdinal(fit=found, check=found)
+        return Checked(fit=found, check=found)
     check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
-    return CheckedOrdinal(fit=check.refusal or found[0], check=check)
+    return Checked(fit=check.refusal or found[0], check=check)
 
 
-def checked_two_stage(trials: AnsweredTrials) -> CheckedTwoStage:
+def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
     """Return M3 with its check: answers by condition and by subject, scores as for M2.
 
     The scores are those of the changes that were noticed in the study.
     """
     found = two_stage_posterior(trials)
     if isinstance(found, NotEstimable):
-        return CheckedTwoStage(fit=found, check=found)
+        return Checked(fit=found, check=found)
     summary = found.summary
     if isinstance(summary, NotEstimable):
-        return CheckedTwoStage(fit=summary, check=summary)
+        return Checked(fit=summary, check=summary)
     rng = np.random.default_rng(SEED)
     check = _check(
         _compared_answers(found.noticing, trials, rng)
         | _compared_scores(found.rating.ready, found.rating.posterior, found.rating.ratings, rng)
     )
-    return CheckedTwoStage(fit=check.refusal or summary, check=check)
+    return Checked(fit=check.refusal or summary, check=check)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,11 +212,7 @@ def _in_parts(
 
 
 def _tables(
-    name: str,
-    trials: Ratings,
-    given: IntArray,
-    below: list[FloatArray],
-    rng: np.random.Generator,
+    name: str, trials: Ratings, given: IntArray, below: list[FloatArray], rng: np.random.Generator
 ) -> dict[str, _Compared]:
     """Return the distances of counts by condition and by subject from those expected.
 

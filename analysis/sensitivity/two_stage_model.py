@@ -59,9 +59,7 @@ class AnsweredTrials:
         ratings, contrast = self.ratings, self.ratings.contrast
         noticed = (self.answer != SAME) & (self.answer == np.sign(contrast))
         return replace(
-            ratings,
-            contrast=np.abs(contrast),
-            rating=np.where(noticed, ratings.rating, np.nan),
+            ratings, contrast=np.abs(contrast), rating=np.where(noticed, ratings.rating, np.nan)
         )
 
 

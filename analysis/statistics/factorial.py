@@ -398,10 +398,7 @@ class LatentFactorial:
 
 
 def latent_factorial(
-    scores: FloatArray,
-    subject: IntArray,
-    cell: IntArray,
-    factors: Mapping[str, tuple[str, ...]],
+    scores: FloatArray, subject: IntArray, cell: IntArray, factors: Mapping[str, tuple[str, ...]]
 ) -> LatentFactorial | NotEstimable:
     """Return main effects and interactions of two in the cumulative probit model of (1).
 

@@ -18,8 +18,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitiv
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.predictive_checks import (
-    CheckedOrdinal,
-    CheckedTwoStage,
+    Checked,
     PredictiveCheck,
     checked_ordinal,
     checked_two_stage,
@@ -239,11 +238,11 @@ class TrialStatistics:
 
     # Fit and check are kept as one, because a fit that fails its check is withheld.
     @cached_property
-    def _m2(self) -> CheckedOrdinal:
+    def _m2(self) -> Checked[OrdinalSensitivity]:
         return self.keep(checked_ordinal, self.scored.ratings)
 
     @cached_property
-    def _m3(self) -> CheckedTwoStage:
+    def _m3(self) -> Checked[TwoStageSensitivity]:
         return self.keep(checked_two_stage, self._answered)
 
     @cached_property

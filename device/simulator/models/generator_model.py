@@ -164,6 +164,11 @@ class GeneratorDialect(Dialect):
     functions: ClassVar[tuple[str, ...]] = ()
     limit_header: ClassVar[str] = "[SOURce#:]VOLTage:LIMit"
     limit_state: ClassVar[str] = ":STATe"
+    modulation: ClassVar[tuple[str, float | str]]
+    """The setting for frequency modulation, and its value while that is on."""
+    addition: ClassVar[tuple[str, float | str]]
+    """The same for the signal that is added to that of channel 1, and whose signal that is."""
+    added_channel: ClassVar[int] = 2
 
     def __init__(self, instrument: Instrument, model: Model, settings: Sequence[Kept] = ()) -> None:
         self.idn = model.idn
@@ -190,9 +195,11 @@ class GeneratorDialect(Dialect):
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
         first, instrument = self.channels[0], self._instrument
         # The output stage gives no more than this, whatever is added.
-        emf_vpp = min(first.emf_vpp + self._added_emf_vpp(), MOST_EMF_VPP)
+        added = self.channels[self.added_channel - 1].emf_vpp if self._has(self.addition) else 0.0
+        emf_vpp = min(first.emf_vpp + added, MOST_EMF_VPP)
         instrument.target_v = AMPLIFIER_GAIN * emf_vpp / 2 if self._sounding() else 0.0
-        instrument.frequency_hz = first.frequency_hz + (DEVIATION_HZ if self._deviates() else 0.0)
+        deviation_hz = DEVIATION_HZ if self._has(self.modulation) else 0.0
+        instrument.frequency_hz = first.frequency_hz + deviation_hz
         if instrument.output:
             instrument.voltage_v = instrument.target_v
 
@@ -203,6 +210,14 @@ class GeneratorDialect(Dialect):
         first = self.channels[0]
         first.load_ohm, first.unit = PANEL_LOAD_OHM, PANEL_UNIT
         first.emf_offset_v = PANEL_OFFSET_V
+
+    def modulate(self) -> None:
+        self.channels[0].settings.update([self.modulation])
+
+    def add_signal(self) -> None:
+        known = self.addition[0] in self.channels[0].settings
+        # A 33220A has no other signal than its modulation.
+        self.channels[0].settings.update([self.addition if known else self.modulation])
 
     def turn_frequency(self, frequency_hz: float) -> None:
         self.channels[0].frequency_hz = frequency_hz
@@ -219,13 +234,9 @@ class GeneratorDialect(Dialect):
         else:
             self.channels[channel - 1].output = on
 
-    def _added_emf_vpp(self) -> float:
-        """What a second signal adds to the amplitude of channel 1."""
-        return 0.0
-
-    def _deviates(self) -> bool:
-        """Whether frequency modulation is on."""
-        return False
+    def _has(self, setting: tuple[str, float | str]) -> bool:
+        header, value = setting
+        return self.channels[0].settings.get(header) == value
 
     def _sounding(self) -> bool:
         """Whether channel 1 gives its signal while its output is on."""

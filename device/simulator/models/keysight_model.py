@@ -69,6 +69,8 @@ class KeysightDialect(GeneratorDialect):
     """Answers the commands of a 33220A or 33522B."""
 
     plus = "+"
+    modulation = ("FM:STATe", 1.0)
+    addition = ("COMBine:FEED", "CH2")
     functions: ClassVar[tuple[str, ...]] = (
         "SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARB", "USER", "DC",
     )  # fmt: skip
@@ -76,23 +78,6 @@ class KeysightDialect(GeneratorDialect):
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
         super().__init__(instrument, model, SETTINGS_33500 if model.limits else SETTINGS)
-
-    def modulate(self) -> None:
-        self.channels[0].settings["FM:STATe"] = 1.0
-
-    def add_signal(self) -> None:
-        """Add the second channel to the first; a 33220A has no other signal than its modulation."""
-        if len(self.channels) == 1:
-            self.modulate()
-        else:
-            self.channels[0].settings["COMBine:FEED"] = "CH2"
-
-    def _added_emf_vpp(self) -> float:
-        combined = self.channels[0].settings.get("COMBine:FEED") == "CH2"
-        return self.channels[1].emf_vpp if combined else 0.0
-
-    def _deviates(self) -> bool:
-        return bool(self.channels[0].settings["FM:STATe"])
 
     def _sounding(self) -> bool:
         """A burst that waits for its trigger, or is over, gives nothing."""

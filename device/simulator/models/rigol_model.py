@@ -29,13 +29,12 @@ _GENERATORS = {
         limits=False,
     ),
 }
-_MODULATION, _SUM = "MOD[:STATe]", "SUM[:STATe]"
 SETTINGS = (
-    Kept(header=_MODULATION),
+    Kept(header="MOD[:STATe]"),
     Kept(header="SWEep:STATe"),
     Kept(header="BURSt[:STATe]"),
     Kept(header="HARMonic[:STATe]"),
-    Kept(header=_SUM),
+    Kept(header="SUM[:STATe]"),
     Kept(header="PHASe", lowest=0, highest=360),
     Kept(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
     Kept(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, units=SECONDS),
@@ -51,23 +50,13 @@ class RigolDialect(GeneratorDialect):
     )  # fmt: skip
     limit_header: ClassVar[str] = "OUTPut#:VOLLimit"
     limit_state: ClassVar[str] = "[:STATe]"
+    modulation = ("MOD[:STATe]", 1.0)
+    addition = ("SUM[:STATe]", 1.0)
+    # The sum's second signal is as large as the first.
+    added_channel = 1
 
     def __init__(self, instrument: Instrument, model: Model) -> None:
         super().__init__(instrument, model, SETTINGS)
-
-    def modulate(self) -> None:
-        self.channels[0].settings[_MODULATION] = 1.0
-
-    def add_signal(self) -> None:
-        """Add a second signal to channel 1 at the panel, as large as the first."""
-        self.channels[0].settings[_SUM] = 1.0
-
-    def _added_emf_vpp(self) -> float:
-        first = self.channels[0]
-        return first.emf_vpp if first.settings[_SUM] else 0.0
-
-    def _deviates(self) -> bool:
-        return bool(self.channels[0].settings[_MODULATION])
 
     def _switch_word(self, call: Call, *, on: bool) -> str:
         scpi.nothing(call.argument)

@@ -37,6 +37,9 @@ FIRST_EMF_VPP = 4.0
 class SiglentDialect(GeneratorDialect):
     """Answers the commands of an SDG2042X."""
 
+    modulation = ("MDWV", "ON")
+    addition = ("CMBN", "ON")
+
     def __init__(self, instrument: Instrument, model: Model) -> None:
         self._coupled = dict.fromkeys(_COUPLED, "OFF")
         super().__init__(instrument, model)
@@ -62,18 +65,6 @@ class SiglentDialect(GeneratorDialect):
         answer = self._line_answer(line.strip().upper())
         self.follow()
         return answer
-
-    def modulate(self) -> None:
-        self.channels[0].settings["MDWV"] = "ON"
-
-    def add_signal(self) -> None:
-        self.channels[0].settings["CMBN"] = "ON"
-
-    def _added_emf_vpp(self) -> float:
-        return self.channels[1].emf_vpp if self._setting(1, "CMBN") == "ON" else 0.0
-
-    def _deviates(self) -> bool:
-        return self._setting(1, "MDWV") == "ON"
 
     def _handlers(self) -> dict[str, Handler]:
         """Return none of SCPI: `answer` reads the lines of this dialect itself."""

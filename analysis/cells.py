@@ -63,7 +63,8 @@ def _csv(header: Sequence[str], rows: Iterable[Iterable[Cell]]) -> str:
     out = io.StringIO()
     # The writer's default is CR LF; all files that are exported end their lines alike.
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
+    # A study names its factors and questions, so that a heading may be a formula, too.
+    writer.writerow(map(csv_cell, header))
     writer.writerows(rows)
     return out.getvalue()
 

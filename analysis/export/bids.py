@@ -137,7 +137,7 @@ def _named(columns: Iterable[Column]) -> dict[str, Column]:
             here += "_answer"
             while here in taken:
                 here += "_"
-        named[here] = column
+        named[tsv_cell(here)] = column
     return named
 
 

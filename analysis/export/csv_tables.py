@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
-from analysis.cells import BETWEEN_TOUCHES, csv_of_columns, json_text
+from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_of_columns, json_text
 from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known, names_of
 from analysis.export.dataset import Chain, Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
@@ -38,7 +38,7 @@ def _table(
     names = names_of(columns)
     return {
         f"{name}.csv": csv_of_columns(names, (values(table[name]) for name in names)),
-        f"{name}.json": json_text({column.name: _described(column, data) for column in columns}),
+        f"{name}.json": json_text({csv_cell(it.name): _described(it, data) for it in columns}),
     }
 
 

@@ -81,7 +81,7 @@ def _variable(column: Column, data: Dataset) -> dict[str, Any]:
     return known(
         {
             "@type": "PropertyValue",
-            "name": column.name,
+            "name": csv_cell(column.name),
             "description": data.meaning(column) + listed,
             "unitText": column.unit,
             "valueReference": terms,

@@ -12,6 +12,7 @@ from analysis.estimates import plain
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.kept import Kept
 from analysis.loading.records import values
+from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
@@ -151,7 +152,11 @@ class Findings:
     @cached_property
     def groups(self) -> GroupStatistics | None:
         """The comparisons between groups; None of a study without groups."""
-        known, table = self.loaded.groups, self.loaded.table
+        return self.groups_by(self.loaded.table)
+
+    def groups_by(self, table: ScoreTable) -> GroupStatistics | None:
+        """Return the comparisons by the scores of a table; gains are those of given scores."""
+        known = self.loaded.groups
         rows = [row for row, who in enumerate(table.subjects) if who in known]
         if not rows:
             return None

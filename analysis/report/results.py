@@ -174,13 +174,17 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
     )
 
 
-def of_groups(made: GroupStatistics) -> str:
-    """Tell in which of the questions about groups they differ, and by how much."""
+def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
+    """Tell in which of the questions about groups they differ, and by how much.
+
+    Means are `adjusted` where somebody has no score of a condition: see `groups.mean_scores`.
+    """
+    means = f"Mean scores{', adjusted for conditions without a score,' * adjusted}"
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
     listed = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
         (
-            _compared(made, SCORE, "Mean scores", made.score),
+            _compared(made, SCORE, means, made.score),
             _profiles(made, made.interaction),
             _compared(made, GAIN, "Gains", made.gain),
             *([f"Conditions in which groups differed most: {listed}."] if listed else []),
@@ -256,7 +260,7 @@ def _effect(tests: Factorial, it: TestedEffect) -> str:
 def _of_design(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions about groups and factors, and what then holds for all together."""
     if found.groups is not None:
-        yield GROUPS, of_groups(found.groups)
+        yield GROUPS, of_groups(found.groups, adjusted=not found.loaded.table.given.all())
     if found.trials.factorial is not None:
         yield FACTORS, _factors(found.trials.factorial)
     if found.groups is not None or found.trials.factorial is not None:

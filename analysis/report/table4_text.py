@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from analysis.cells import csv_cell, csv_text
+from analysis.cells import csv_text
 from analysis.statistics.summary import Table4
 from protocol.study.fields import printable
 
@@ -78,8 +78,7 @@ def _mean(mean: float, missing: str) -> str:
 def table4_csv(result: Table4) -> str:
     """Return the table as CSV; a missing score is an empty cell."""
     header, *rows = table4_lines(result)
-    # Names of conditions are the study's own, and `csv_text` guards the rows alone.
-    return csv_text([csv_cell(name) for name in header], rows)
+    return csv_text(header, rows)
 
 
 def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> str:

@@ -10,7 +10,8 @@ from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
-from protocol.study.study_question import When
+from protocol.study.study import Study
+from protocol.study.study_question import AskedIf, StudyQuestion, When
 
 
 def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
@@ -34,6 +35,7 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
         return
     yield ""
     yield from _carryover_lines(shown)
+    yield from _group_lines(shown.study)
     yield ""
     yield from _precision_lines(shown, model)
 
@@ -176,9 +178,43 @@ def _span(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+def _group_lines(study: Study) -> Iterator[str]:
+    """Say which answers lead into no group, where one question of the desk decides."""
+    rules = [group.when for group in study.group if group.when is not None]
+    asked = {question.name: question for question in study.questions("desk")}
+    names = {rule.question for rule in rules}
+    question = asked.get(min(names)) if len(names) == 1 else None
+    if question is None:
+        return
+    met = {answer for rule in rules for answer in rule.answers}
+    left = [value for value in question.values if value not in met] or _gaps(question, rules)
+    if left:
+        told = ", ".join(left)
+        yield f"Groups      no group is for people whose answer to {question.name} is {told}"
+
+
+def _gaps(question: StudyQuestion, rules: Iterable[AskedIf]) -> list[str]:
+    """Return the numbers that answer a question and meet no rule."""
+    if not question.is_number:
+        return []
+    spans = sorted(question.steps_within(rule.at_least, rule.at_most) for rule in rules)
+    (at, last), (start, step), gaps = question.steps_within(None, None), question.grid, []
+    for low, high in [*spans, (last + 1, last)]:
+        if at < low:
+            first, end = (f"{start + step * each:.10g}" for each in (at, low - 1))
+            several = f"{end} or less" if at == -inf else f"{first} to {end}"
+            several = f"{first} or more" if low == inf else several
+            gaps.append(first if first == end else several)
+        at = max(at, high + 1)
+    return gaps
+
+
 def _carryover_lines(shown: preview.Preview) -> Iterator[str]:
     carryover, names, heading = shown.carryover, shown.study.conditions, "Carry-over"
-    for group, plans in by_group(shown.plans).items():
+    file = shown.study.groups
+    # In the order of the file; people arrive in another one.
+    of = sorted(by_group(shown.plans).items(), key=lambda it: file.index(it[0]) if it[0] else 0)
+    for group, plans in of:
         found = carry_over(shown.study, plans)
         many = _many(len(plans), "participant") + (f" of {group}" if group else "")
         if found.balanced:

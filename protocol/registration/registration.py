@@ -5,6 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import lru_cache
 from hashlib import sha256
 from itertools import permutations
@@ -293,11 +294,20 @@ def _of_noticing(conditions: Iterable[str]) -> dict[str, str]:
     return {NOTICED: f"{exact}; p < .05"} | {f"{name} {NOTICED}": holm for name in conditions}
 
 
+_MOST_NAMES = 12
+"""Of hypotheses in a message."""
+
+
 def require_known(name: str, known: Iterable[str]) -> None:
-    """Raise `BadInput` for a hypothesis that the study does not have; the message lists its own."""
+    """Refuse a name that the study's hypotheses lack, with the one that was probably meant."""
     names = list(known)
-    if name not in names:
-        raise BadInput(f"no hypothesis {name!r}; there are {', '.join(map(repr, names))}")
+    if name in names:
+        return
+    if close := get_close_matches(name, names, n=1):
+        raise BadInput(f"no hypothesis {name!r}; did you mean {close[0]!r}?")
+    more = f" and {len(names) - _MOST_NAMES} more" * (len(names) > _MOST_NAMES)
+    listed = ", ".join(map(repr, names[:_MOST_NAMES]))
+    raise BadInput(f"no hypothesis {name!r}; there are {listed}{more}")
 
 
 # The proof that orders follow from a digest: each session's plan is drawn again and compared.

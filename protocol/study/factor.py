@@ -6,6 +6,7 @@ from math import prod
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import (
+    BeforeValidator,
     Field,
     StrictFloat,
     StrictInt,
@@ -42,12 +43,22 @@ CONDITION = "condition"
 """Names the factor whose values are the conditions of the file, where it has several."""
 
 
+def _plain(value: object) -> object:
+    # Asked first, because each kind of the union would have an error of its own.
+    if type(value) in {str, int, float}:
+        return value
+    raise ValueError("must be a text or a number")
+
+
+_Value = Annotated[StrictStr | StrictInt | StrictFloat, BeforeValidator(_plain)]
+
+
 class Factor(Record):
     """What varies: each value of it meets each value of every other factor, in each condition."""
 
     name: Annotated[Name, Field(description="name in tables and reports")]
     varies: Annotated[Varied, Field(description="the key of a touch that it sets")]
-    values: tuple[StrictStr | StrictInt | StrictFloat, ...] = Field(
+    values: tuple[_Value, ...] = Field(
         min_length=2, max_length=MOST_CONDITIONS, description="what the key is set to"
     )
     touches: Literal["first", "last", "all"] = setting(

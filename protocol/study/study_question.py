@@ -249,6 +249,25 @@ class StudyQuestion(Record):
         return self.scale[:2] if self.kind == "analogue" else (self.minimum, self.maximum)
 
     @property
+    def grid(self) -> tuple[float, float]:
+        """A number that answers it, and the distance between such numbers."""
+        low, _, step = self.scale
+        return (low, step) if self.form == "scale" else (0.0, 10.0 ** -(self.decimals or 0))
+
+    def steps_within(self, low: float | None, high: float | None) -> tuple[float, float]:
+        """Return the first and the last answer from `low` to `high`, in steps of the `grid`.
+
+        If there is none, the first is above the last; where there is no end it is infinite.
+        """
+        start, step = self.grid
+        lows, highs = (
+            # Rounded, because steps such as 0.1 are not exact in binary.
+            [round((end - start) / step, 6) for end in ends if end is not None]
+            for ends in zip((low, high), self.ends, strict=True)
+        )
+        return ceil(max(lows)) if lows else -inf, floor(min(highs)) if highs else inf
+
+    @property
     def places(self) -> int:
         """Number of steps from one end of the scale to the other."""
         low, high, step = self.scale

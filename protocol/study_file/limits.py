@@ -52,8 +52,11 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         (("factor", number, "name"), factor.name) for number, factor in enumerate(study.factor)
     ]
     yield from _blank("factor", named)
-    taken = [(("factor",), name) for name in (CONDITION, "session")] if named else []
-    yield from _alike("factor", [*named, *taken])
+    yield from _alike("factor", named)
+    for path, name in named:
+        if name.strip().casefold() in {CONDITION, "session"}:
+            rule, hint = "a factor must not have the name of what reports have anyway", "rename it"
+            yield Problem(where="factor", rule=rule, value=repr(name), hint=hint, path=path)
     varied = [(factor.varies, factor.touches) for factor in study.factor]
     for number, factor in enumerate(study.factor):
         if varied.index((factor.varies, factor.touches)) < number:
@@ -90,6 +93,27 @@ def group_problems(study: Study) -> Iterator[Problem]:
         for rule, value, hint in _leads_nowhere(study, group, desk):
             where = f"group {group.name}, when"
             yield Problem(where=where, rule=rule, value=value, hint=hint, path=path)
+        for other in study.group[:number]:
+            if shared := _led_by_both(group, other, desk):
+                rule, hint = f"must not be met by an answer that leads to {other.name}", ""
+                where = f"group {group.name}, when"
+                yield Problem(where=where, rule=rule, value=shared, hint=hint, path=path)
+
+
+def _led_by_both(one: Group, other: Group, desk: Mapping[str, StudyQuestion]) -> str:
+    """Return an answer to a question that leads into both groups; empty if there is none."""
+    if not one.when or not other.when or one.when.question != other.when.question:
+        return ""
+    if shared := set(one.when.answers) & set(other.when.answers):
+        return repr(min(shared))
+    question, rules = desk.get(one.when.question), (one.when, other.when)
+    if question is None or not question.is_number:
+        return ""
+    low = max((it.at_least for it in rules if it.at_least is not None), default=None)
+    high = min((it.at_most for it in rules if it.at_most is not None), default=None)
+    first, last = question.steps_within(low, high)
+    ends = [f"{end:g}" for end in (low, high) if end is not None]
+    return "" if first > last else " to ".join(ends) or "any number"
 
 
 def _leads_nowhere(
@@ -105,6 +129,9 @@ def _leads_nowhere(
         yield f"must not be given unless {how}", repr(when.question), ""
     elif when.question in desk and desk[when.question].asked_if is not None:
         yield "must name a question that is always asked", repr(when.question), "leave asked_if out"
+    elif when.question in desk and not desk[when.question].required:
+        rule = "must name a question that cannot be skipped"
+        yield rule, repr(when.question), "leave required = false out"
     elif when.question in desk:
         yield from unanswerable(when, desk[when.question])
     elif when.question not in study.session.operator_asks:

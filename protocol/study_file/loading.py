@@ -226,7 +226,8 @@ def place(document: Mapping[str, Any], path: Path) -> str:
     words = [f"{path[0]} {_named(document, path[0], path[1])}"]
     for part in path[2:]:
         if isinstance(part, int):
-            words[-1] = f"{words[-1].removesuffix('es')} {part + 1}"
+            one = words[-1].removesuffix("s") if words[-1] == "values" else words[-1]
+            words[-1] = f"{one.removesuffix('es')} {part + 1}"
         else:
             words.append(part)
     return ", ".join(words)
@@ -289,7 +290,7 @@ _NAMED = {"beams": (2, 0.0), "texts": (3, "text")}
 """How deep a name stands, and what may stand beside it: a touch that names it still finds it."""
 _OF_TABLES = ("opening", "condition", "touches")
 """Lists that keep their length, so that what is found later is still found at its place."""
-_OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "condition"})
+_OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "condition", "factor"})
 """What the wishes of a design are counted from."""
 _ROUNDS = 8
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import combinations
-from math import inf
 from string import Formatter
 from unicodedata import category, normalize
 
@@ -343,10 +342,8 @@ def unanswerable(rule: AskedIf, other: StudyQuestion) -> Iterator[tuple[str, str
             hint = f"known: {', '.join(other.values)}"
             yield must, next(iter(wrong), "something else"), hint
         return
-    low, high = other.ends
-    low = max((end for end in (low, rule.at_least) if end is not None), default=-inf)
-    high = min((end for end in (high, rule.at_most) if end is not None), default=inf)
-    if rule.answers or not numbers or not other.is_number or low > high:
+    first, last = other.steps_within(rule.at_least, rule.at_most) if other.is_number else (1, 0)
+    if rule.answers or not numbers or first > last:
         must = f"must say at_least or at_most, within the numbers that answer {other.name}"
         yield must, ", ".join(f"{end:g}" for end in numbers) or "something else", ""
 

@@ -53,6 +53,11 @@ def test_no_cell_starts_a_formula_wherever_a_spreadsheet_splits_the_file(text: s
         assert not FORMULA.match(part)
 
 
+def test_a_heading_is_guarded_once() -> None:
+    for heading in ("=1+1", "'=1+1"):
+        assert csv_text([heading], []) == csv_of_columns([heading], [[]]) == "'=1+1\n"
+
+
 def test_a_formula_after_a_semicolon_is_guarded() -> None:
     assert csv_cell("a;=1+1") == "a;'=1+1"
     assert csv_text(["a"], [[("a;=1+1", "-1")]]) == "a\na\\;'=1+1;'-1\n"

@@ -32,7 +32,7 @@ from analysis.report.figure_data import (
 )
 from analysis.report.findings import Findings
 from analysis.report.results import of_groups
-from analysis.report.wording import MISSING, interval, number, of_all, p_value
+from analysis.report.wording import MISSING, interval, number, of_all, p_equals, p_value
 from analysis.statistics.detection import Detection, Rate
 from analysis.statistics.factorial import (
     SESSION,
@@ -249,6 +249,7 @@ def _noticed_json(each: Detected) -> Json:
 
 # Comparisons between groups of participants.
 
+_READ_AS = {"zero": "withheld as lowest possible", "lowest": "withheld as lowest given"}
 _METHOD = (
     "Groups are compared by one number of each participant: the mean score, the score of a "
     "condition, or the gain, which is the least-squares slope of the participant's own scores on "
@@ -269,13 +270,16 @@ def groups(found: Findings) -> Section:
     if made is None:
         return Section(name="groups", title="Groups", blocks=[])
     tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
+    others = list(found.table.tables.items())[1:]
+    readings = {name: again.p_holm for name, of in others if (again := found.groups_by(of))}
     return Section(
         name="groups",
         title="Do the groups differ?",
         blocks=[
-            of_groups(made),
+            of_groups(made, adjusted=not found.loaded.table.given.all()),
             _METHOD,
             _without(found),
+            _reread_groups(readings),
             _people_table(found),
             Table(
                 name="groups-measures",
@@ -303,8 +307,17 @@ def groups(found: Findings) -> Section:
                 "over the pairs of a measure; of the conditions over all pairs in all of them.",
             ),
         ],
-        data={"groups": _groups_json(found, made)},
+        data={"groups": {**_groups_json(found, made), "p_holm_by_reading": plain(readings)}},
     )
+
+
+def _reread_groups(readings: Mapping[str, Mapping[str, float]]) -> str:
+    """Tell the questions about groups under the other readings of withheld scores."""
+    told = [
+        f"{_READ_AS[name]}, {'; '.join(f'{of}: {p_equals(p)}' for of, p in p_holm.items())}"
+        for name, p_holm in readings.items()
+    ]
+    return f"Withheld scores read otherwise, by Holm's correction: {'. '.join(told)}." * bool(told)
 
 
 @dataclass(frozen=True)
@@ -418,10 +431,6 @@ def _readings(found: Findings) -> _Readings:
 
 
 def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Readings) -> Table:
-    words = {
-        "zero": "Holm, withheld as lowest possible",
-        "lowest": "Holm, withheld as lowest given",
-    }
     wald = {it.factors: it for it in latent.effects} if isinstance(latent, LatentFactorial) else {}
     return Table.over(
         effects,
@@ -437,7 +446,7 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
             Column("general η²", "effect.generalized_eta2", 2),
             *[Column("latent p", lambda it: wald[it.factors].p, p_cell)] * bool(wald),
             *(
-                Column(words[name], partial(_reread, again), p_cell)
+                Column(f"Holm, {_READ_AS[name]}", partial(_reread, again), p_cell)
                 for name, again in readings.items()
             ),
         ],

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from analysis.export.bids import bids_export
 from analysis.export.csv_tables import csv_tables
 from analysis.export.dataset import Dataset, dataset
+from analysis.export.psychds import psychds_export
 from analysis.export.trial_table import Frames
 from analysis.loading.records import values
 from protocol.journal.events import Event, QuestionAnswered, StoredEvent
@@ -64,6 +65,18 @@ def test_each_factor_is_a_column_by_its_name_or_one_that_is_free() -> None:
     assert frames.described("0 to 10").loc[("trials", "voltage"), "meaning"] == (
         "Factor of the condition, which sets ramp_to_v of a touch."
     )
+
+
+def test_a_heading_is_no_formula_in_a_table_nor_in_what_describes_it() -> None:
+    data = exported([session("P01", 1, 30)], ONCE.replace('"voltage"', '"=1+1"'))
+    tables, bids, psychds = csv_tables(data, shared=True), bids_export(data), psychds_export(data)
+    assert ",'=1+1," in tables["trials.csv"].partition("\n")[0]
+    assert '"\'=1+1": {' in tables["trials.json"]
+    for end, mark in (("_beh.tsv", "\t'=1+1\t"), ("_beh.json", '"\'=1+1": {')):
+        assert all(mark in text for path, text in bids.items() if path.endswith(end))
+    assert '"name": "\'=1+1"' in psychds["dataset_description.json"]
+    # Programs have the name as it is.
+    assert "=1+1" in data.trials
 
 
 def test_an_answer_given_once_stands_with_all_trials_of_the_participant_alone() -> None:

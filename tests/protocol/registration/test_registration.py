@@ -153,8 +153,12 @@ def test_registered_orders_keep_every_promise(study: object, digit: str) -> None
 def test_hypotheses_are_known_by_name() -> None:
     known = hypotheses(("voltage", "structure"))
     require_known("voltage above structure", known)
-    with pytest.raises(BadInput, match=re.escape("no hypothesis 'voltage'; there are 'conditions")):
-        require_known("voltage", known)
+    with pytest.raises(BadInput, match=re.escape("no hypothesis 'volt'; there are 'conditions")):
+        require_known("volt", known)
+    with pytest.raises(BadInput, match=r"; did you mean 'voltage above structure'\?$"):
+        require_known("voltage above structures", hypotheses(tuple("abcdefgh"), ()) | known)
+    with pytest.raises(BadInput, match=r"'d above b' and \d more$"):
+        require_known("?", hypotheses(tuple("abcd")))
 
 
 def test_the_text_for_a_registry_names_all_that_is_settled() -> None:

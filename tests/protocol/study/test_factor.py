@@ -89,7 +89,16 @@ def test_conditions_of_the_file_are_a_factor_of_their_own() -> None:
             "condition: names must differ, got '50 V",
         ),
         ('"frequency"\n', '"Voltage"\n', "names must differ by more than case"),
-        ('"frequency"\n', '"condition"\n', "names must differ"),
+        (
+            '"frequency"\n',
+            '"Condition"\n',
+            "not have the name of what reports have anyway, got 'Con",
+        ),
+        (
+            "[50, 100, 150, 200]",
+            "[true, 50]",
+            "voltage, value 1: must be a text or a number, got True",
+        ),
         ("25000]", '25000]\nlabels = ["a"]', "labels: must be as many as values, 3, and differ"),
         ("voltage_v = 0 }", "voltage_v = 0, frequency = 1.0 }", "not be given beside frequency_hz"),
     ],

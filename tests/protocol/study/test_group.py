@@ -72,6 +72,66 @@ def test_a_design_must_fit_its_groups(design: str, told: str) -> None:
     assert told in str(refused.value)
 
 
+AGE = """
+[[question]]
+name = "age"
+kind = "number"
+when = "desk"
+text = { en = "Age?", zh = "\u5e74\u9f84\uff1f" }
+"""
+
+
+def by_age(young: str, old: str, question: str = AGE) -> str:
+    """A study whose groups follow from the age."""
+    (first, last), design = GROUPS.split("\n[[group]]\n")[-2:], 'assign_groups = "by an answer"'
+    whens = (f"when = {{ question = 'age', {rule} }}" for rule in (young, old))
+    groups = [f"[[group]]\n{it}\n{when}\n" for it, when in zip((first, last), whens, strict=True)]
+    return STUDY.replace("[design]", f"[design]\n{design}") + "".join(groups) + question
+
+
+@pytest.mark.parametrize(
+    ("rules", "question", "told"),
+    [
+        (("at_most = 30", "at_least = 20"), AGE, "that leads to young, got 20 to 30"),
+        (("at_most = 30", "at_most = 9"), AGE, "that leads to young, got 9"),
+        (("at_most = 30", "at_least = 30.5, at_most = 30.9"), AGE, "at_most, within the numbers"),
+        (
+            ("at_most = 30", "at_least = 31"),
+            AGE + "required = false\n",
+            "group young, when: must name a question that cannot be skipped, got 'age'; leave",
+        ),
+    ],
+)
+def test_each_answer_leads_to_one_group(rules: tuple[str, str], question: str, told: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        parsed_study(by_age(*rules, question))
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("rules", "ends", "left"),
+    [
+        (("at_most = 30", "at_least = 30.5"), "", ""),
+        (("at_most = 30", "at_least = 60"), "", "31 to 59"),
+        (("at_most = 30", "at_least = 32"), "minimum = 18\nmaximum = 99\n", "31"),
+        (
+            ("at_least = 20, at_most = 30", "at_least = 31, at_most = 99"),
+            "",
+            "19 or less, 100 or more",
+        ),
+    ],
+)
+def test_answers_that_lead_to_no_group_are_told(
+    rules: tuple[str, str], ends: str, left: str
+) -> None:
+    study = parsed_study(by_age(*rules, AGE + ends))
+    model = Prediction(law="consistent", rung="none", contrast=lambda _: None)
+    (*_, told) = [
+        line for line in preview_lines(preview(study, 2), model) if "group is" in line
+    ] or [""]
+    assert told.removeprefix("Groups      no group is for people whose answer to age is ") == left
+
+
 def test_no_group_is_assigned_at_random_where_there_is_none() -> None:
     text = STUDY.replace("[design]", '[design]\nassign_groups = "at random"')
     with pytest.raises(StudyError, match=r"group: must be 2 or more groups, got 0"):
@@ -89,6 +149,16 @@ text = { en = "Which group?", zh = "\u54ea\u4e00\u7ec4\uff1f" }
     parsed_study(STUDY + asked)
     with pytest.raises(StudyError, match="a question must have a name of its own"):
         parsed_study(STUDY + asked + GROUPS)
+
+
+def test_a_preview_tells_groups_in_the_order_of_the_file() -> None:
+    names = ["e", "d", "c", "b", "a"]
+    study = parsed_study(STUDY + "".join(f'[[group]]\nname = "{it}"\nsize = 2\n' for it in names))
+    model = Prediction(law="consistent", rung="none", contrast=lambda _: None)
+    told = [
+        line for line in preview_lines(preview(study, 10), model) if "2 participants of" in line
+    ]
+    assert [line.partition(" of ")[2][0] for line in told] == names
 
 
 @pytest.mark.parametrize("number", [2, 3, 4, 5])

@@ -59,6 +59,7 @@ def problems(rule: str, when: str = "") -> list[str]:
             "within the numbers that answer score, got 11",
         ),
         ('{ question = "sure", at_most = -1 }', "", "within the numbers that answer sure, got -1"),
+        ('{ question = "sure", at_least = 1.2, at_most = 1.8 }', "", "answer sure, got 1.2, 1.8"),
         ('{ question = "sure", is = ["1"] }', "", "must say at_least or at_most"),
         ('{ question = "sure", at_least = 3, at_most = 2 }', "", "that answer sure, got 3, 2"),
         ('{ question = "sure", at_least = 3 }', 'when = "after"', "when: must be 'trial' as that"),

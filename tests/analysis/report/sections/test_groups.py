@@ -95,6 +95,25 @@ def test_groups_that_do_not_differ_are_not_said_to() -> None:
     assert "between groups" not in dict(paragraphs(found))[TOGETHER]
 
 
+def test_withheld_scores_are_told_and_read_otherwise() -> None:
+    whole = of_rise(3)
+    (reading, table), *_ = whole.table.tables.items()
+    weak = table.scores <= np.nanquantile(table.scores, 0.1)
+    low = replace(table, scores=np.where(weak, np.nan, table.scores))
+    tables = {reading: low, "zero": table, "lowest": table}
+    found = replace(
+        whole,
+        loaded=replace(whole.loaded, table=low),
+        table=replace(whole.table, tables=tables),
+    )
+    assert whole.groups is not None
+    adjusted = dict(paragraphs(found))[GROUPS]
+    assert adjusted.startswith("Mean scores, adjusted for conditions without a score, ")
+    again = report_json(found)["groups"]["p_holm_by_reading"]
+    assert again["zero"] == dict(whole.groups.p_holm)
+    assert "correction: withheld as lowest possible, mean score: p" in report_html(found)
+
+
 @pytest.mark.parametrize(
     ("rise", "name", "supported"),
     [(3, "old above young", True), (3, "young above old", False), (0, "old above young", False)],

@@ -2,12 +2,14 @@
 
 import math
 import os
+import reprlib
 import signal
 import threading
 import weakref
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Self
 
@@ -18,7 +20,7 @@ from device.rig import Rig
 from device.simulator.client import BeamControl
 from device.study_limits import device_limits
 from protocol.address import SIMULATED
-from protocol.errors import WorkFailed
+from protocol.errors import BadInput, WorkFailed
 from protocol.journal import events
 from protocol.journal.records import Identity, ReadBack
 from protocol.study.rig_settings import ForceChannel
@@ -69,6 +71,14 @@ def open_rig(
         RuntimeError: the rig is in use or does not work; the message says what is known of its
             output.
     """
+    folders = {"study": study, "journal": journal}
+    for name, place in folders.items():
+        text = os.fspath(place) if isinstance(place, str | os.PathLike) else place
+        _require(
+            text is None or (isinstance(text, str) and "\0" not in text), name, "folder", place
+        )
+    _require(isinstance(device, str), "device", f"text such as {SIMULATED!r}", device)
+    _require(type(seed) is int, "seed", "whole number", seed)
     home = journal if study is None else study
     folder = None if home is None else StudyFolder(path=Path(home))
     file = None if folder is None else validated_study(folder.text(), str(folder.study_file))
@@ -166,8 +176,8 @@ class OpenRig:
         """
         device, settings = self._open(), self._settings
         setpoint = Setpoint(
-            voltage_v=float(voltage_v),
-            frequency_hz=float(frequency_hz),
+            voltage_v=_number("voltage_v", voltage_v),
+            frequency_hz=_number("frequency_hz", frequency_hz),
             ramp_v_per_s=settings.ramp_v_per_s,
         ).checked(device_limits(settings))
         # On the disk before the output goes on: nothing is driven of which the journal is ignorant.
@@ -192,6 +202,7 @@ class OpenRig:
         Raises:
             ValueError: the output would be on for longer than the study's `rig.max_drive_s`.
         """
+        seconds = _number("seconds", seconds)
         if not 0 <= seconds < math.inf:
             raise LimitExceeded(f"seconds must be at least 0, got {seconds}")
         device, clock = self._open(seconds), self._rig.clock
@@ -263,6 +274,23 @@ class OpenRig:
             self._kept.append(tested)
             if not tripped:
                 raise DeviceError(NOT_TRIPPED)
+
+
+def _require(right: bool, name: str, what: str, value: object) -> None:
+    if not right:
+        raise BadInput(f"{name} must be a {what}, got {reprlib.repr(value)}")
+
+
+def _number(name: str, value: object) -> float:
+    # Neither a truth nor a text such as "100": a program that mixes them up must not drive.
+    number = math.nan
+    if right := type(value) is not bool and isinstance(value, Real):
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            right = False
+    _require(right, name, "number", value)
+    return number
 
 
 @dataclass

@@ -146,6 +146,19 @@ def test_a_drive_has_its_longest_time(rig: touchbeam.OpenRig) -> None:
     rig.wait(4)
 
 
+@pytest.mark.parametrize("value", ["100", True, None, [100], 10**400, 1j])
+def test_only_a_number_is_driven_or_waited(rig: touchbeam.OpenRig, value: Any) -> None:
+    before = hand_on(rig).state()
+    for name, asked in (
+        ("voltage_v", lambda: rig.drive(value, HZ)),
+        ("frequency_hz", lambda: rig.drive(50, value)),
+        ("seconds", lambda: rig.wait(value)),
+    ):
+        with pytest.raises(ValueError, match=rf"^{name} must be a number, got [^\n]{{1,50}}$"):
+            asked()
+    assert hand_on(rig).state() == before
+
+
 @pytest.mark.parametrize("seconds", [-1, float("nan"), float("inf")])
 def test_a_wait_is_a_time(rig: touchbeam.OpenRig, seconds: float) -> None:
     with pytest.raises(ValueError, match="seconds must be at least 0, got"):
@@ -343,12 +356,18 @@ def test_nothing_counts_a_script(folder: Path, capsys: pytest.CaptureFixture[str
         ({"study": "nowhere"}, "nowhere"),
         ({"device": "http://example"}, "http://example"),
         ({"journal": "nowhere"}, "nowhere"),
+        ({"study": 5}, "^study must be a folder, got 5$"),
+        ({"study": "a\0b"}, "^study must be a folder, got 'a"),
+        ({"journal": b"."}, "^journal must be a folder, got b'.'$"),
+        ({"device": None}, "^device must be a text such as 'sim"),
+        ({"seed": "x"}, "^seed must be a whole number, got 'x'$"),
+        ({"seed": True}, "^seed must be a whole number, got True$"),
     ],
 )
 def test_what_is_not_there_is_a_value_error(
-    given: dict[str, str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    given: dict[str, Any], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match=said):
-        touchbeam.open_rig(**given)  # type: ignore[arg-type]
+        touchbeam.open_rig(**given)
     assert list(tmp_path.iterdir()) == []

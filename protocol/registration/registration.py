@@ -242,6 +242,30 @@ def factors_of(study: Study) -> tuple[str, ...]:
     return (*study.factors, *["session"] * (study.design.sessions > 1))
 
 
+def threshold_of(track: str, other: str = "") -> str:
+    """Return the name of what is said of a track's threshold: it, or that it is above another."""
+    return f"threshold of {track}" + (f" above that of {other}" if other else "")
+
+
+def hypotheses_of(study: Study) -> dict[str, str]:
+    """Return the test of each hypothesis of a study, by its name; those of conditions first."""
+    found = {}
+    if study.condition:
+        catch_trials = study.design.catch_trials
+        found = hypotheses(
+            study.conditions, study.groups, factors_of(study), catch_trials=catch_trials
+        )
+    # On one axis: volts are not compared with metres.
+    pairs = ((a, b) for a, b in permutations(study.track, 2) if a.axis == b.axis)
+    found |= {
+        threshold_of(a.name, b.name): "Wilcoxon's signed-rank test of the participants' log "
+        "thresholds, two-sided; p < .05 and a median ratio above 1"
+        for a, b in pairs
+    }
+    estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
+    return found | {threshold_of(track.name): estimated for track in study.track}
+
+
 def hypotheses(
     conditions: Sequence[str],
     groups: Iterable[str] = (),
@@ -249,7 +273,7 @@ def hypotheses(
     *,
     catch_trials: int = 0,
 ) -> dict[str, str]:
-    """Return the test of each hypothesis of a study with these names, by its name.
+    """Return the test of each hypothesis on conditions with these names, by its name.
 
     >>> list(hypotheses(["a", "b"]))[1:3]
     ['a above b', 'b above a']

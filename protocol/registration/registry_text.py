@@ -1,12 +1,14 @@
 """The text of a registration to paste into a registry, under the headings that registries use."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
-from protocol.registration.registration import Registration, factors_of, hypotheses
+from protocol.registration.registration import Registration, hypotheses_of
 from protocol.study.rules import Order
 from protocol.study.study import Study
 from protocol.study.study_question import When
 from protocol.study.touch import Touch
+from protocol.study.track import Track
 
 _ORDERS: dict[Order, str] = {
     "williams": "Each participant follows a sequence of a Williams design, which balances "
@@ -84,12 +86,7 @@ def registry_text(study: Study, registered: Registration) -> str:
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
-    tests = hypotheses(
-        study.conditions,
-        study.groups,
-        factors_of(study),
-        catch_trials=study.design.catch_trials,
-    )
+    tests = hypotheses_of(study)
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."
@@ -105,12 +102,17 @@ def _study_type(study: Study) -> Iterator[str]:
 
 def _design(study: Study) -> Iterator[str]:
     design = study.design
-    yield (
-        f"{len(study.condition)} conditions, {design.repeats} trial"
-        f"{'s' * (design.repeats != 1)} of each per session, {design.sessions} session"
-        f"{'s' * (design.sessions != 1)} per participant."
-    )
-    yield _ORDERS[design.order]
+    sessions = f"{design.sessions} session{'s' * (design.sessions != 1)} per participant."
+    if study.condition:
+        yield (
+            f"{len(study.condition)} conditions, {design.repeats} trial"
+            f"{'s' * (design.repeats != 1)} of each per session, {sessions}"
+        )
+        yield _ORDERS[design.order]
+    if study.track:
+        many = len(study.track) > 1
+        order = f"s, {design.tracks}" * many
+        yield f"Thresholds by {len(study.track)} track{order}, {sessions}"
     if design.catch_trials:
         yield f"{design.catch_trials} catch trials (0 V) per session."
     if design.opposite_repeats:
@@ -134,6 +136,35 @@ def _conditions(study: Study) -> Iterator[str]:
             f"{condition.name}: {touches}.{levels} Question about {condition.question}, "
             f"expected answer: {condition.expected}."
         )
+    yield from chain.from_iterable(map(_track, study.track))
+
+
+def _track(track: Track) -> Iterator[str]:
+    """Yield what a track asks, at which levels, by which rule, and what its threshold is."""
+    values, by = track.values, {"reversals": "", "interval_db": " dB wide"}
+    yield (
+        f"{track.name}: {track.task}, {track.method}, {track.trials} trials, {track.catch} catch "
+        f"and {track.easy} easy ones; which is {track.found}; {len(values)} levels of "
+        f"{track.axis}, {', '.join(f'{value:.6g}' for value in values)}."
+    )
+    made = _touch(track.comparison).removesuffix(", 0 V")  # the axis gives its voltage
+    yield f"Comparison: {made}, with the {track.axis} of the level."
+    if track.standard:
+        yield f"Standard: {_touch(track.standard)}."
+    if track.method == "staircase":
+        up, down = track.up_step_db or track.up_step_levels, track.step_db or track.step_levels
+        unit = "dB" if track.step_db else "levels"
+        steps = ", ".join(f"{step:g}" for step in down)
+        weighted = f", up {', '.join(f'{step:g}' for step in up)}" if up else ""
+        yield f"Rule: {track.rule}, {track.streak}, steps {steps}{weighted} {unit}."
+    if track.stop:
+        said = {key: value for key, value in track.stop if value is not None}
+        ends = [f"{key.split('_')[0]} {value:g}{by[key]}" for key, value in said.items()]
+        yield f"It ends sooner at: {', '.join(ends)}."
+    yield (
+        f"Its threshold: {track.share:.4g} {'yes' if track.task == 'yes or no' else 'correct'}, "
+        f"curve {track.shape}, lapse rate {track.lapse[0]:g} to {track.lapse[1]:g}."
+    )
 
 
 def _touch(touch: Touch) -> str:
@@ -164,10 +195,13 @@ def _measured(study: Study) -> Iterator[str]:
         "noticed": "if the answer says that anything changed",
         "always": "always",
     }[rating.score_when]
-    yield (
-        f"The reported change, and the strength of the effect from {rating.minimum} to "
-        f"{rating.maximum}, asked {when}."
-    )
+    if study.condition:
+        yield (
+            f"The reported change, and the strength of the effect from {rating.minimum} to "
+            f"{rating.maximum}, asked {when}."
+        )
+    if study.track:
+        yield "Of each track: the answer, the level, and the threshold that the answers tell."
     for question in study.question:
         of = f" of {', '.join(question.conditions)}" if question.conditions else ""
         # Registries are read in English; a study without it is quoted in its own language.

@@ -16,8 +16,7 @@ from protocol.registration.registration import (
     FILE,
     Registration,
     Setting,
-    factors_of,
-    hypotheses,
+    hypotheses_of,
     registered_event,
     registration_in,
     require_known,
@@ -164,9 +163,12 @@ def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What an author registers beside the study file; `power` is the file of a power analysis."""
+    """What an author registers beside the study file; `power` is the file of a power analysis.
 
-    primary: str
+    Without a `primary` hypothesis it is the study's first one.
+    """
+
+    primary: str | None
     secondary: Sequence[str]
     law: str
     rung: str
@@ -180,13 +182,9 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
 
     Raise `BadInput` for an unknown hypothesis, no planned size, or an unreadable power analysis.
     """
-    known = hypotheses(
-        study.conditions,
-        study.groups,
-        factors_of(study),
-        catch_trials=study.design.catch_trials,
-    )
-    for name in (choice.primary, *choice.secondary):
+    known = hypotheses_of(study)
+    primary = choice.primary or next(iter(known))
+    for name in (primary, *choice.secondary):
         require_known(name, known)
     participants = study.design.participants
     if participants is None:
@@ -197,8 +195,8 @@ def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) 
     return Registration(
         study=study.study.name,
         study_sha256=text_digest(text),
-        primary=choice.primary,
-        secondary=tuple(name for name in dict.fromkeys(choice.secondary) if name != choice.primary),
+        primary=primary,
+        secondary=tuple(name for name in dict.fromkeys(choice.secondary) if name != primary),
         law=choice.law,
         rung=choice.rung,
         calibration=values if rig.origin else {},

@@ -295,7 +295,7 @@ def register(
     from analysis.loading.study_data import rules_in_words
     from analysis.report.sections.registration import analysis_settings
     from device.friction.changes import LAW, RUNG
-    from protocol.registration.registration import FILE, OMNIBUS
+    from protocol.registration.registration import FILE
     from protocol.registration.registry_text import registry_text
     from runner.journal.location import checked_place, mounts_of_this_machine
     from runner.study.calibration import fitted_calibration
@@ -308,7 +308,7 @@ def register(
     checked = validated_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
     choice = Choice(
-        primary=primary or OMNIBUS,
+        primary=primary,
         secondary=hypothesis or [],
         law=LAW,
         rung=RUNG,

@@ -12,8 +12,10 @@ from protocol.errors import BadInput
 from protocol.plan.plan import plan, slide_plan, slide_study
 from protocol.proof.trial_checks import cohort_problems
 from protocol.registration.registration import (
+    OMNIBUS,
     Registration,
     hypotheses,
+    hypotheses_of,
     locked,
     registration_in,
     require_known,
@@ -223,3 +225,23 @@ def test_the_text_for_a_registry_names_each_power() -> None:
 
 def test_every_order_has_its_words() -> None:
     assert set(_ORDERS) == set(get_args(Order))
+
+
+def test_a_study_of_tracks_registers_what_they_ask_and_what_their_thresholds_are() -> None:
+    text = template("threshold")
+    study = parsed_study(text[: text.index("# Scored beside")])
+    known = hypotheses_of(study)
+    first = "threshold of smallest amplitude above that of by a staircase"
+    assert next(iter(known)) == first, "without conditions none of theirs"
+    assert OMNIBUS in hypotheses_of(parsed_study(text))
+    said = registry_text(study, replace(REGISTERED, primary=first, secondary=()))
+    for named in (
+        "Thresholds by 2 tracks, interleaved, 1 session per participant.",
+        "two intervals, quest+, 40 trials, 4 catch and 4 easy ones; which is smoother",
+        "Comparison: touch the place, with the voltage of the level.",
+        "Rule: 3 down 1 up, consecutive, steps 4, 4, 1 dB.",
+        "It ends sooner at: reversals 12.",
+        "Its threshold: 0.75 correct, curve weibull, lapse rate 0 to 0.08.",
+    ):
+        assert named in said
+    assert "0 conditions" not in said

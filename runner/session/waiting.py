@@ -188,7 +188,14 @@ def _corrected(context: SessionContext, wanted: Correction) -> str:
             note=wanted.note or None,
         )
     )
-    return f"corrected: {wanted.name} {answer_text(answer)}"
+    rules = [group for group in session.study.group if group.when and group.name != session.group]
+    meant = next((it.name for it in rules if it.when and it.when.met_by({wanted.name: answer})), "")
+    # The journal begins with the plan of the group, and proves it: it cannot be drawn anew.
+    kept = (
+        f"; the session keeps its group, {session.group}, because its trials are planned: for "
+        f"{meant} end it, exclude it with the reason, and run the participant's next session"
+    )
+    return f"corrected: {wanted.name} {answer_text(answer)}{kept * bool(meant)}"
 
 
 def _repeat(context: SessionContext) -> None:

@@ -1,6 +1,7 @@
 """Questions at the operator's desk: asked before the first trial, refused, corrected, exported."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -219,3 +220,33 @@ def test_a_rehearsal_draws_the_answers_and_exports_have_them(
         records = [event.record for event in journal.events("P01/1 (rehearsal)")]
     assert isinstance(records[0], SessionOpened)
     assert {name: it for name, it, _ in given(records)}["glove"] == rows[0]["glove"]
+
+
+GROUPS = """
+[[group]]
+name = "bare"
+size = 4
+when = { question = "glove", is = ["none"] }
+[[group]]
+name = "gloved"
+size = 4
+when = { question = "glove", is = ["nitrile"] }
+"""
+
+
+def test_a_correction_that_means_another_group_says_what_to_do(tmp_path: Path) -> None:
+    text = TEXT.replace("[design]", '[design]\nassign_groups = "by an answer"')
+    text = text.replace("\nparticipants = 9 ", "\n# ") + GROUPS
+    device = FakeDevice()
+    orders: list[tuple[str, Any]] = [
+        ("touching", Correction(name="glove", answer=answer, note="seen"))
+        for answer in ("nitrile", "none")
+    ]
+    operator = FakeOperator(device, orders, answers=["none", ""])
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, device, FakeParticipant(), text, operator)
+        session = replace(made.session, group="bare")
+        run(replace(made, session=session))
+    there, back = (said for said in operator.notices if said.startswith("corrected: glove"))
+    assert "the session keeps its group, bare, because its trials are planned: for gloved" in there
+    assert back == "corrected: glove none"

@@ -76,14 +76,9 @@ def trial_contrasts(
     published scores nothing of this is known: the condition's standard scenes are taken. Trials of
     registered sessions were felt on the rig as it was calibrated then.
 
-    Args:
-        study: the present study.
-        trials: as in `StudyData`, or some of them.
-        touches: those of `trials`.
-        rig: its damping, gain and bodies, where no calibration was in force.
-        rung: of the model.
-        as_felt: whether what was measured takes the place of what was planned.
-        keep: where they are kept.
+    `trials` are those of `StudyData`, or some of them, and `touches` theirs; `rig` is taken where
+    no calibration was in force, and `as_felt` is whether what was measured takes the place of what
+    was planned.
     """
     changes = trial_changes(study, trials, touches, as_felt=as_felt)
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
@@ -132,8 +127,11 @@ def trial_changes(
 
     @cache
     def in_force(text: str | None) -> Study:
+        try:
+            return study if text is None else parsed_study(text)
         # A file from another version must not stop a report; the present study is the best guess.
-        return _readable(text) or study
+        except StudyError:
+            return study
 
     # Most trials share their plan with others.
     @cache
@@ -148,14 +146,6 @@ def trial_changes(
         _change(trial, own, planned_change, as_felt=as_felt)
         for trial, own in zip(asked.itertuples(), made.values(), strict=True)
     ]
-
-
-def _readable(text: str | None) -> Study | None:
-    """Parse a study file's text; return None without one, or if this version cannot read it."""
-    try:
-        return None if text is None else parsed_study(text)
-    except StudyError:
-        return None
 
 
 def planned_change_of(

@@ -47,9 +47,7 @@ def assignment_p(trials: Ratings, contrast: FloatArray) -> float | NotEstimable:
     all subjects explains about each subject's mean; a subject's own mean contrasts change places,
     and a condition that the subject did not rate has the mean contrast of the others.
 
-    Parameters:
-        trials: the rated trials.
-        contrast: shape (trials,), what the law predicts.
+    `trials` are the rated ones; `contrast` (trials,) is what the law predicts.
     """
     cells = _cells(trials, contrast)
     conditions = cells.counts.shape[1]
@@ -78,10 +76,8 @@ def prediction_error(
     least squares; with the subjects' contrasts under that condition they predict its mean rating.
     A subject's prediction outside the scale counts as its end.
 
-    Parameters:
-        trials: the rated trials.
-        contrast: shape (trials,), what the law predicts.
-        scale: lowest and highest possible rating.
+    `trials` are the rated ones; `contrast` (trials,) is what the law predicts, and `scale` has the
+    lowest and highest possible rating.
     """
     cells = _cells(trials, contrast)
     conditions = cells.counts.shape[1]
@@ -167,11 +163,8 @@ def _log_likelihoods(
     rest of each subject's ratings σ². The best Ψ has the eigenvectors of the lines' covariance;
     an eigenvalue that would fall below σ² is pooled with it, so that T stays a covariance.
 
-    Parameters:
-        means: shape (subjects, conditions).
-        assigned: shape (assignments, conditions), contrasts.
-        repeats: ratings behind each mean.
-        squares: sum of all squared ratings.
+    `means` has shape (subjects, conditions), each of `repeats` ratings; `assigned` has shape
+    (assignments, conditions), contrasts; `squares` is the sum of all squared ratings.
     """
     subjects, conditions = means.shape
     # A line, its level and its slope, takes two dimensions of each subject's ratings.
@@ -235,11 +228,8 @@ def law_likelihoods(
 ) -> dict[str, LawLikelihood | NotEstimable]:
     """Return for each law how well its contrasts explain the ratings, by name.
 
-    Parameters:
-        ratings: the trials; their own contrasts are not used.
-        contrasts: by law, shape (trials,), the contrast it predicts under each participant's own
-            settings.
-        scale: lowest and highest possible rating.
+    `contrasts` are by law, shape (trials,), under each participant's own settings; those of
+    `ratings` are not used.
 
     Raises:
         ValueError: another number of contrasts than of trials.
@@ -386,10 +376,8 @@ def law_order(
 ) -> LawOrder | NotEstimable:
     """Return Spearman's correlation of predicted contrasts and mean ratings over conditions.
 
-    Parameters:
-        conditions: names.
-        predicted: shape (conditions,), predicted contrast of each.
-        observed: shape (conditions,), mean rating of each; NaN leaves a condition out.
+    `predicted` and `observed` have shape (conditions,); a mean rating that is NaN leaves its
+    condition out.
 
     Raises:
         ValueError: another number of contrasts or ratings than of conditions.
@@ -466,8 +454,7 @@ def critical_rank_correlation(pairs: int) -> float | NotEstimable:
 def _over_all_orders(deviations: FloatArray) -> tuple[float, float | NotEstimable]:
     """Return the share of orders that correlate as strongly, either way, and what p < .05 takes.
 
-    Parameters:
-        deviations: shape (2, conditions), doubled ranks about their mean.
+    `deviations` has shape (2, conditions): doubled ranks about their mean.
     """
     count = deviations.shape[1]
     observed = abs(float(deviations[0] @ deviations[1]))

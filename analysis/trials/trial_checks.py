@@ -63,9 +63,7 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
     against the spread of the slopes, with a degree of freedom less than there are subjects. People
     who drift apart, some up and some down, so do not count as a drift of all.
 
-    Parameters:
-        ratings: the trials.
-        position: shape (trials,), place in the session, 1 for a subject's first trial.
+    `position` has shape (trials,): the place in the session, 1 for a subject's first trial.
     """
     scored = ~np.isnan(ratings.rating)
     if not scored.any():
@@ -85,9 +83,8 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
 
 def _slopes(trials: Ratings, place: FloatArray) -> FloatArray | NotEstimable:
     """Return the slope of each subject whose trials differ in position, adjusted for condition."""
-    _, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
-    values = np.column_stack([place, trials.rating, _dummies(trials.condition)])
-    within = values - (_sums(values, person) / counts[:, None])[person]
+    columns = np.column_stack([place, trials.rating, _dummies(trials.condition)])
+    within, person = _within(columns, trials)
     moved = _sums(within[:, 0] ** 2, person)
     if (moved > 0).sum() < 2:
         return NotEstimable("fewer than 2 subjects have rated trials at different positions")
@@ -115,6 +112,12 @@ def _slopes(trials: Ratings, place: FloatArray) -> FloatArray | NotEstimable:
     return np.asarray(raw[:, 0] - raw[:, 1:] @ (inverse @ (conditions.T @ y)))
 
 
+def _within(values: FloatArray, trials: Ratings) -> tuple[FloatArray, IntArray]:
+    """Return values about each subject's mean, and the number of each subject, from 0."""
+    _, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
+    return values - (_sums(values, person) / counts[:, None])[person], person
+
+
 def _sums(values: FloatArray, person: IntArray) -> FloatArray:
     totals = np.zeros((int(person.max()) + 1, *values.shape[1:]))
     np.add.at(totals, person, values)
@@ -124,10 +127,8 @@ def _sums(values: FloatArray, person: IntArray) -> FloatArray:
 def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     """Return the test of the preceding trial's condition, or why it is not possible.
 
-    Parameters:
-        ratings: the trials.
-        previous: shape (trials,), position of the preceding trial's condition; -1 for trials
-            without a preceding one, which are left out.
+    `previous` has shape (trials,): the position of the preceding trial's condition, -1 for trials
+    without a preceding one, which are left out.
     """
     followed = ~np.isnan(ratings.rating) & (previous >= 0)
     if not followed.any():
@@ -227,9 +228,7 @@ def _dummies(group: IntArray) -> FloatArray:
 
 def _fit(trials: Ratings, design: FloatArray) -> _Fit:
     """Return the least-squares fit of the design within subjects."""
-    people, person, counts = np.unique(trials.subject, return_inverse=True, return_counts=True)
-    values = np.column_stack([design, trials.rating])
-    within = values - (_sums(values, person) / counts[:, None])[person]
+    within, person = _within(np.column_stack([design, trials.rating]), trials)
     columns, y = within[:, :-1], within[:, -1]
     solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
     residual = y - columns @ solution
@@ -237,5 +236,5 @@ def _fit(trials: Ratings, design: FloatArray) -> _Fit:
         squares=float(residual @ residual),
         rank=int(rank),
         # Each subject's level, taken off before the fit, was estimated, too.
-        df=len(y) - int(rank) - len(people),
+        df=len(y) - int(rank) - len(np.unique(person)),
     )

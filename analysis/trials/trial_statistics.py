@@ -376,7 +376,16 @@ class TrialStatistics:
     @cached_property
     def signal(self) -> SignalAnswers:
         """Answers to the first signal."""
-        return _signal(self.data.trials, self.contrasts, self.rig)
+        trials = self.data.trials
+        answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
+        if answered.any():
+            by_law = self.contrasts.by_law.items()
+            predicted = {law: float(np.mean(values[answered])) for law, values in by_law}
+        else:
+            signal = CONDITIONS["signal"]
+            predicted = {law: predicted_contrast(signal, law, rig=self.rig) for law in LAWS}
+        felt = proportion(int(trials["agrees"][answered].sum()), int(answered.sum()))
+        return SignalAnswers(felt=felt, predicted=predicted)
 
     @property
     def has_repeats(self) -> bool:
@@ -519,14 +528,3 @@ def _law_score(
         order=keep(law_order, *means),
         likelihood=likelihood,
     )
-
-
-def _signal(trials: pd.DataFrame, contrasts: TrialContrasts, rig: Calibration) -> SignalAnswers:
-    answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
-    agreed = int(trials["agrees"][answered].sum())
-    if not answered.any():
-        predicted = {law: predicted_contrast(CONDITIONS["signal"], law, rig=rig) for law in LAWS}
-    else:
-        by_law = contrasts.by_law
-        predicted = {law: float(np.mean(values[answered])) for law, values in by_law.items()}
-    return SignalAnswers(felt=proportion(agreed, int(answered.sum())), predicted=predicted)

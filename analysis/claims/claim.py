@@ -23,11 +23,9 @@ class Verdict(StrEnum):
 class Finding:
     """What is true of a claim (None: not decidable), and the computed numbers.
 
-    Attributes:
-        scope: whether the main statement is true, in each part of its scope.
-        details: whether the rest of what the claim says is true.
-        computed: the numbers by name.
-        evidence: the uncertainty of human data in words, the same under every law.
+    `scope` tells whether the main statement is true, in each part of its scope, and `details`
+    whether the rest of what the claim says is. `evidence` has the uncertainty of human data in
+    words, the same under every law.
     """
 
     scope: tuple[bool | None, ...]
@@ -73,14 +71,9 @@ Check = Callable[..., Finding]
 class Claim:
     """A claim of the paper.
 
-    Attributes:
-        id: short name.
-        place: place in the paper.
-        claim: the statement.
-        check: what is computed, and the criterion.
-        expected: the value or relation that the paper gives.
-        find: the check itself; it takes the name of a law unless it depends on none.
-        remark: a note on the result: what it assumes, and how the verdict moves without.
+    `check` says what is computed, and the criterion; `expected` is the value or relation that the
+    paper gives. `find` is the check itself, which takes the name of a law unless it depends on
+    none. A `remark` says what the result assumes, and how the verdict moves without.
     """
 
     id: str

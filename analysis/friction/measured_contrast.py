@@ -40,13 +40,9 @@ TINY = 1e-24
 class Compared:
     """What a trial compares.
 
-    Parameters:
-        effect, contrary: as in `Change`.
-        before: the first touch; None where the change is from the resting beam or within `after`.
-        after: the last touch.
-        along_path: whether places along a path are compared, and not means.
-        contact_m: length of the finger's contact.
-        within: whether the drive changes within `after`.
+    `effect` and `contrary` are as in `Change`. `before` is the first touch, None where the change
+    is from the resting beam or within `after`, the last one. `along_path` is whether places along a
+    path are compared, and not means; `within` whether the drive changes within `after`.
     """
 
     effect: Effect
@@ -277,8 +273,7 @@ def borrowed_contrasts(
     them. A line on the posterior means has the slope of the line on the true contrasts; one on the
     measured contrasts would be flatter. No friction model enters.
 
-    Parameters:
-        subject, condition, level, measured, errors: shape (trials,); errors positive.
+    All have shape (trials,), and errors are positive.
     """
     people, subject = np.unique(subject, return_inverse=True)
     names, condition = np.unique(condition, return_inverse=True)

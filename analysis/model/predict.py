@@ -241,11 +241,8 @@ def predict(
 ) -> str:
     """Return a CSV text of scenes with its predictions, as CSV text.
 
-    Args:
-        source: the file's name, for messages.
-        text: its contents; see `analysis.model.scene_table` for the columns.
-        options: law, rung, tolerance.
-        defaults: values for blank cells in place of the paper's.
+    `source` is the file's name, for messages; `defaults` are values for blank cells in place of the
+    paper's. `analysis.model.scene_table` has the columns.
 
     Raises:
         BadInput: a cell breaks its column's rule; names file, line, column, rule and value.

@@ -205,10 +205,8 @@ def _words(source: str, name: str, cells: Cells, lines: Sequence[int]) -> NDArra
 def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = None) -> SceneTable:
     """Return the scenes of a CSV text.
 
-    Args:
-        source: the file's name, for messages.
-        text: its contents; the first line names the columns, all of which are optional.
-        defaults: values for blank cells, such as a study's, in place of the paper's.
+    The first line names the columns, all of which are optional. `source` is the file's name, for
+    messages; `defaults` are values for blank cells, such as a study's, in place of the paper's.
 
     Raises:
         BadInput: a column is unknown or repeated, a row too short or long, or a cell breaks its

@@ -44,14 +44,9 @@ class Judged:
 class Claim:
     """A claim about people.
 
-    Attributes:
-        id: short name.
-        words: the statement.
-        effect: what `judge` measures, with its unit.
-        judge: judges it in one analysis.
-        of_model: whether it compares ratings with contrasts.
-        signed: whether the effect has a sign, so that an analysis can contradict the claim; one
-            without a sign supports it where p < .05.
+    `effect` is what `judge` measures, with its unit; `of_model` whether the claim compares ratings
+    with contrasts; `signed` whether the effect has a sign, so that an analysis can contradict the
+    claim: one without a sign supports it where p < .05.
     """
 
     id: str

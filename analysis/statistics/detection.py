@@ -51,9 +51,8 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
     People without trials of both kinds are left out, because they cannot be compared with
     themselves.
 
-    Parameters:
-        hits: shape (people, 2), reported changes and trials with a signal.
-        alarms: the same of catch trials.
+    `hits` has shape (people, 2), reported changes and trials with a signal; `alarms` the same of
+    catch trials.
 
     >>> found = detection(np.array([[18, 20]]), np.array([[1, 4]]))
     >>> round(found.d_prime, 3), round(found.criterion, 3), round(found.p, 4)

@@ -77,10 +77,9 @@ class Curve(NamedTuple):
 class Answers(NamedTuple):
     """Answers at levels on an axis whose range that could be asked is [0, 1].
 
-    Attributes:
-        at: shape (levels,), -inf for no stimulus on a logarithmic axis.
-        step: the smallest distance of two levels, for the prior of the width.
-        lapse, guess: rates that are known, None if they are to be estimated.
+    `at` has shape (levels,), -inf for no stimulus on a logarithmic axis; `step` is the smallest
+    distance of two levels, for the prior of the width. `lapse` and `guess` are rates that are
+    known, None if they are to be estimated.
     """
 
     at: FloatArray

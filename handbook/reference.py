@@ -43,7 +43,7 @@ _STATISTICS = {
     "Sensitivity of each person": (
         "sensitivity.linear_model.linear_sensitivity",
         "sensitivity.ordinal_model.ordinal_sensitivity",
-        "sensitivity.two_stage_model.two_stage_sensitivity",
+        "sensitivity.two_stage_model.two_stage_posterior",
         "sensitivity.noticing.noticing",
         "sensitivity.lines.log_prior_of_spread",
         "sensitivity.predictive_checks.checked_ordinal",
@@ -153,7 +153,7 @@ def _words(name: str) -> str:
         "holm": "Holm's correction",
         "linear_sensitivity": "M1, linear model",
         "ordinal_sensitivity": "M2, ordinal model",
-        "two_stage_sensitivity": "M3, noticing and rating",
+        "two_stage_posterior": "M3, noticing and rating",
     }
     return known.get(name, name.replace("_", " ").capitalize())
 
@@ -162,7 +162,9 @@ def _formulae(thing: Any) -> str:
     """Return what the docstring says of the quantity, without parameters and errors."""
     text = inspect.getdoc(thing) or ""
     text = re.split(r"\n\n(?=>>>|Args:|Parameters:|Raises:)", text)[0]
-    text = re.sub(r"([*_])", r"\\\1", text).removeprefix("Return ").removeprefix("the ")
+    # A backslash within a code span would be shown.
+    text = re.sub(r"(`[^`]*`)|([*_])", lambda it: it[1] or f"\\{it[2]}", text)
+    text = text.removeprefix("Return ").removeprefix("the ")
     return text[0].upper() + text[1:]
 
 

@@ -127,12 +127,6 @@ class TwoStagePosterior:
         )
 
 
-def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEstimable:
-    """Return the estimates of `two_stage_posterior`, or why there are none."""
-    posterior = two_stage_posterior(trials)
-    return posterior if isinstance(posterior, NotEstimable) else posterior.summary
-
-
 def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstimable:
     """Return noticing and rating of changes, or why they are not estimable.
 

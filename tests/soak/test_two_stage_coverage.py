@@ -14,8 +14,12 @@ from analysis.sensitivity.predictive_checks import (
     checked_ordinal,
     checked_two_stage,
 )
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity, two_stage_sensitivity
-from tests.analysis.sensitivity.noticing_people import NoticingPeople, noticing_study
+from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from tests.analysis.sensitivity.noticing_people import (
+    NoticingPeople,
+    noticing_study,
+    two_stage_sensitivity,
+)
 from tests.analysis.sensitivity.people_of_other_kinds import own_people
 
 STUDIES = 200

@@ -4,11 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.sensitivity.lines import Ratings
-from analysis.sensitivity.two_stage_model import AnsweredTrials
+from analysis.sensitivity.two_stage_model import (
+    AnsweredTrials,
+    TwoStageSensitivity,
+    two_stage_posterior,
+)
 
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
+
+
+def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEstimable:
+    posterior = two_stage_posterior(trials)
+    return posterior if isinstance(posterior, NotEstimable) else posterior.summary
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,8 @@ from analysis.estimates import NotEstimable
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.two_stage_model import (
-    AnsweredTrials,
-    TwoStageSensitivity,
-    two_stage_sensitivity,
-)
+from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
+from tests.analysis.sensitivity.noticing_people import two_stage_sensitivity
 
 
 @st.composite

@@ -8,16 +8,13 @@ import pytest
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.noticing import NoticingTrials
-from analysis.sensitivity.two_stage_model import (
-    AnsweredTrials,
-    TwoStageSensitivity,
-    two_stage_sensitivity,
-)
+from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
 from tests.analysis.sensitivity.noticing_people import (
     CONTRASTS,
     NoticingPeople,
     NoticingStudy,
     noticing_study,
+    two_stage_sensitivity,
 )
 
 

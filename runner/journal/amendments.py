@@ -29,41 +29,41 @@ def accepted_digests(journal: Journal) -> list[str]:
     ]
 
 
-def exclude_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
-    """Exclude a trial; raises `BadInput` if there is none, or if it is excluded already."""
+def exclude(
+    journal: Journal, clock: Clock, session: str, reason: str, trial: int | None = None
+) -> None:
+    """Exclude a session, which frees the slot of an unfinished one, or one of its trials.
+
+    Raise `BadInput` if there is none, or if it is excluded or withdrawn already.
+    """
     log = _log(journal, clock, session)
-    planned = log.state.planned
-    if index not in planned:
+    planned, excluded = log.state.planned, log.state.excluded
+    if trial is not None and trial not in planned:
         span = f"trials {min(planned)} to {max(planned)}" if planned else "no trials"
-        raise BadInput(f"{session} has no trial {index}; it has {span}")
-    if index in log.state.excluded:
-        why = log.state.excluded[index]
-        raise BadInput(f"trial {index} of {session} is already excluded: {why}")
+        raise BadInput(f"{session} has no trial {trial}; it has {span}")
+    if trial in excluded:
+        raise BadInput(f"trial {trial} of {session} is already excluded: {excluded[trial]}")
     close_interrupted(log)
-    _append(log, session, events.TrialExcluded(index=index, reason=reason))
+    if trial is None:
+        _append(log, session, events.SessionExcluded(reason=reason))
+    else:
+        _append(log, session, events.TrialExcluded(index=trial, reason=reason))
 
 
-def include_trial(journal: Journal, clock: Clock, session: str, index: int, reason: str) -> None:
-    """Take the exclusion of a trial back; raises `BadInput` if it is not excluded by itself."""
+def include(
+    journal: Journal, clock: Clock, session: str, reason: str, trial: int | None = None
+) -> None:
+    """Take back the exclusion of a session or one of its trials, or raise `BadInput`."""
     log = _log(journal, clock, session)
-    if index not in log.state.excluded:
-        known = ", ".join(map(str, log.state.excluded)) or "none"
-        raise BadInput(f"trial {index} of {session} is not excluded; excluded trials: {known}")
-    _append(log, session, events.TrialIncluded(index=index, reason=reason))
-
-
-def exclude_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Exclude a session, unless it is excluded or withdrawn; an unfinished one frees its slot."""
-    log = _log(journal, clock, session)
-    close_interrupted(log)
-    _append(log, session, events.SessionExcluded(reason=reason))
-
-
-def include_session(journal: Journal, clock: Clock, session: str, reason: str) -> None:
-    """Take the exclusion of a session back; raises `BadInput` if it is not excluded."""
-    log = _log(journal, clock, session)
+    trials = ", ".join(map(str, log.state.excluded))
+    if trial is not None:
+        if trial not in log.state.excluded:
+            raise BadInput(
+                f"trial {trial} of {session} is not excluded; excluded trials: {trials or 'none'}"
+            )
+        _append(log, session, events.TrialIncluded(index=trial, reason=reason))
+        return
     if not log.state.is_excluded:
-        trials = ", ".join(map(str, log.state.excluded))
         hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
         raise BadInput(f"{session} is {_state(log)}, not excluded{hint}")
     _append(log, session, events.SessionIncluded(reason=reason))

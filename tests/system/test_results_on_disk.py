@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from runner.journal.amendments import exclude_trial
+from runner.journal.amendments import exclude
 from runner.journal.database import log_of
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.store import JournalError
@@ -169,7 +169,7 @@ def test_from_a_disk_that_cannot_be_written_everything_can_be_read_and_saved(
     run_session(study_in(small_disk / "study"), "P01")
     journal = small_disk / "study" / "study.db"
     with open_journal(journal) as kept:
-        exclude_trial(kept, FakeClock(LATER_S + 1e3), "P01/1", 2, "a noise")
+        exclude(kept, FakeClock(LATER_S + 1e3), "P01/1", "a noise", 2)
         copies = [(file, file.read_bytes()) for file in (journal, log_of(journal))]
     for file, content in copies:  # as a killed process leaves them
         file.write_bytes(content)

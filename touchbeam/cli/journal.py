@@ -170,13 +170,10 @@ def exclude(
     Reports omit and count it. An unfinished session frees its slot of the design. `touchbeam
     include` takes it back.
     """
-    from runner.journal.amendments import exclude_session, exclude_trial
+    from runner.journal.amendments import exclude as leave_out
 
     with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
-        if trial is None:
-            exclude_session(journal, WallClock(), chain, reason)
-        else:
-            exclude_trial(journal, WallClock(), chain, trial, reason)
+        leave_out(journal, WallClock(), chain, reason, trial)
     say(f"{where} is excluded: {reason}")
 
 
@@ -193,13 +190,10 @@ def include(
 
     The journal keeps both decisions, and reports name them.
     """
-    from runner.journal.amendments import include_session, include_trial
+    from runner.journal.amendments import include as take_back
 
     with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
-        if trial is None:
-            include_session(journal, WallClock(), chain, reason)
-        else:
-            include_trial(journal, WallClock(), chain, trial, reason)
+        take_back(journal, WallClock(), chain, reason, trial)
     say(f"{where} is included again: {reason}")
 
 

@@ -21,10 +21,8 @@ from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.amendments import (
     amend,
-    exclude_session,
-    exclude_trial,
-    include_session,
-    include_trial,
+    exclude,
+    include,
     sessions_of,
     unerased,
     withdraw,
@@ -49,7 +47,7 @@ def finished(path: Path) -> Journal:
 
 def test_an_exclusion_adds_an_event_and_removes_nothing(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_trial(journal, CLOCK, "P01/1", 3, "the phone rang")
+        exclude(journal, CLOCK, "P01/1", "the phone rang", 3)
         state = states(journal)["P01/1"]
         assert state.excluded == {3: "the phone rang"}
         assert len(state.answered) == 7
@@ -60,16 +58,16 @@ def test_an_exclusion_adds_an_event_and_removes_nothing(tmp_path: Path) -> None:
 def test_unknown_trials_and_sessions_cannot_be_excluded(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         with pytest.raises(BadInput, match="P01/1 has no trial 7; it has trials 0 to 6"):
-            exclude_trial(journal, CLOCK, "P01/1", 7, "x")
+            exclude(journal, CLOCK, "P01/1", "x", 7)
         with pytest.raises(BadInput, match="no session P09/1 here; known: P01/1"):
-            exclude_session(journal, CLOCK, "P09/1", "x")
+            exclude(journal, CLOCK, "P09/1", "x")
 
 
 def test_a_session_can_be_excluded_only_once(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_session(journal, CLOCK, "P01/1", "ill")
+        exclude(journal, CLOCK, "P01/1", "ill")
         with pytest.raises(BadInput, match="P01/1 is excluded; it cannot be excluded now"):
-            exclude_session(journal, CLOCK, "P01/1", "ill")
+            exclude(journal, CLOCK, "P01/1", "ill")
 
 
 @pytest.mark.parametrize("more", [(), (TrialStarted(index=0, kind="trial"),)])
@@ -78,19 +76,19 @@ def test_a_decision_about_a_session_that_was_killed_waits_until_it_goes_on(
 ) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())  # opens it
-        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        exclude(journal, CLOCK, "P01/1", "noise", 3)
         log = SessionLog(journal, "P01/1", CLOCK)
         for event in (DeviceArmed(idn="fake", boot=1, device_time_s=0.0), *more):
             log.append(event)
         with pytest.raises(BadInput, match="P01/1 is interrupted; it cannot be included now"):
-            include_trial(journal, CLOCK, "P01/1", 3, "it was quiet")
+            include(journal, CLOCK, "P01/1", "it was quiet", 3)
 
 
 def test_a_trial_can_be_excluded_only_once(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
+        exclude(journal, CLOCK, "P01/1", "noise", 3)
         with pytest.raises(BadInput, match="trial 3 of P01/1 is already excluded: noise"):
-            exclude_trial(journal, CLOCK, "P01/1", 3, "more noise")
+            exclude(journal, CLOCK, "P01/1", "more noise", 3)
 
 
 @pytest.mark.parametrize("last", ["device-armed", "trial-started", "touch-started", "paused"])
@@ -105,7 +103,7 @@ def test_an_abandoned_session_can_be_excluded(tmp_path: Path, last: str) -> None
             log.append(event.record)
         if until is None:
             log.append(event_of(last, {}))
-        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        exclude(journal, CLOCK, "P01/1", "did not come back")
         (verdict,) = verdicts(journal)
         assert (verdict.state, verdict.ok) == ("excluded", True)
         off = next(e for e in reversed(journal.events("P01/1")) if e.tag == "device-off")
@@ -120,12 +118,12 @@ def test_the_slot_of_a_dropout_is_reused_and_that_of_a_finished_session_is_not(
         context(journal, FakeDevice(), FakeParticipant())
         assert slot_for(states(journal), "P02", "participant") == 1
         assert slot_for(states(journal), "P01", "participant") == 0, "keeps its slot"
-        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        exclude(journal, CLOCK, "P01/1", "did not come back")
         assert slot_for(states(journal), "P02", "participant") == 0
     finished_folder = tmp_path / "finished"
     finished_folder.mkdir()
     with finished(finished_folder) as journal:
-        exclude_session(journal, CLOCK, "P01/1", "ill")
+        exclude(journal, CLOCK, "P01/1", "ill")
         assert slot_for(states(journal), "P02", "participant") == 1
 
 
@@ -133,11 +131,11 @@ def test_an_opened_session_keeps_its_slot_when_an_earlier_one_is_included_again(
     tmp_path: Path,
 ) -> None:
     with finished(tmp_path) as journal:
-        exclude_session(journal, CLOCK, "P01/1", "ill")
+        exclude(journal, CLOCK, "P01/1", "ill")
         opened = journal.events("P01/1")[0].record
         assert isinstance(opened, SessionOpened)
         SessionLog(journal, "P01/2", CLOCK).append(replace(opened, session=2, slot=1))
-        include_session(journal, CLOCK, "P01/1", "the wrong one")
+        include(journal, CLOCK, "P01/1", "the wrong one")
         assert slot_for(states(journal), "P01", "participant", "P01/2") == 1
         assert slot_for(states(journal), "P01", "participant", "P01/3") == 0
 
@@ -226,7 +224,7 @@ def test_verify_finds_changes(tmp_path: Path, change: str, problem: str) -> None
 def test_a_session_and_the_rehearsal_of_that_name_are_judged_apart(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
         run(context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal"))
-        exclude_session(journal, CLOCK, "P01/1 (rehearsal)", "a dry run")
+        exclude(journal, CLOCK, "P01/1 (rehearsal)", "a dry run")
         assert [each.state for each in verdicts(journal)] == ["completed", "excluded"]
         assert withdraw(journal, CLOCK, "P01") == ["P01/1"]
         assert [each.state for each in verdicts(journal)] == ["withdrawn", "excluded"]
@@ -238,34 +236,34 @@ def test_a_session_and_the_rehearsal_of_that_name_are_judged_apart(tmp_path: Pat
 
 def test_a_trial_can_be_included_again(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
-        include_trial(journal, CLOCK, "P01/1", 3, "the noise was elsewhere")
+        exclude(journal, CLOCK, "P01/1", "noise", 3)
+        include(journal, CLOCK, "P01/1", "the noise was elsewhere", 3)
         assert states(journal)["P01/1"].excluded == {}
         with pytest.raises(BadInput, match="3 of P01/1 is not excluded; excluded trials: none"):
-            include_trial(journal, CLOCK, "P01/1", 3, "again")
-        exclude_trial(journal, CLOCK, "P01/1", 3, "noise after all")
+            include(journal, CLOCK, "P01/1", "again", 3)
+        exclude(journal, CLOCK, "P01/1", "noise after all", 3)
         assert states(journal)["P01/1"].excluded == {3: "noise after all"}
         reasons = [e.payload["reason"] for e in journal.events("P01/1") if "reason" in e.payload]
         assert reasons == ["noise", "the noise was elsewhere", "noise after all"]
         with pytest.raises(BadInput, match=r"not excluded; its excluded trials are 3: name one"):
-            include_session(journal, CLOCK, "P01/1", "x")
+            include(journal, CLOCK, "P01/1", "x")
         assert verdicts(journal)[0].ok
 
 
 def test_an_included_session_is_what_it_was_before(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_session(journal, CLOCK, "P01/1", "ill")
-        include_session(journal, CLOCK, "P01/1", "it was somebody else")
+        exclude(journal, CLOCK, "P01/1", "ill")
+        include(journal, CLOCK, "P01/1", "it was somebody else")
         assert states(journal)["P01/1"].name == "completed"
         assert verdicts(journal)[0].ok
     (tmp_path / "unfinished").mkdir()
     with open_journal(tmp_path / "unfinished" / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant())
-        exclude_session(journal, CLOCK, "P01/1", "did not come back")
+        exclude(journal, CLOCK, "P01/1", "did not come back")
         state = states(journal)["P01/1"]
         with pytest.raises(BadInput, match="P01/1 is already excluded"):
             require_resumable(journal, made.session, state, FakeClock().utc())
-        include_session(journal, CLOCK, "P01/1", "came back")
+        include(journal, CLOCK, "P01/1", "came back")
         run(context(journal, FakeDevice(), FakeParticipant()))
         assert (verdicts(journal)[0].state, verdicts(journal)[0].ok) == ("completed", True)
 
@@ -332,16 +330,16 @@ def test_an_erasure_prevented_by_a_reader_is_an_error(tmp_path: Path) -> None:
 
 def test_the_refusal_of_a_trial_tells_which_there_are(tmp_path: Path) -> None:
     with finished(tmp_path) as journal:
-        exclude_trial(journal, CLOCK, "P01/1", 3, "noise")
-        exclude_trial(journal, CLOCK, "P01/1", 5, "noise")
+        exclude(journal, CLOCK, "P01/1", "noise", 3)
+        exclude(journal, CLOCK, "P01/1", "noise", 5)
         with pytest.raises(BadInput, match=r"trial 4 of P01/1 is not excluded; .* trials: 3, 5$"):
-            include_trial(journal, CLOCK, "P01/1", 4, "x")
+            include(journal, CLOCK, "P01/1", "x", 4)
     with open_journal(tmp_path / "other.db") as journal:
         with pytest.raises(BadInput, match=r"no session P01/1 here; known: none$"):
-            exclude_session(journal, CLOCK, "P01/1", "x")
+            exclude(journal, CLOCK, "P01/1", "x")
         amend(journal, CLOCK, "", "nothing was accepted before")
         with pytest.raises(BadInput, match=r"^@study has no trial 0; it has no trials$"):
-            exclude_trial(journal, CLOCK, "@study", 0, "x")
+            exclude(journal, CLOCK, "@study", "x", 0)
 
 
 def test_a_session_that_is_not_excluded_is_told_from_one_with_excluded_trials(
@@ -351,7 +349,7 @@ def test_a_session_that_is_not_excluded_is_told_from_one_with_excluded_trials(
         finished(tmp_path) as journal,
         pytest.raises(BadInput, match=r"^P01/1 is completed, not excluded$"),
     ):
-        include_session(journal, CLOCK, "P01/1", "x")
+        include(journal, CLOCK, "P01/1", "x")
 
 
 def test_what_a_participant_still_has_is_told_until_it_is_erased(tmp_path: Path) -> None:
@@ -416,6 +414,6 @@ def test_a_trial_of_an_abandoned_session_is_excluded_once_it_is_closed(tmp_path:
         log = context(journal, FakeDevice(), FakeParticipant()).log
         log.append(DeviceArmed(idn="fake", boot=1, device_time_s=0.0))
         log.append(TrialStarted(index=0, kind="baseline"))
-        exclude_trial(journal, CLOCK, "P01/1", 0, "noise")
+        exclude(journal, CLOCK, "P01/1", "noise", 0)
         tags = [event.tag for event in journal.events("P01/1")]
         assert tags[-3:] == ["trial-aborted", "device-off", "trial-excluded"]

@@ -66,34 +66,28 @@ def _choose_from(parameter: str, ctx: object) -> str:  # noqa: ARG001 - typer's 
     return f"Choose from: {', '.join(_CHOICES[parameter]())}"
 
 
-def _one_of(parameter: str) -> Callable[[str], str]:
+def _chosen(parameter: str, told: str, *names: str) -> Any:
+    """Return an option that accepts only the parameter's choices."""
+
     def parsed(given: str) -> str:
         known = tuple(_CHOICES[parameter]())
         if given not in known:
             raise ValueError(f"{given!r} is not one of {', '.join(map(repr, known))}.")
         return given
 
-    return parsed
+    return typer.Option(*names, parser=parsed, help=told)
 
 
 LanguageOption = Annotated[
     str | None, typer.Option(help="CODE: one of the study's own. [default: the study's]")
 ]
 """Not checked here, because a study may have its own languages."""
-TemplateOption = Annotated[
-    str, typer.Option(parser=_one_of("template"), help="Built-in study to start from.")
-]
-DialectOption = Annotated[
-    str, typer.Option(parser=_one_of("dialect"), help="The device's command set.")
-]
-LawOption = Annotated[str, typer.Option(parser=_one_of("law"), help="Friction law.")]
+TemplateOption = Annotated[str, _chosen("template", "Built-in study to start from.")]
+DialectOption = Annotated[str, _chosen("dialect", "The device's command set.")]
+LawOption = Annotated[str, _chosen("law", "Friction law.")]
 SimulatedLawOption = Annotated[
     str | None,
-    typer.Option(
-        "--law",
-        parser=_one_of("law"),
-        help="Friction of the simulated beam. [default: the report's law]",
-    ),
+    _chosen("law", "Friction of the simulated beam. [default: the report's law]", "--law"),
 ]
 
 
@@ -144,33 +138,17 @@ PeopleOption = Annotated[
     ),
 ]
 OverlapOption = Annotated[
-    Overlap,
-    typer.Option(
-        parser=_one_of("eq15_overlap"), help="Piece of Eq 15 that applies where two overlap."
-    ),
+    Overlap, _chosen("eq15_overlap", "Piece of Eq 15 that applies where two overlap.")
 ]
 RatingsOption = Annotated[
-    AnswerSource,
-    typer.Option(
-        parser=_one_of("ratings"), help="Where the participant answers; virtual: a program does."
-    ),
+    AnswerSource, _chosen("ratings", "Where the participant answers; virtual: a program does.")
 ]
-TaskOption = Annotated[
-    str, typer.Option(parser=_one_of("task"), help="What was asked. In yes or no, correct is yes.")
-]
+TaskOption = Annotated[str, _chosen("task", "What was asked. In yes or no, correct is yes.")]
 ShapeOption = Annotated[
-    str,
-    typer.Option(
-        parser=_one_of("shape"), help="The curve: normal in levels, weibull in their logarithm."
-    ),
+    str, _chosen("shape", "The curve: normal in levels, weibull in their logarithm.")
 ]
 FormatOption = Annotated[
-    str,
-    typer.Option(
-        "--format",
-        parser=_one_of("as_format"),
-        help="csv: tidy tables; the others: data sets for archives.",
-    ),
+    str, _chosen("as_format", "csv: tidy tables; the others: data sets for archives.", "--format")
 ]
 
 

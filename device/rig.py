@@ -100,7 +100,10 @@ class Rig(PortOwner):
         return identity
 
     def resonance(self, near_hz: float, sleep: Callable[[float], None]) -> Resonance:
-        """Find the resonance near `near_hz`, the output off afterwards, or the calibration's."""
+        """Find the beam's resonance near `near_hz`; the output is off afterwards.
+
+        A device that cannot measure it has the one that was kept as the rig's calibration.
+        """
         if self._calibration is not None and not self.measures_resonance:
             return self._calibration
 
@@ -288,7 +291,10 @@ class Rig(PortOwner):
         return self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG
 
     def _fetch(self, recording: Recording) -> None:
-        """Ask for blocks that are due, if the session moved, as it feeds the watchdog too."""
+        """Ask for the blocks that are due, until the device must be looked at.
+
+        It feeds the watchdog too, so that it is done only if the session moved since the last time.
+        """
         beats = self._beats
         for _ in range(MOST_BLOCKS):
             if recording.wait_s() > 0 or self._monotonic() >= self._feed_due_s:

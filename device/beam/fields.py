@@ -29,7 +29,10 @@ def _folded_sine_integral(angle: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidPattern(Pattern):
-    """φ ≈ √2 sin(bξ - π/4), far from both ends: zones of λ/4 begin at 3λ/8, and left before it."""
+    """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
+
+    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 everything moves left.
+    """
 
     mode: int
 

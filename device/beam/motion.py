@@ -215,7 +215,7 @@ def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatAr
 
 
 def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
-    """Return the inner places where the direction changes, in rising order, and no pair missed."""
+    """Return the inner places where the direction changes, in rising order; no pair is missed."""
     turning = _signed_cells(motion, _direction_slope, places_m)
     return _signed_cells(motion, direction, _once(places_m, turning))
 

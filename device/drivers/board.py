@@ -177,7 +177,7 @@ class Board(Driver):
             self._require_cool(health.temperature_c)
 
     def still_on(self) -> str:
-        """Wait until the output has discharged; answers come beside a token, so none is stray."""
+        """Wait until the output has discharged, because the switch alone proves nothing."""
         deadline_s = self.monotonic() + DISCHARGE_S
         while True:
             on, monitor_v = self.link.certain(

@@ -49,7 +49,7 @@ class Ramp:
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """What a generator says of itself; `fault` names a setting that no drive can have."""
+    """What a generator says of itself; `fault` names a setting that no drive can have, else ''."""
 
     output: bool
     vpp: float

@@ -78,9 +78,10 @@ class Batch:
         return replace(self, contact=self.contact.rows(which), **own)
 
     def drives(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-        """Return frequencies, -1 for a resonance (one NaN is unlike another), and damping ratios.
+        """Return frequencies and damping ratios that differ, and which of them each scene has.
 
-        They differ; the last says which of them each scene has, shape (1,) if all share theirs.
+        A resonance is -1 here: one NaN would be unlike another. The last is of shape (1,) if all
+        scenes share their drive.
         """
         frequency_hz = np.nan_to_num(self.frequency_hz, nan=-1.0)
         # As complex numbers, because those sort 20 times faster than pairs.

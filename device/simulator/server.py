@@ -341,7 +341,7 @@ def simulate(
 
 
 class _Ending:
-    """The wish that the device ends: heeded only while it serves, or as soon as it would."""
+    """The wish that the device ends: heeded only while it serves, also one from before."""
 
     def __init__(self) -> None:
         self._asked = False

@@ -111,7 +111,7 @@ def settings_digest(settings: Mapping[str, Setting]) -> str:
 
 
 def registration_in(text: str, source: str = FILE) -> Registration:
-    """Return the registration in its file's text; `BadInput` from `source` if that was changed."""
+    """Return the registration in the text of `source`; `BadInput` if it was changed afterwards."""
     # The digest comes before TOML is read, so that nothing of a changed file is believed.
     first, _, body = text.partition("\n")
     if first != f'digest = "{_digest(body)}"':

@@ -120,7 +120,7 @@ def _is_held(holder_file: Path) -> bool:
 
 
 def _boot() -> str:
-    """Return the random name of this run of the system: no file keeps it to name sessions later."""
+    """Return the random name of this run of the system, which no file keeps to find sessions by."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text("ascii")
     except OSError:

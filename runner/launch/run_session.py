@@ -317,7 +317,7 @@ def _virtual_truth(
 
 
 def _person(request: Request, before: SessionState | None, group: str | None) -> Person:
-    """Return the virtual participant, who is one in all sessions; `before` knows who began this."""
+    """Return the virtual participant, the same in all sessions: who began this one, if any did."""
     options = request.options
     name = person_name(request.seed, options.participant)
     person = drawn_person((options.people or DEFAULT).of_group(group), name)

@@ -66,7 +66,7 @@ def checked_registration(folder: StudyFolder) -> Registration | None:
 
 
 def require_registered(journal: Journal, kept: Registration | None, *, rehearsal: bool) -> None:
-    """Raise `BadInput` unless folder and journal, if there need be one, hold one registration."""
+    """Raise `BadInput` unless file and journal agree; a rehearsal may be without the journal."""
     if problem := file_problem(in_force(journal), kept, rehearsal=rehearsal):
         raise BadInput(problem)
 

@@ -35,13 +35,8 @@ from device.friction.prediction import (
 )
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Range:
-    """The lowest and the highest value, each of shape (n,)."""
-
-    low: FloatArray
-    high: FloatArray
+Range = FloatArray
+"""The lowest and the highest values, shape (2, n)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,14 +140,10 @@ def _terms(
     printed = contact.covered_m / (contact.body_count * contact.body_load_n)
     return TopTerms(
         same_direction=same_direction,
-        relative_tip_speed=_scaled(tip_speed, factor),
-        inertial_ratio=_scaled(inertia_n_per_m, per_metre),
-        printed_inertial_ratio=_scaled(inertia_n_per_m, printed),
+        relative_tip_speed=tip_speed * factor,
+        inertial_ratio=inertia_n_per_m * per_metre,
+        printed_inertial_ratio=inertia_n_per_m * printed,
     )
-
-
-def _scaled(values: Range, factor: FloatArray | float) -> Range:
-    return Range(low=np.asarray(values.low * factor), high=np.asarray(values.high * factor))
 
 
 def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
@@ -173,20 +164,20 @@ def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
     cells_m = np.linspace(0.0, length_m, top.area_m.size)
     area_m = np.interp(end_m, cells_m, top.area_m) - np.interp(start_m, cells_m, top.area_m)
     reach = 2 * top.area_slack_m  # (4): the area is off at both ends of the window
-    right = Range(low=np.maximum(part - slack, 0.0), high=np.minimum(part + slack, 1.0))
-    mean = Range(low=np.maximum(area_m - reach, 0.0) / width, high=(area_m + reach) / width)
-    return right, mean
+    mean = np.stack([np.maximum(area_m - reach, 0.0), area_m + reach]) / width
+    return _part_about(part, slack), mean
+
+
+def _part_about(part: FloatArray, slack: FloatArray) -> Range:
+    return np.stack([np.maximum(part - slack, 0.0), np.minimum(part + slack, 1.0)])
 
 
 def _same_direction(batch: Batch, right: Range) -> Range:
     """Return the range of r: the right-moving part, or the rest for a finger that moves left."""
     given = same_direction_given(batch.contact)
     if given is not None:
-        fraction = np.broadcast_to(np.asarray(given, dtype=np.float64), batch.size)
-        return Range(low=fraction, high=fraction)
-    if batch.contact.direction == "right":
-        return right
-    return Range(low=1.0 - right.high, high=1.0 - right.low)
+        return np.broadcast_to(np.asarray(given, dtype=np.float64), (2, batch.size))
+    return right if batch.contact.direction == "right" else 1.0 - right[::-1]
 
 
 def resonant_terms(batch: Batch) -> TopTerms:
@@ -203,11 +194,8 @@ def resonant_terms(batch: Batch) -> TopTerms:
     return _terms(
         batch,
         _same_direction(batch, right),
-        Range(low=speed * top.speed_ratio[0], high=speed * top.speed_ratio[1]),
-        Range(
-            low=inertia * top.inertia_ratio[0] * mean.low,
-            high=inertia * top.inertia_ratio[1] * mean.high,
-        ),
+        np.multiply.outer(top.speed_ratio, speed),
+        np.multiply.outer(top.inertia_ratio, inertia) * mean,
     )
 
 
@@ -219,26 +207,24 @@ def driven_terms(batch: Batch) -> TopTerms:
     speed = np.array(envelope["speed_per_v_m"])[bins] * batch.voltage_v / scale
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
     inertia = acceleration * batch.contact.body_mass_kg / math.pi
-    still = np.zeros(batch.size)
-    return _terms(
-        batch,
-        _same_direction(batch, Range(low=still, high=np.ones(batch.size))),
-        Range(low=still, high=speed),
-        Range(low=still, high=inertia),
-    )
+
+    def up_to(most: FloatArray | float) -> Range:
+        return np.stack([np.zeros(batch.size), np.broadcast_to(most, batch.size)])
+
+    return _terms(batch, _same_direction(batch, up_to(1.0)), up_to(speed), up_to(inertia))
 
 
 def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -> ContactTerms:
     """Return the corner of the ranges at which a law is lowest (or highest) for one tip speed."""
-    ratio = terms.same_direction.high if lowest else terms.same_direction.low
-    inertia, printed = terms.inertial_ratio, terms.printed_inertial_ratio
+    end = 0 if lowest else 1
+    ratio = terms.same_direction[1 - end]  # the law falls with it
     return ContactTerms(
         friction_coefficient=np.asarray(batch.contact.friction_coefficient),
         same_direction=ratio,
         opposing=1.0 - ratio,
         relative_tip_speed=speed,
-        inertial_ratio=inertia.low if lowest else inertia.high,
-        printed_inertial_ratio=printed.low if lowest else printed.high,
+        inertial_ratio=terms.inertial_ratio[end],
+        printed_inertial_ratio=terms.printed_inertial_ratio[end],
     )
 
 
@@ -249,7 +235,7 @@ def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> Top
         return terms
     ratio = same_direction_ratio(contact.x_m, contact.contact_m, choice.overlap)
     ratio = ratio if contact.direction == "right" else 1.0 - ratio
-    return replace(terms, same_direction=Range(low=ratio, high=ratio))
+    return replace(terms, same_direction=np.stack([ratio, ratio]))
 
 
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
@@ -261,14 +247,12 @@ def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
 def _law_range(terms: TopTerms, batch: Batch, choice: LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
     terms = _with_printed_ratio(terms, batch, choice)
-    speed = terms.relative_tip_speed
     # (1): in s either end may be the extreme. As rows, so that the rest is computed once for both.
-    ends = np.stack(np.broadcast_arrays(speed.low, speed.high))
     lowest, highest = (
-        np.atleast_2d(choice.law(_corner(terms, ends, batch, lowest=lowest)))
+        np.atleast_2d(choice.law(_corner(terms, terms.relative_tip_speed, batch, lowest=lowest)))
         for lowest in (True, False)
     )
-    return Range(low=lowest.min(axis=0), high=highest.max(axis=0))
+    return np.stack([lowest.min(axis=0), highest.max(axis=0)])
 
 
 _ROUNDING_M = 1e-15  # of a running length or area, which a narrow window divides by its width
@@ -287,9 +271,6 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     state = law_state(contact, field, rungs.REDUCED_RUNG, choice, window)
     # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width
-    right = Range(
-        low=np.maximum(window.right - slack, 0.0), high=np.minimum(window.right + slack, 1.0)
-    )
     terms = state.terms
     # The reference's speed is that of the nominal beam, whatever the scale of this one.
     plain = Beam()
@@ -299,7 +280,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     speed = rotation + float(np.array(table["rotation"])[reference][0])
     inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
     ranges = TopTerms(
-        same_direction=_same_direction(batch, right),
+        same_direction=_same_direction(batch, _part_about(window.right, slack)),
         relative_tip_speed=_around(terms.relative_tip_speed, speed),
         inertial_ratio=_around(terms.inertial_ratio, inertia),
         printed_inertial_ratio=_around(terms.printed_inertial_ratio, inertia),
@@ -310,4 +291,4 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
 
 def _around(values: FloatArray, relative: FloatArray) -> Range:
     """Return the range about values of at least 0 that have a relative error."""
-    return Range(low=np.maximum(values * (1 - relative), 0.0), high=values * (1 + relative))
+    return np.stack([np.maximum(values * (1 - relative), 0.0), values * (1 + relative)])

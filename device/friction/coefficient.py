@@ -127,7 +127,7 @@ def _bound(top: Range, mu: FloatArray) -> FloatArray:
     """Return how far the top rung can be from `mu`."""
     # (2), mathematics/bounds
     rounding = _ROUNDING * np.maximum(1.0, np.abs(mu))
-    return np.asarray(np.maximum(top.high - mu, mu - top.low) + rounding)
+    return np.asarray(np.maximum(top[1] - mu, mu - top[0]) + rounding)
 
 
 def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> FloatArray:
@@ -154,8 +154,8 @@ def _cheap_parts(
     """Yield the scenes that a candidate covers: rows, candidate, bounds and predictions."""
     top = top_rung_range(batch.rows(which), choice, resonant=resonant)
     # No μ' is nearer to both ends of a range than its middle.
-    open_ = np.flatnonzero((top.high - top.low) / 2 <= tolerance)
-    which, top = which[open_], Range(low=top.low[open_], high=top.high[open_])
+    open_ = np.flatnonzero((top[1] - top[0]) / 2 <= tolerance)
+    which, top = which[open_], top[:, open_]
     for name in CANDIDATES:
         if which.size:
             prediction = rung_prediction(batch.rows(which), name, choice)
@@ -163,8 +163,7 @@ def _cheap_parts(
             within = bound <= tolerance
             good = np.flatnonzero(within)
             yield which[good], name, bound[good], prediction.rows(good)
-            which = which[~within]
-            top = Range(low=top.low[~within], high=top.high[~within])
+            which, top = which[~within], top[:, ~within]
 
 
 def _worthwhile(batch: Batch, which: NDArray[np.intp]) -> bool:

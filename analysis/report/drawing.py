@@ -274,8 +274,29 @@ def labels_of(names: tuple[str, ...], what: str) -> list[str]:
 
 def name_places(axes: Axes, labels: Sequence[str]) -> None:
     """Write `labels` below the places 0, 1, …, upright if there is no room side by side."""
-    crowded = sum(len(part) for label in labels for part in label.split("\n")[:1]) > 60
-    axes.set_xticks(np.arange(len(labels)), labels, rotation=90 if crowded else 0)
+    firsts = [len(label.partition("\n")[0]) for label in labels]
+    crowded, longest = sum(firsts) > 60, max(firsts, default=0)
+    # Longer ones would leave no height to the axes.
+    size = rcParams["font.size"] * (min(1.0, 22 / longest) if crowded else 1.0)
+    axes.set_xticks(np.arange(len(labels)), labels, rotation=90 if crowded else 0, fontsize=size)
+
+
+def legend_columns(labels: Sequence[str]) -> int:
+    """Return in how many columns a legend of these labels has room above the axes."""
+    return max(1, min(4, 72 // (6 + max(map(len, labels), default=0))))
+
+
+def name_series(axes: Axes, title: str | None = None) -> None:
+    """Write a legend above the axes."""
+    columns = legend_columns(axes.get_legend_handles_labels()[1])
+    axes.legend(
+        title=title, ncol=columns, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False
+    )
+
+
+def legend_in(labels: Sequence[str]) -> float:
+    """Return the height of such a legend, with its title."""
+    return LEGEND_ROW_IN * (1 + -(-len(labels) // legend_columns(labels)))
 
 
 def drawing(words: Words, draw: Callable[[Axes], None], height_in: float = HEIGHT_IN) -> Drawing:

@@ -417,10 +417,10 @@ class FactorMeans:
 def factor_figure(data: FactorMeans, words: plot.Words) -> plot.Drawing:
     """Return mean scores by level of a factor, with a line for each level of the other."""
     lines = data.means.shape[1]
+    names = plot.labels_of(data.levels[-1], data.factors[-1]) if lines > 1 else [""]
 
     def draw(axes: plot.Axes) -> None:
         places = np.arange(len(data.means))
-        names = plot.labels_of(data.levels[-1], data.factors[-1]) if lines > 1 else [""]
         for number, (name, means, halves) in enumerate(
             zip(names, data.means.T, data.halves.T, strict=True)
         ):
@@ -431,15 +431,9 @@ def factor_figure(data: FactorMeans, words: plot.Words) -> plot.Drawing:
         axes.set(xlabel=data.factors[0], ylabel=f"mean score, {data.scale}")
         axes.margins(y=0.08)
         if lines > 1:
-            axes.legend(
-                title=data.factors[-1],
-                loc="lower center",
-                bbox_to_anchor=(0.5, 1.0),
-                ncol=4,
-                frameon=False,
-            )
+            plot.name_series(axes, data.factors[-1])
 
-    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (1 + -(-lines // 4)))
+    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.legend_in(names))
 
 
 def levels_figure(data: Sequence[ByLevel], scale: Scale, words: plot.Words) -> plot.Drawing:
@@ -469,9 +463,10 @@ def noticed_figure(
     names: tuple[str, ...], series: Mapping[str, FloatArray], words: plot.Words
 ) -> plot.Drawing:
     """Return shares with their intervals, (names, 3) for each of `series`, side by side."""
+    labels = plot.labels_of(tuple(series), "group")
 
     def draw(axes: plot.Axes) -> None:
-        for number, (label, shares) in enumerate(series.items()):
+        for number, (label, shares) in enumerate(zip(labels, series.values(), strict=True)):
             # A group without such trials has no share.
             known = ~np.isnan(shares[:, 0])
             offset = 0.6 * ((number + 0.5) / len(series) - 0.5)
@@ -482,9 +477,10 @@ def noticed_figure(
         axes.set(ylim=(-0.03, 1.03), ylabel="share of trials with a reported change")
         plot.name_places(axes, plot.labels_of(names, "condition"))
         if len(series) > 1:
-            axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=4, frameon=False)
+            plot.name_series(axes)
 
-    return plot.drawing(words, draw)
+    more = plot.legend_in(labels) if len(series) > 4 else 0.0
+    return plot.drawing(words, draw, plot.HEIGHT_IN + more)
 
 
 def people_figure(data: People, words: plot.Words) -> plot.Drawing:

@@ -82,7 +82,7 @@ class Report(Findings):
 
 FIGURES = (
     *("scores", "people", "relative-gains", "sensitivity", "model", "levels", "course"),
-    *("noticed", "reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
+    *("noticed", "groups", "reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
     *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
     # Six factors of the file, its conditions, and the sessions.
     *(f"factor-{number}" for number in range(1, 9)),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimates import Json, NotEstimable, or_null, plain
+from analysis.estimates import FloatArray, Json, NotEstimable, or_null, plain
 from analysis.loading.study_data import WITHHELD_AS
 from analysis.report.as_json import unknown, with_reasons
 from analysis.report.blocks import (
@@ -45,6 +45,7 @@ from analysis.statistics.factorial import (
     factorial_tests,
 )
 from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics, TwoGroups
+from analysis.statistics.intervals import mean_interval
 from analysis.trials.answers import CATCH
 from analysis.trials.trial_statistics import Detected, crossed_scores, detected_by
 
@@ -281,6 +282,7 @@ def groups(found: Findings) -> Section:
             _without(found),
             _reread_groups(readings),
             _people_table(found),
+            _groups_figure(found, _names(made)),
             Table(
                 name="groups-measures",
                 caption="Medians by group, with the number of participants in brackets, and the "
@@ -371,6 +373,42 @@ def _people_table(found: Findings) -> Table:
         columns=columns("group", "planned", "took part", "analysed"),
         rows=[[name, *map(str, counts)] for name, *counts in _people(found)],
     )
+
+
+def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
+    """Return mean scores by condition and group; nothing where no group can be compared."""
+    table, known = found.loaded.table, found.loaded.groups
+    of = np.array([known.get(who, "") for who in table.subjects])
+    shown = thinned(len(table.conditions), MOST_INTERVALS)
+    own = [
+        [column[(of == name) & ~np.isnan(column)] for name in names] for column in table.scores.T
+    ]
+    cells = [
+        [(np.mean(it), _half(it)) if it.size else (np.nan,) * 2 for it in own[c]] for c in shown
+    ]
+    if not names:
+        return Figure(name="groups")
+    means, halves = np.moveaxis(np.array(cells), 2, 0)
+    data = FactorMeans(
+        factors=("condition", "group"),
+        levels=(tuple(table.conditions[c] for c in shown), tuple(names)),
+        means=means,
+        halves=halves,
+        scale=found.scale,
+    )
+    return Figure(
+        name="groups",
+        title="Scores by group",
+        caption="Mean scores of participants by condition and group, with the 95% interval (t) of "
+        f"each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
+        draw=partial(factor_figure, data),
+        keep=found.keep,
+    )
+
+
+def _half(values: FloatArray) -> float:
+    ends = mean_interval(values)
+    return float("nan") if isinstance(ends, NotEstimable) else (ends[1] - ends[0]) / 2
 
 
 def _groups_json(found: Findings, made: GroupStatistics) -> Json:

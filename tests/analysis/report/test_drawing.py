@@ -5,11 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from analysis.report.drawing import Words, marked
+from analysis.report.drawing import FORMATS, Words, marked
 from analysis.report.figure_data import (
+    FactorMeans,
     People,
     Raincloud,
     Scatter,
+    factor_figure,
+    noticed_figure,
     people_figure,
     raincloud_figure,
     scatter_figure,
@@ -84,3 +87,23 @@ def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -
     names_at = re.findall(r"translate\(([\d.]+) [\d.]+\) rotate\(-90\)", svg)
     places = sorted({float(x) for x in names_at})
     assert min(np.diff(places)) > 9  # pt
+
+
+def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
+    """A layout without room would be a warning, which is an error here."""
+    name = "begins as all of them, and goes on"
+    scores = FactorMeans(
+        factors=("condition", "group"),
+        levels=tuple(tuple(f"{name} {number}" for number in range(many)) for many in (30, 6)),
+        means=np.full((30, 6), 5.0),
+        halves=np.ones((30, 6)),
+        scale=Scale(0, 10),
+    )
+    words = Words(name="groups", title="Groups", description="")
+    assert f"{name} 29<" in factor_figure(scores, words).svg
+    shares = {f"{name} {number}": np.full((30, 3), 0.5) for number in range(6)}
+    for drawn in (
+        factor_figure(scores, words),
+        noticed_figure(scores.levels[0], shares, words),
+    ):
+        assert set(drawn.files()) == set(FORMATS)

@@ -76,8 +76,9 @@ def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:
     assert written == {
         path for path in figures if Path(path).name.split(".")[0].removesuffix("-column") in drawn
     }
-    of_factors = {path for path in FIGURE_FILES if path.startswith("figures/factor-")}
-    assert figures == FIGURE_FILES - of_factors, "this study has no factors"
+    of_design = ("figures/factor-", "figures/groups")
+    others = {path for path in FIGURE_FILES if not path.startswith(of_design)}
+    assert figures == others, "this study has neither factors nor groups"
     page = ReadPage(files["report.html"].decode())
     tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
     for figure in result.figures:
@@ -117,7 +118,8 @@ def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     multiverse = {name for name in missing if name.startswith("multiverse-")}
     factors = {name for name in missing if name.startswith("factor-")}
     others = {
-        *("course", "forces", "levels", "noticed", "places", "predictive-m3", "reaction-times")
+        *("course", "forces", "groups", "levels", "noticed", "places", "predictive-m3"),
+        "reaction-times",
     }
     assert missing - multiverse - factors == others
     assert multiverse, "it is made only when asked for"

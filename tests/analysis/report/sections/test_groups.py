@@ -82,6 +82,8 @@ def test_a_higher_group_is_found_and_told() -> None:
     page = report_html(found)
     assert 'id="h-groups"' in page
     assert "Without a group, and not compared: P13." in page
+    figure = page.partition("Scores by group</title>")[2].partition("</svg>")[0]
+    assert all(f">{name}<" in figure for name in (*PLANNED, *STUDY.conditions))
 
 
 def test_groups_that_do_not_differ_are_not_said_to() -> None:

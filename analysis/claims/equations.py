@@ -29,7 +29,7 @@ from device.beam.modes import (
 )
 from device.beam.timoshenko import sections, waves
 from device.beam.windows import mode_window
-from device.friction.contact import ContactState, contact_of, contact_state
+from device.friction.contact import contact_of, contact_terms
 from device.friction.laws import LAWS, ContactTerms, anisotropy
 from device.friction.rungs import reference_tip_speed_m_s, rung_field
 from device.friction.scenes import Drive, FingerContact, Scene
@@ -95,10 +95,10 @@ def _eq6_natural_chi() -> Finding:
     return finding((a in natural for a in range(20)), a_with_natural_a_over_b=natural, of=20)
 
 
-def _state(scene: Scene, x_m: FloatArray) -> ContactState:
+def _terms(scene: Scene, x_m: FloatArray) -> ContactTerms:
     """Return the terms of the contact in a scene with its finger moved to these places."""
     field = rung_field("mode", BEAM, scene.drive)
-    return contact_state(contact_of(scene, x_m), field, reference_tip_speed_m_s("mode"))
+    return contact_terms(contact_of(scene, x_m), field, reference_tip_speed_m_s("mode"))
 
 
 def _inertial_loads() -> dict[str, float]:
@@ -108,12 +108,12 @@ def _inertial_loads() -> dict[str, float]:
     # The mean of a rectified sine over its period is 2/π of its peak; η_p halves it (Eq 8).
     peak = 0.01 * omega**2 * float(modal_displacement_m(BEAM, 6, 100.0, natural_hz)) / math.pi
     bodies, at_ends = (np.abs(mode_shape(6, (np.arange(20) + part) / 20)) for part in (0.5, 1.0))
-    state = _state(Scene(coverage="full"), np.array([BEAM.length_m]))
+    terms = _terms(Scene(coverage="full"), np.array([BEAM.length_m]))
     return {
         "eq8_sum_n": float(peak * bodies.sum()),
         "eq8_sum_with_bodies_at_spacing_ends_n": float(peak * at_ends.sum()),
         "eq8_average_n": float(peak * bodies.mean()),
-        "eq9_n_m": float(state.inertial_load_n[0]),
+        "eq9_n_m": float(np.asarray(terms.inertial_load_n)[0]),
     }
 
 
@@ -165,7 +165,7 @@ def _eq11_inner_limit() -> Finding:
 )
 def _eq12_local_load() -> Finding:
     """f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1%."""
-    terms = _state(Scene(), PLACES_M[FingerContact().contact_m <= PLACES_M]).terms
+    terms = _terms(Scene(), PLACES_M[FingerContact().contact_m <= PLACES_M])
     shares = terms.printed_inertial_ratio / terms.inertial_ratio
     largest = {
         "f_p_over_uf": terms.printed_inertial_ratio.max(),
@@ -179,7 +179,7 @@ def _etas(law: str) -> dict[str, float]:
     found = {}
     for voltage_v in (50.0, 100.0, 200.0):
         scene = Scene(drive=Drive(voltage_v=voltage_v))
-        speed = _state(scene, np.array([BEAM.length_m])).terms.relative_tip_speed
+        speed = _terms(scene, np.array([BEAM.length_m])).relative_tip_speed
         eta = 0.5 if LAWS[law].as_printed else float(anisotropy(speed))
         found[f"eta_at_{voltage_v:.0f}_v"] = eta
     return found

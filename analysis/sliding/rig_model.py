@@ -20,7 +20,7 @@ from analysis.estimates import FloatArray
 from device.beam.beam import Beam
 from device.friction import rungs
 from device.friction.changes import LAW
-from device.friction.contact import Contact, contact_state
+from device.friction.contact import Contact, contact_terms
 from device.friction.laws import ContactTerms, law_by_name
 from device.friction.scenes import Direction, Structure
 
@@ -338,7 +338,7 @@ def _terms(places: Places, rigs: tuple[RigProperties, ...]) -> ContactTerms:
         same_direction_fraction=None,
     )
     driven = field.scaled(np.tile(places.each("voltage_v"), size))
-    found = contact_state(contact, driven, rungs.reference_tip_speed_m_s(rungs.REDUCED_RUNG)).terms
+    found = contact_terms(contact, driven, rungs.reference_tip_speed_m_s(rungs.REDUCED_RUNG))
     leftward = np.array([one.direction == "left" for one in places.settings])[places.of]
     shape = (size, places.x_m.size)
     shaped = {

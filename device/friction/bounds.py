@@ -28,10 +28,10 @@ from device.friction.prediction import (
     Batch,
     LawChoice,
     Prediction,
-    law_state,
+    law_terms,
     reduced_field,
     reduced_frequency_hz,
-    state_prediction,
+    terms_prediction,
 )
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
@@ -268,10 +268,9 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     field = reduced_field(batch, direction)
     window = contact_window(contact, field)
     width = np.maximum(contact.covered_m, 1e-300)
-    state = law_state(contact, field, rungs.REDUCED_RUNG, choice, window)
+    terms = law_terms(contact, field, rungs.REDUCED_RUNG, choice, window)
     # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width
-    terms = state.terms
     # The reference's speed is that of the nominal beam, whatever the scale of this one.
     plain = Beam()
     reference = _bins(
@@ -285,7 +284,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
         inertial_ratio=_around(terms.inertial_ratio, inertia),
         printed_inertial_ratio=_around(terms.printed_inertial_ratio, inertia),
     )
-    prediction = state_prediction(contact, field, state, choice)
+    prediction = terms_prediction(contact, field, terms, choice)
     return prediction, _law_range(ranges, batch, choice)
 
 

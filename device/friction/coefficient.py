@@ -22,7 +22,7 @@ from device.friction.prediction import (
     LawChoice,
     Prediction,
     joined,
-    law_state,
+    law_terms,
     rung_prediction,
 )
 from device.friction.rungs import MODAL_RUNGS, REDUCED_RUNG, TOP_RUNG, rung_field
@@ -89,7 +89,7 @@ def friction_coefficient(
     for first in range(0, places.size, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
         try:
-            terms = law_state(contact_of(scene, places[part]), field, rung, choice).terms
+            terms = law_terms(contact_of(scene, places[part]), field, rung, choice)
         except OutOfRangeError as error:
             error.row += first  # it counts from the part's first place
             raise

@@ -101,24 +101,13 @@ def _directions(contact: Contact, right: FloatArray, left: FloatArray) -> tuple[
     return (right, left) if contact.direction == "right" else (left, right)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ContactState:
-    """The terms of a contact and the paper's inertial load f_p, N."""
-
-    terms: ContactTerms
-    inertial_load_n: FloatArray
-
-
-def with_eq15_ratio(state: ContactState, contact: Contact, overlap: Overlap) -> ContactState:
-    """Return the state with Eq 15's a/u instead of the field's own, as in the printed local law."""
+def with_eq15_ratio(terms: ContactTerms, contact: Contact, overlap: Overlap) -> ContactTerms:
+    """Return the terms with Eq 15's a/u instead of the field's own, as in the printed local law."""
     if contact.coverage == "full":
-        return state
+        return terms
     ratio = same_direction_ratio(contact.x_m, contact.contact_m, overlap)
     same_direction, opposing = _directions(contact, ratio, 1.0 - ratio)
-    terms = replace(
-        state.terms, same_direction=np.asarray(same_direction), opposing=np.asarray(opposing)
-    )
-    return replace(state, terms=terms)
+    return replace(terms, same_direction=np.asarray(same_direction), opposing=np.asarray(opposing))
 
 
 def contact_window(contact: Contact, field: Field) -> Window:
@@ -128,9 +117,9 @@ def contact_window(contact: Contact, field: Field) -> Window:
     return field.pattern.window(contact.x_m, contact.contact_m)
 
 
-def contact_state(
+def contact_terms(
     contact: Contact, field: Field, reference_tip_speed_m_s: float, window: Window | None = None
-) -> ContactState:
+) -> ContactTerms:
     """Return the terms of a contact in a field; `window` is its own, if known already.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
@@ -145,12 +134,12 @@ def contact_state(
     inertial_load_n = np.asarray(inertia_n_per_m * contact.covered_m)
     tip_speed = field.tip_speed_m_s(contact.lever_m) / contact.sliding_speed_m_s
     same_direction, opposing = _directions(contact, window.right, window.left)
-    terms = ContactTerms(
+    return ContactTerms(
         friction_coefficient=np.asarray(contact.friction_coefficient),
         same_direction=np.asarray(same_direction),
         opposing=np.asarray(opposing),
         relative_tip_speed=tip_speed * (REFERENCE_SPEED_M_S / reference_tip_speed_m_s),
         inertial_ratio=inertia_n_per_m / contact.load_n_per_m,
         printed_inertial_ratio=inertial_load_n / (contact.body_count * contact.body_load_n),
+        inertial_load_n=inertial_load_n,
     )
-    return ContactState(terms=terms, inertial_load_n=inertial_load_n)

@@ -33,6 +33,8 @@ class ContactTerms:
     relative_tip_speed: FloatArray
     inertial_ratio: FloatArray
     printed_inertial_ratio: FloatArray
+    inertial_load_n: FloatArray | float = 0.0
+    """f_p, N, which results tell and no law needs."""
 
 
 def anisotropy(relative_tip_speed: FloatArray) -> FloatArray:

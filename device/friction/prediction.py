@@ -13,8 +13,8 @@ from device.beam.modes import FloatArray, natural_frequency_hz
 from device.beam.windows import Window
 from device.errors import OutOfRangeError, one_of
 from device.friction import rungs
-from device.friction.contact import Contact, ContactState, contact_state, with_eq15_ratio
-from device.friction.laws import Law, anisotropy, law_by_name
+from device.friction.contact import Contact, contact_terms, with_eq15_ratio
+from device.friction.laws import ContactTerms, Law, anisotropy, law_by_name
 from device.friction.scenes import Drive
 
 Ratio = Literal["eq15", "mode"]
@@ -107,20 +107,20 @@ class Prediction:
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 
-def law_state(
+def law_terms(
     contact: Contact, field: Field, rung: str, choice: LawChoice, window: Window | None = None
-) -> ContactState:
-    """Return the contact's state as a law sees it; `window` is its own, if known already.
+) -> ContactTerms:
+    """Return the contact's terms as a law sees them; `window` is its own, if known already.
 
     Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
-    state = contact_state(contact, field, rungs.reference_tip_speed_m_s(rung), window)
+    terms = contact_terms(contact, field, rungs.reference_tip_speed_m_s(rung), window)
     if choice.takes_eq15:
-        return with_eq15_ratio(state, contact, choice.overlap)
+        return with_eq15_ratio(terms, contact, choice.overlap)
     if rung == "eq15" and not choice.law.as_printed:
         # The other rungs measure their ratio along the beam and keep it in [0, 1].
-        _refuse_impossible_ratio(contact, state.terms.same_direction, rung)
-    return state
+        _refuse_impossible_ratio(contact, terms.same_direction, rung)
+    return terms
 
 
 def _refuse_impossible_ratio(contact: Contact, ratio: FloatArray, rung: str) -> None:
@@ -141,22 +141,21 @@ def _refuse_impossible_ratio(contact: Contact, ratio: FloatArray, rung: str) -> 
 
 def field_prediction(contact: Contact, field: Field, rung: str, choice: LawChoice) -> Prediction:
     """Return the prediction of a law in a field of the named rung."""
-    return state_prediction(contact, field, law_state(contact, field, rung, choice), choice)
+    return terms_prediction(contact, field, law_terms(contact, field, rung, choice), choice)
 
 
-def state_prediction(
-    contact: Contact, field: Field, state: ContactState, choice: LawChoice
+def terms_prediction(
+    contact: Contact, field: Field, terms: ContactTerms, choice: LawChoice
 ) -> Prediction:
-    """Return the prediction of a law from the state that `law_state` gives in a field."""
+    """Return the prediction of a law from the terms that `law_terms` gives in a field."""
     law = choice.law
-    terms = state.terms
     half = np.full(contact.x_m.shape, 0.5)
     columns = {
         "mu_effective": law(terms),
         "same_direction_ratio": terms.same_direction,
         "anisotropy": half if law.as_printed else anisotropy(terms.relative_tip_speed),
         "inertial_ratio": terms.printed_inertial_ratio if law.as_printed else terms.inertial_ratio,
-        "inertial_load_n": state.inertial_load_n,
+        "inertial_load_n": terms.inertial_load_n,
         "displacement_m": field.displacement_m,
     }
     *whole, _ = np.broadcast_arrays(*columns.values(), half)

@@ -14,7 +14,7 @@ from device.beam.beam import Beam
 from device.beam.modes import FloatArray
 from device.friction.changes import LAW, RUNG
 from device.friction.contact import contact_of
-from device.friction.prediction import LawChoice, law_state
+from device.friction.prediction import LawChoice, law_terms
 from device.friction.rungs import rung_field, rung_resonance_hz
 from device.friction.scenes import Direction, Drive, Scene, Structure
 from protocol.journal.records import VirtualTruth
@@ -272,7 +272,7 @@ def felt_friction(
         sliding_speed_m_s=fingers.speed_m_s,
     )
     field = rung_field(world.rung, world.beam, drive).scaled(fingers.voltage_v)
-    driven = choice.law(law_state(contact, field, world.rung, choice).terms)
+    driven = choice.law(law_terms(contact, field, world.rung, choice))
     # The sign is kept apart: the printed law can give friction below 0, which has no such power.
     size = np.abs(driven / resting) ** fingers.skin
     return np.asarray(fingers.mu0 * resting * np.copysign(size, driven))

@@ -4,15 +4,18 @@ The ratio needs a quiet machine with two cores; it is taken in one run.
 """
 
 from importlib.metadata import version
-from time import perf_counter
+from time import perf_counter, process_time
 
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from analysis.power.engine import completed
 from analysis.power.job import Design, Job, Kind, Task, tasks
+from analysis.power.track_power import track_findings
 from benchmarks.compared import compare, tell
-from protocol.study_file.loading import template
+from device.friction.scenes import NOMINAL
+from device.people.person import DEFAULT
+from protocol.study_file.loading import parsed_study, template
 from tests.analysis.power.kept_in_memory import Memory
 
 PAPERS = Design(participants=9, repeats=1)
@@ -49,3 +52,20 @@ def test_two_workers_are_worth_1_8(benchmark: BenchmarkFixture) -> None:
     two = benchmark.pedantic(seconds, args=(wanted, 2), rounds=1)
     compare(benchmark, "fit 64 studies of 20 x 20 scores, two workers", "one worker", [two], [one])
     assert one / two >= 1.8
+
+
+def test_thresholds_of_1_000_studies(benchmark: BenchmarkFixture) -> None:
+    text = template("threshold").replace("trials = 40", "trials = 60", 1)
+    study = parsed_study(text.replace("stop = { reversals = 12 }", ""))
+
+    def found() -> float:
+        start = process_time()
+        track_findings(study, DEFAULT, NOMINAL, (1_000, 12), 1)
+        return process_time() - start
+
+    taken = benchmark.pedantic(found, rounds=1)
+    tell(
+        benchmark,
+        "thresholds of 1,000 studies of 12 people, 2 tracks of 60 trials each",
+        processor_time=f"{taken:.0f} s",
+    )

@@ -21,7 +21,7 @@ from device.people.person import People, Population, people_of, person_name
 from device.tracks.expected import counted_answers
 from device.tracks.posterior import lattice
 from protocol.study.study import Study
-from protocol.study.track import Track
+from protocol.study.track import GUESS_RATE, Track
 
 _AT_ONCE = 2_000
 """Observers whose posteriors are kept at a time: 15 MB for 800 sets of parameters."""
@@ -109,13 +109,23 @@ def _of_three(felt: FloatArray, *, odd: bool) -> FloatArray:
     return np.asarray(np.interp(felt, steps, table))
 
 
-def truths(track: Track, right: FloatArray) -> FloatArray:
+def by_chance(track: Track, people: People) -> FloatArray:
+    """Return each person's share of right answers, or of yes, where nothing is felt, (people,)."""
+    if track.intervals > 1:
+        return np.full(people.size, GUESS_RATE[track.task])
+    more, less = (ndtr(-it / people.felt_noise) for it in (people.criterion, people.criterion_less))
+    return np.asarray({"different": more + less, "rougher": less}.get(track.found, more))
+
+
+def truths(track: Track, right: FloatArray, chance: FloatArray) -> FloatArray:
     """Return each person's threshold as a distance from the standard; NaN beyond the levels.
 
-    `right` is from `shares`; between levels its quantiles are interpolated over their logarithms.
+    It is where the curve has the share that defines it, once the answers by `chance` are taken
+    out of `right`, which is from `shares`; in between quantiles are interpolated over logarithms.
     """
-    logs, wanted = np.log(track.distances), ndtri(track.share)
-    quantiles = ndtri(right.clip(1e-12, 1 - 1e-12))
+    guess = GUESS_RATE[track.task]
+    logs, wanted = np.log(track.distances), ndtri((track.share - guess) / (1 - guess))
+    quantiles = ndtri(((right - chance) / (1 - chance)).clip(1e-12, 1 - 1e-12))
     found = np.full(right.shape[1], np.nan)
     for person, column in enumerate(quantiles.T):
         rising = np.maximum.accumulate(column)
@@ -177,9 +187,8 @@ def track_findings(
     logs: dict[str, _Logs] = {}
     for track in study.track:
         right = shares(study, track, people, rig)
-        truth = truths(track, right)
-        chance = {2: 1 / 2, 3: 1 / 3}.get(track.intervals, 1 / 2)
-        right = right + people.lapse * (chance - right)
+        truth = truths(track, right, by_chance(track, people))
+        right = right + people.lapse * ((GUESS_RATE[track.task] or 1 / 2) - right)
         told = _estimated(track, right, seed)
         logs[track.name] = (np.log(told.middle), np.log(truth), track.axis)
         found.append(_quality(track, told, truth, sizes))

@@ -30,7 +30,7 @@ class Expected:
 
 
 def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expected:
-    """Return what a track tells of observers with the slopes and lapse rates that it assumes.
+    """Return what a track tells of observers with the rates and slopes that it assumes.
 
     Thresholds are spread evenly over the levels in ratios, without a tenth at each end; slopes and
     lapse rates evenly over their ranges.
@@ -41,7 +41,10 @@ def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expe
     slope = random.uniform(*slopes(track), observers)
     lapse = random.uniform(*track.lapse, observers)
     levels = np.array(track.distances)[:, np.newaxis]
-    right = correct_share(track, levels, threshold, slope, lapse)
+    alarms = np.zeros(observers)
+    if track.task == "yes or no":
+        alarms = random.uniform(*track.false_alarms, observers)
+    right = correct_share(track, levels, threshold, slope, lapse, alarms)
     counted = counted_answers(track, right, random)
     grid = lattice(track, fine=True)
     middle, low, high = grid.interval(grid.posterior(counted))

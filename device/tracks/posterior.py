@@ -19,9 +19,7 @@ from device.beam.modes import FloatArray
 from protocol.study.track import GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import Answer
 
-FALSE_ALARMS = 0.02
-"""Share of yes without a stimulus that is assumed while a track runs."""
-_SLOPES, _LAPSES, _FINE = 5, 4, 161
+_SLOPES, _LAPSES, _FALSE_ALARMS, _FINE = 5, 4, 4, 161
 _RARE = 1e-12
 """Least chance of an answer: none is impossible, so that none can leave nothing."""
 _DIGITS = 10
@@ -92,9 +90,17 @@ def _negative_entropy(right: FloatArray) -> FloatArray:
 
 
 def correct_share(
-    track: Track, distance: FloatArray, threshold: FloatArray, slope: FloatArray, lapse: FloatArray
+    track: Track,
+    distance: FloatArray,
+    threshold: FloatArray,
+    slope: FloatArray,
+    lapse: FloatArray,
+    false_alarms: FloatArray,
 ) -> FloatArray:
-    """Return the chance of a correct answer, by the formula above; arrays are broadcast."""
+    """Return the chance of a correct answer, by the formula above; arrays are broadcast.
+
+    The guess rate is that of the task, in yes or no the share of `false_alarms`.
+    """
     by_chance = GUESS_RATE[track.task]
     at = (track.share - by_chance) / (1 - by_chance)
     if track.shape == "weibull":
@@ -103,7 +109,7 @@ def correct_share(
         from scipy.special import ndtr, ndtri  # loaded for this shape alone
 
         curve = ndtr(slope * (distance - threshold) + ndtri(at))
-    guess = by_chance or FALSE_ALARMS
+    guess = by_chance or false_alarms
     found: FloatArray = guess + (1 - guess - lapse) * curve
     return found
 
@@ -124,9 +130,11 @@ def lattice(track: Track, *, fine: bool = False) -> Lattice:
     lapses = np.linspace(*track.lapse, _LAPSES if track.lapse[0] < track.lapse[1] else 1)
     low, high = slopes(track)
     steep = np.linspace(low, high, _SLOPES if low < high else 1)
-    sets = np.meshgrid(thresholds, steep, lapses, indexing="ij")
-    threshold, slope, lapse = (each.ravel() for each in sets)
-    right = correct_share(track, levels[:, np.newaxis], threshold, slope, lapse)
+    few, many = track.false_alarms if track.task == "yes or no" else (0.0, 0.0)
+    alarms = np.linspace(few, many, _FALSE_ALARMS if few < many else 1)
+    sets = np.meshgrid(thresholds, steep, lapses, alarms, indexing="ij")
+    threshold, *others = (each.ravel() for each in sets)
+    right = correct_share(track, levels[:, np.newaxis], threshold, *others)
     right = right.clip(_RARE, 1 - _RARE)
     logs = np.log(np.stack([1 - right, right]))
     return Lattice(threshold, right, _negative_entropy(right), logs)

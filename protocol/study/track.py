@@ -183,6 +183,11 @@ class Track(Record):
         "the inverse of its SD in units of the axis",
     )
     lapse: Range = setting((0.0, 0.08), "of the lapse rate, from least to most")
+    false_alarms: Range = setting(
+        (0.02, 0.4),
+        "of yes or no: the share of yes without a stimulus, from least to most, that QUEST+ and "
+        "the estimate reckon with",
+    )
     shape: Shape = setting("weibull", "of the curve that QUEST+ and the estimate assume")
     mercy: Whole = setting(
         0, "of QUEST+: for this many trials after an error no level is harder than that one", le=20

@@ -234,14 +234,19 @@ def _stop(track: Track, told: _Teller) -> _Problems:
 def _curve(track: Track, told: _Teller) -> _Problems:
     chance = GUESS_RATE[track.task]
     pair: Any
-    for key, pair in (("slope", track.slope), ("lapse", track.lapse)):
+    if track.task != "yes or no" and "false_alarms" in track.model_fields_set:
+        hint = "leave it out: guesses are half or a third of all answers"
+        yield told("false_alarms", 'is for "yes or no"', list(track.false_alarms), hint)
+    ranges = {key: getattr(track, key) for key in ("slope", "lapse", "false_alarms")}
+    for key, pair in ranges.items():
         if pair and pair[0] > pair[1]:
             yield told(key, "must go from least to most", list(pair), "change their order")
     if track.slope and not track.slope[0]:
         yield told("slope", "must be above 0", "0", "0 is a curve that does not rise")
-    if track.lapse[1] >= 0.5:
-        rule, hint = "must be below 0.5", "lapses are rare; nobody measures a threshold with more"
-        yield told("lapse", rule, f"{track.lapse[1]:g}", hint)
+    for key in ("lapse", "false_alarms"):
+        if ranges[key][1] >= 0.5:
+            rule, hint = "must be below 0.5", "nobody measures a threshold with more"
+            yield told(key, rule, f"{ranges[key][1]:g}", hint)
     if not chance < track.share < 1 - track.lapse[1]:
         below = f"must lie above chance, {chance:.3g} in {track.task}"
         rule = f"{below}, and below what lapses leave, {1 - track.lapse[1]:.3g}"

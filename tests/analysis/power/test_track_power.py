@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.power.track_power import _of_three, shares, track_findings, truths
+from analysis.power.track_power import _of_three, by_chance, shares, track_findings, truths
 from device.friction.changes import friction_difference
 from device.friction.scenes import NOMINAL
 from device.people.answering import TRACK_NUMBERS, Answering
@@ -57,7 +57,7 @@ def test_a_threshold_is_where_the_curve_has_its_share_or_beyond_the_levels() -> 
     track = study.track[0]
     people = People.of([Person(felt_noise=0.05), Person(felt_noise=5.0)])
     right = shares(study, track, people, NOMINAL)
-    found, beyond = truths(track, right)
+    found, beyond = truths(track, right, by_chance(track, people))
     at = np.interp(np.log(found), np.log(track.distances), right[:, 0])
     assert at == pytest.approx(track.share, abs=2e-3)
     assert np.isnan(beyond)

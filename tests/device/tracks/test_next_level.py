@@ -46,6 +46,7 @@ def test_questplus_chose_the_same_level(row: Any) -> None:
         slope=slope,
         lapse=[0.0, lapse],
         threshold_at=float(chance + (1 - chance) * at),
+        false_alarms=[0.02, 0.02],
     )
     told = [Answer(level, bool(correct)) for level, correct in answers]
     assert next_level(asked, told) == theirs
@@ -73,7 +74,7 @@ def test_the_curve_has_its_share_at_the_threshold() -> None:
             at, steep, none = (np.array(value) for value in (30.0, slope, 0.0))
             guess = GUESS_RATE[task] or 0.02
             share = (0.8 - GUESS_RATE[task]) / (1 - GUESS_RATE[task])
-            found = correct_share(asked, at, at, steep, none)
+            found = correct_share(asked, at, at, steep, none, np.array(0.02))
             assert found == pytest.approx(guess + (1 - guess) * share, abs=1e-12)
 
 
@@ -83,7 +84,7 @@ def simulated(asked: Track, threshold: float, seed: str) -> list[Answer]:
     order = constant_order(asked, 1, seed)
     while (level := next_level(asked, told, order)) is not None:
         distance = asked.distances[level]
-        share = correct_share(asked, *map(np.array, (distance, threshold, 3.0, 0.02)))
+        share = correct_share(asked, *map(np.array, (distance, threshold, 3.0, 0.02, 0.1)))
         told.append(Answer(level, bool(random.random() < share)))
     return told
 

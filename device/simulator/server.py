@@ -259,7 +259,12 @@ class Server:
         self._there = _is_there(self._line, self._there, present)
         if self._gauge is not None:
             self._gauge.vanish_or_come_back()
-        self._announce()
+        # A device that starts may have something to say.
+        starting = self._device.broken.active & {"banner", "brown-out"}
+        banner = self._device.dialect.banner
+        if starting - self._announced and banner and self._there:
+            self._wire.announce(banner)
+        self._announced = starting
         return answer
 
     def _wait(self, *, listening: bool) -> None:
@@ -291,14 +296,6 @@ class Server:
         if received is None:
             self._buffer.clear()  # of a line that the host did not end
         return received is None
-
-    def _announce(self) -> None:
-        """A device that starts may have something to say."""
-        starting = self._device.broken.active & {"banner", "brown-out"}
-        banner = self._device.dialect.banner
-        if starting - self._announced and banner and self._there:
-            self._wire.announce(banner)
-        self._announced = starting
 
 
 def simulate(

@@ -109,7 +109,12 @@ def checked(
     said = [*preview_lines(shown, model), *[""] * bool(tracks)]
     said += [line for track in tracks for line in track.lines()]
     said += _lock_lines(folder, registered, text)
-    return [*said, *_language_lines(study)], [], True
+    said += [
+        f"texts/{code}.toml lacks {', '.join(keys)}: read in English until they are added."
+        for code in study.languages
+        if (keys := read_in_reference(study, code))
+    ]
+    return said, [], True
 
 
 def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[ShownTrack]":
@@ -121,13 +126,6 @@ def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[Sho
     if unreachable:
         raise StudyError(source, located(text, unreachable))
     return shown
-
-
-def _language_lines(study: Study) -> Iterator[str]:
-    for code in study.languages:
-        if keys := read_in_reference(study, code):
-            lacks = ", ".join(keys)
-            yield f"texts/{code}.toml lacks {lacks}: read in English until they are added."
 
 
 def _lock_lines(folder: StudyFolder, registered: "Registration | None", text: str) -> Iterator[str]:

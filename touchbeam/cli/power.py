@@ -39,13 +39,6 @@ def _numbers(given: str | None, option: str) -> list[int]:
     return sorted({int(text) for text in texts})
 
 
-def _cores() -> int:
-    # A container or a batch system may give fewer cores than the computer has.
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 @app.command()
 def power(
     study: StudyArgument,
@@ -138,7 +131,9 @@ def power(
             f"touchbeam: warning: {others} kept result{'s' * (others != 1)} in {place.chunks}: "
             "damaged, or not computed by you on this computer; computed anew"
         )
-    used = workers or _cores()
+    # A container or a batch system may give fewer cores than the computer has.
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    used = workers or cores or 1
     if scheduler:  # which need not be there if all is kept already
         used = cluster_size(scheduler) if left else 0
     hypotheses = registered.hypotheses if registered else ()

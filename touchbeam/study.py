@@ -423,14 +423,15 @@ class AskedReport:
         from analysis.report.wording import omnibus_line
 
         result = self.made(*found)
-        table4 = table4_lines(result.table.main.table4, "–", marks(result.loaded.empty))
+        scored, main = bool(result.loaded.table.conditions), result.table.main
+        table4 = table4_lines(main.table4, "–", marks(result.loaded.empty)) if scored else []
         return Written(
             files=report_files(result, figures=figures),
             figure_files=tuple(sorted(FIGURE_FILES)),
             table4=tuple(map(tuple, table4)),
             lines=(
-                *result.table_notes,
-                omnibus_line(result.table.main),
+                *(result.table_notes if scored else ["No conditions: no table of scores."]),
+                *([omnibus_line(main)] if scored else []),
                 *registered_lines(result),
                 *left_out_lines(result.loaded),
             ),

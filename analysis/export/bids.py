@@ -13,7 +13,7 @@ from analysis.export.columns import COLUMNS, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
-from analysis.export.trial_table import cells
+from analysis.export.trial_table import cells, of_tracks
 from analysis.loading.records import values
 
 BIDS_VERSION = "1.11.1"
@@ -62,6 +62,8 @@ _EVENT_COLUMNS: dict[str, dict[str, Any]] = {
     "response_time": {"Description": "From the question to the answer.", "Units": "s"},
     "trial_index": {"Description": "Place of the trial in the session's plan, from 0."},
 }
+_OF_TRACKS = ("track", "level", "level_value", "interval", "correct", "reversal")
+"""Columns of events where there are tracks."""
 _NAMES = """
 acquisition ceagent chunk datatype direction echo extension flip fmap inv modality mt nucleus part
 proc reconstruction recording run sample scans session space staining subject suffix task tracer
@@ -177,14 +179,22 @@ def _sessions(data: Dataset) -> dict[str, str]:
         files[f"{stem}_beh.tsv"] = tsv_text(list(columns), cells(trials[names]))
         task = _task(data, trials)
         files[f"{stem}_beh.json"] = json_text({**task, **columns})
-        files |= _event_files(stem, trials, task)
+        files |= _event_files(stem, trials, task, columns, tracks=bool(of_tracks(data.found)))
     return files
 
 
-def _event_files(stem: str, trials: pd.DataFrame, task: Mapping[str, Any]) -> dict[str, str]:
+def _event_files(
+    stem: str,
+    trials: pd.DataFrame,
+    task: Mapping[str, Any],
+    columns: Mapping[str, Any],
+    *,
+    tracks: bool,
+) -> dict[str, str]:
     """Return the table of a session's events, in the order of time, and its sidecar.
 
-    Published scores are no events. `task` is what each sidecar of the session says of it.
+    Published scores are no events. `task` is what each sidecar of the session says of it,
+    `columns` are those of its table of trials, some of which are of `tracks`.
     """
     # UTC, because the monotonic clock begins anew when an interrupted session goes on.
     timed = trials[trials["started_utc"].notna()]
@@ -193,16 +203,21 @@ def _event_files(stem: str, trials: pd.DataFrame, task: Mapping[str, Any]) -> di
     began = pd.to_datetime(timed["started_utc"])
     table = timed.assign(onset=(began - began.min()).dt.total_seconds()).sort_values("onset")
     names = ["onset", "duration_s", "trial_kind", "reaction_time_s", "trial_index"]
+    told = {**_EVENT_COLUMNS}
+    if tracks:
+        names += _OF_TRACKS
+        hed = {**_HED, "track": _HED["trial"]}
+        levels = {kind: columns["trial_kind"]["Levels"][kind] for kind in hed}
+        told["trial_type"] = told["trial_type"] | {"Levels": levels, "HED": hed}
+        told |= {name: columns[name] for name in _OF_TRACKS}
     rows = zip(*(values(table[name]) for name in names), strict=True)
     software = {
         "SoftwareName": "touchbeam",
         "SoftwareVersion": values(table["touchbeam_version"])[0],
     }
     return {
-        f"{stem}_events.tsv": tsv_text(list(_EVENT_COLUMNS), rows),
-        f"{stem}_events.json": json_text(
-            {**task, "StimulusPresentation": known(software), **_EVENT_COLUMNS}
-        ),
+        f"{stem}_events.tsv": tsv_text(list(told), rows),
+        f"{stem}_events.json": json_text({**task, "StimulusPresentation": known(software), **told}),
     }
 
 

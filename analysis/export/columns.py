@@ -10,7 +10,7 @@ from typing import Any
 
 from device.friction.laws import LAWS
 from protocol.study.study import Study
-from protocol.study.study_question import MEANINGS, QUESTIONS, StudyQuestion
+from protocol.study.study_question import INTERVALS, MEANINGS, QUESTIONS, StudyQuestion
 
 YES_NO = {"true": "yes", "false": "no"}
 
@@ -251,6 +251,44 @@ _SETTING = (
 GROUP = _session("group", "Group of the participant.")
 """Only where sessions have one, so that other studies are exported as before."""
 
+TRACK_COLUMNS = (
+    Column("track", "Track of the trial: a question asked again and again at levels of its own."),
+    Column("level_value", "The level in the unit of the track's axis; missing in a catch trial."),
+    Column(
+        "interval",
+        "Which touch was the comparison, from 1; missing in a catch trial, and in yes or no.",
+    ),
+    Column(
+        "correct",
+        "Whether the answer was right, in yes or no whether it was yes; missing where none is "
+        "right.",
+        levels=YES_NO,
+    ),
+    Column(
+        "reversal",
+        "Whether the rule of the track turned at this answer; missing where no rule turns.",
+        levels=YES_NO,
+    ),
+)
+"""Likewise only where trials are of tracks, and so are these meanings of other columns."""
+_LEVEL = " In a track, the number of its level, 0 the hardest; missing in a catch trial."
+_IN_TRACKS: Mapping[str, Mapping[str, str]] = {
+    "trial_kind": {"track": "of a track: its level follows from the answers before"},
+    "change": {
+        **dict.fromkeys(INTERVALS, "the touch that was asked for"),
+        "yes": "what was asked for was felt",
+        "no": "it was not felt",
+    },
+}
+
+
+def in_tracks(column: Column) -> Column:
+    """Return a column as a study with tracks describes it."""
+    said = column.description + (_LEVEL if column.name == "level" else "")
+    levels = {**column.levels, **_IN_TRACKS.get(column.name, {})}
+    return replace(column, description=said, levels=levels)
+
+
 _TIMES = {
     "desk": "of the operator before the first trial of the session",
     "before": "before the first trial of the session",
@@ -342,6 +380,7 @@ PARTICIPANT_COLUMNS = (
 def factor_columns(study: Study, questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
     """Return a column for each factor, with its name, or `factor_` before one that is taken."""
     taken = set(names_of((*COLUMNS, GROUP, *question_columns(questions))))
+    taken |= set(names_of(TRACK_COLUMNS)) if study.track else set()
     crossed = {factor.name: factor for factor in study.factor}
     made = []
     for name, levels in study.factors.items():

@@ -17,12 +17,14 @@ from analysis.export.columns import (
     PARTICIPANT_COLUMNS,
     Column,
     factor_columns,
+    in_tracks,
     question_columns,
 )
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import (
     contrast_table,
     of_groups,
+    of_tracks,
     participant_table,
     trial_table,
 )
@@ -42,6 +44,7 @@ from protocol.study.participant_texts import (
 from protocol.study.rules import PAPERS_SCALE, Publication, Rating
 from protocol.study.study import Study
 from protocol.study.study_question import StudyQuestion
+from protocol.study.track import AXIS_UNITS
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
 
@@ -140,8 +143,10 @@ class Dataset:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        own = (*self.factors, *question_columns(self.questions))
-        return (*COLUMNS, *of_groups(self.sessions), *own)
+        tracks = of_tracks(self.found)
+        own = (*of_groups(self.sessions), *self.factors, *question_columns(self.questions))
+        # A study without tracks is exported as before.
+        return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
 
     @cached_property
     def factors(self) -> tuple[Column, ...]:
@@ -259,6 +264,12 @@ class Dataset:
         """Return what the words in `column` stand for; this study may have words of its own."""
         if column.name == "condition":
             return self.condition_levels()
+        if column.name == "track":
+            return {
+                each.name: f"{each.task}, {each.method}; levels of {each.axis}{unit}"
+                for each in self.study.track
+                for unit in [f", {AXIS_UNITS[each.axis]}" if AXIS_UNITS[each.axis] else ""]
+            }
         if column.name == "language":
             return {code: language(self.study, code).name for code in study_codes(self.study)}
         return column.levels
@@ -276,6 +287,7 @@ class Dataset:
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
         conditions, imported = ", ".join(self.conditions), "; ".join(self.sources)
+        tracks = ", ".join(track.name for track in self.study.track)
         scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:
             return (
@@ -284,11 +296,17 @@ class Dataset:
                 "known."
             )
         others = imported and f" Sessions of the kind `published` are imported from {imported}."
+        asked = (
+            f" Thresholds are measured by tracks ({tracks}), in each of which a question is asked "
+            "again and again at levels that follow from the answers."
+        )
+        of = f"Study {self.study.study.name!r} of a touch device whose friction is changed by"
+        if tracks and not self.conditions:
+            return f"{of} vibration.{asked}"
         return (
-            f"Study {self.study.study.name!r} of a touch device whose friction is changed by "
-            f"vibration. In each trial a parameter changes ({conditions}), the "
+            f"{of} vibration. In each trial a parameter changes ({conditions}), the "
             "participant touches and says what changed, and scores how strong the effect is, "
-            f"{scale}.{others}"
+            f"{scale}.{others}{asked if tracks else ''}"
         )
 
     def instructions(self, code: str | None) -> str | None:

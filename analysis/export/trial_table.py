@@ -19,7 +19,9 @@ from analysis.export.columns import (
     SESSION_COLUMNS,
     TOUCH_COLUMNS,
     TRACE_COLUMNS,
+    TRACK_COLUMNS,
     Column,
+    in_tracks,
     names_of,
     question_columns,
 )
@@ -57,13 +59,18 @@ def trial_table(
         answered_utc=_utc(trials["answered_utc"]),
         **_touches(found.touches, trials.index),
     )
-    own = (*of_groups(sessions), *factors, *question_columns(questions))
+    own = (*of_tracks(found), *of_groups(sessions), *factors, *question_columns(questions))
     return table[names_of((*COLUMNS, *own))]
 
 
 def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
     """Return the column of groups if any of the `sessions` has one."""
     return (GROUP,) if sessions["group"].notna().any() else ()
+
+
+def of_tracks(found: Sessions) -> tuple[Column, ...]:
+    """Return the columns of tracks if any trial is of one."""
+    return TRACK_COLUMNS if found.attempts["track"].notna().any() else ()
 
 
 def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
@@ -294,7 +301,12 @@ class Frames:
     @cached_property
     def _trials(self) -> pd.DataFrame:
         table = trials_with_answers(self.found, self._sessions, self.questions, self.factors)
-        own = (*of_groups(self.kept), *self.factors, *question_columns(self.questions))
+        own = (
+            *of_tracks(self.found),
+            *of_groups(self.kept),
+            *self.factors,
+            *question_columns(self.questions),
+        )
         columns = (*COLUMNS, *own)
         return table[[each.name for each in columns if not each.per_touch]].infer_objects()
 
@@ -321,9 +333,11 @@ class Frames:
         """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
         score = BY_NAME["score"]
         score = replace(score, description=score.description.format(scale=scale))
-        added = (*self.factors, *question_columns(self.questions))
+        added = (*of_tracks(self.found), *self.factors, *question_columns(self.questions))
         own = {column.name: column for column in added}
         known = BY_NAME | {"score": score, GROUP.name: GROUP} | own
+        if of_tracks(self.found):
+            known = {name: in_tracks(column) for name, column in known.items()}
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Mapping[str, Iterable[Column]] = {
             "participants": [people[str(name)] for name in self.participants],

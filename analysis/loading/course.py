@@ -26,8 +26,11 @@ from analysis.loading.records import (
 from analysis.loading.study_lock import rig_in_force
 from device.friction.scenes import Calibration
 from protocol.journal import events as journal
-from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample
+from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample, TrackAnswer
 from protocol.study.touch import Touch
+from protocol.study.track import Track
+from protocol.study_file.loading import StudyError, parsed_study
+from protocol.tracks.procedure import Place, moved, start
 
 _SESSION_COLUMNS = frozenset(entry.name for entry in fields(SessionRow))
 
@@ -75,6 +78,7 @@ class Course:
         self._study_sha256: str | None = None
         self._study_text: str | None = None
         self._rig: Calibration | None = None
+        self._places: dict[str, tuple[Track, Place] | None] = {}
 
     @property
     def _session(self) -> SessionRow:
@@ -242,12 +246,30 @@ class Course:
         times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
         attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
         attempt.answered_utc = self._stored.utc
+        if (told := event.track) is not None:
+            attempt.level, attempt.level_value = told.level, told.value
+            attempt.correct, attempt.reversal = told.correct, self._turned(told)
         began_s = attempt.started_monotonic_s
         if began_s is not None:
             # The difference of two times has digits that no clock gave.
             attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
         for given in event.questions:
             self._add_answer(given, "trial", attempt_id=self._rows.attempts.last_id)
+
+    def _turned(self, told: TrackAnswer) -> bool | None:
+        """Return whether the rule of a track turned at an answer; None where no rule turns."""
+        if told.role != "level" or told.level is None or told.correct is None:
+            return None
+        if told.name not in self._places:
+            track = _track(self._study_text, told.name)
+            turns = track is not None and track.method in {"staircase", "limits"}
+            self._places[told.name] = (track, start(track)) if track and turns else None
+        if (known := self._places[told.name]) is None:
+            return None
+        track, before = known
+        after = moved(track, before._replace(level=told.level), told.correct)
+        self._places[told.name] = track, after
+        return len(after.turned_at) > len(before.turned_at)
 
     @_take.register
     def _question_answered(self, event: journal.QuestionAnswered) -> None:
@@ -357,6 +379,15 @@ def _plain(answer: Any) -> Any:
 def _named_alike(event: journal.ScoresImported | journal.SessionOpened) -> dict[str, Any]:
     """Return what the event and the row of its session have under the same name."""
     return {name: value for name, value in vars(event).items() if name in _SESSION_COLUMNS}
+
+
+@lru_cache(maxsize=64)
+def _track(study_text: str | None, name: str) -> Track | None:
+    """Return a track of the study in force; None where this version cannot read that file."""
+    try:
+        return None if study_text is None else parsed_study(study_text).track_of(name)
+    except (StudyError, LookupError):
+        return None
 
 
 @lru_cache(maxsize=1024)

@@ -89,6 +89,9 @@ class AttemptRow:
       back.
     - `study_sha256`, `study_text`: the study file in force.
     - `rig`: as calibrated at that time, in a registered session.
+    - `track` and what follows: of a trial of a track, whose `level` is the number of its level;
+      `role` and `interval` as planned, the others as with its answer in the journal; `reversal`:
+      whether its rule turned at this answer, missing where no rule turns.
     """
 
     session_id: int
@@ -97,7 +100,7 @@ class AttemptRow:
     condition: str | None
     attempt: int | None = None
     block: int | None = None
-    level: float = 1.0
+    level: float | None = 1.0
     opposite: bool = False
     question: str | None = None
     expected: str | None = None
@@ -120,16 +123,25 @@ class AttemptRow:
     study_sha256: str | None = None
     study_text: Any = None
     rig: Any = None  # a `Calibration`
+    track: str | None = None
+    role: str | None = None
+    interval: int | None = None
+    level_value: float | None = None
+    correct: bool | None = None
+    reversal: bool | None = None
 
     @classmethod
     def begun(cls, planned: PlannedTrial | Trial, **known: Any) -> Self:
         """Return the row of an attempt at a `planned` trial; `known` are its other columns."""
+        of = planned.track
+        if of is not None:
+            known |= {"track": of.name, "role": of.role, "interval": of.interval}
         return cls(
             trial_index=planned.index,
             block=planned.block,
             trial_kind=planned.kind,
             condition=planned.condition,
-            level=planned.level,
+            level=planned.level if of is None else None,
             opposite=planned.opposite,
             question=planned.question,
             expected=planned.expected,

@@ -20,7 +20,7 @@ class ScoreTable:
             finite or NaN. The record keeps its own read-only copy.
 
     Raises:
-        ValueError: a name twice, an empty table, a shape that does not fit, an infinite score.
+        ValueError: a name twice, no subject, a shape that does not fit, an infinite score.
 
     >>> table = ScoreTable(subjects=("1", "2"), conditions=("voltage", "pressure"),
     ...                    scores=np.array([[10, 5], [9, np.nan]]))
@@ -41,7 +41,9 @@ class ScoreTable:
         object.__setattr__(self, "conditions", tuple(self.conditions))
         object.__setattr__(self, "scores", scores)
         _check_names("subject", self.subjects)
-        _check_names("condition", self.conditions)
+        # A study may have tracks alone, which have no conditions.
+        if self.conditions:
+            _check_names("condition", self.conditions)
         shape = len(self.subjects), len(self.conditions)
         if scores.shape != shape:
             raise ValueError(f"scores must have shape {shape}, got {scores.shape}")

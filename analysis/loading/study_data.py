@@ -90,7 +90,7 @@ def excluded_by_rule(
     trials: pd.DataFrame, rules: Exclusions
 ) -> tuple[pd.DataFrame, tuple[Exclusion, ...]]:
     """Return the answered trials that the rules keep, and what they take out."""
-    timed = trials["reaction_time_s"].where(trials["trial_kind"].isin(["trial", "catch"]))
+    timed = trials["reaction_time_s"].where(trials["trial_kind"].isin(["trial", "catch", "track"]))
     told = _told(rules, "trial", {"reaction_s": timed.to_numpy(np.float64)})
     late = np.array([bool(why) for why in told], np.bool_)
     in_time, too_late = trials[~late], trials[late]

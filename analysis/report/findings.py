@@ -121,11 +121,12 @@ class Findings:
         `touch_measured` says whether the prediction is for force or place as measured.
         """
         contrasts = self.trials.contrasts
-        trials = zip(*(values(self.loaded.trials[of]) for of in _TRIAL.values()), strict=True)
+        told = _TRIAL | (_TRACK if self.loaded.trials["track"].notna().any() else {})
+        trials = zip(*(values(self.loaded.trials[of]) for of in told.values()), strict=True)
         by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
         records = [
             {
-                **dict(zip(_TRIAL, trial, strict=True)),
+                **dict(zip(told, trial, strict=True)),
                 "touch_measured": measured,
                 "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
                 # The key is there in every study, so that programs need not ask for it.
@@ -220,3 +221,5 @@ _TRIAL = {
     "reaction_s": "reaction_time_s",
 }
 """What a trial's record holds, and the column it comes from."""
+_TRACK = {name: name for name in ("track", "level_value", "interval", "correct", "reversal")}
+"""Likewise where some trials are of tracks, whose `level` is a number of theirs."""

@@ -108,6 +108,8 @@ def masthead(found: Findings) -> Masthead:
 
 def _participants(found: Findings) -> str:
     table = found.loaded.table
+    if not table.conditions:
+        return f"{len(table.subjects)}, in {count_of(len(found.study.track), 'track')} alone"
     scored, conditions = (int(table.given.any(axis=axis).sum()) for axis in (1, 0))
     ratings = count_of(int(found.loaded.scored["score"].notna().sum()), "rating")
     return f"{scored}, with {ratings} of {count_of(conditions, 'condition')}"
@@ -277,6 +279,9 @@ def _notices(found: Findings) -> list[tuple[str, str]]:
     # A reader must see both before any number.
     if found.rehearsals:
         notices.append(("Rehearsals.", "These scores are no evidence about participants."))
+    if not found.loaded.table.conditions:
+        alone = "The study has tracks and no conditions: sections that compare those are left out."
+        notices.append(("Tracks alone.", alone))
     if found.origin.broken_chains:
         notices.append(("Changed journal.", changed_journal(found.origin.broken_chains)))
     return notices

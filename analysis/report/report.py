@@ -26,6 +26,12 @@ ALWAYS = frozenset({"table4", "provenance"})
 """The sections without which there is no report."""
 
 
+WITHOUT_CONDITIONS = frozenset(
+    {"thresholds", "questions", "left-out", "registration", "glossary", "provenance", "trials"}
+)
+"""The sections that a study of tracks alone has; all others compare conditions."""
+
+
 def _figure_paths(name: str) -> list[str]:
     return [f"figures/{name}{end}" for end in FORMATS]
 
@@ -47,7 +53,10 @@ class Report(Findings):
         """The names of `sections`."""
         # `report.toml` chooses what the page shows; `report.json` has every number all the same.
         wanted = {*self._shown, *ALWAYS} if self.origin.alone else SECTIONS.keys()
-        return tuple(name for name in SECTIONS if name in wanted)
+        return tuple(name for name in SECTIONS if name in wanted and self._has(name))
+
+    def _has(self, section: str) -> bool:
+        return bool(self.loaded.table.conditions) or section in WITHOUT_CONDITIONS
 
     @property
     def chosen(self) -> tuple[Section, ...]:
@@ -61,7 +70,7 @@ class Report(Findings):
         # A report cannot hide that it departs from what was registered.
         if self.loaded.lock is not None and "registration" not in names:  # the page refers to it
             names = ("registration", *names)
-        return tuple(dict.fromkeys(names))
+        return tuple(name for name in dict.fromkeys(names) if self._has(name))
 
     @cached_property
     def fronts(self) -> tuple[Section, ...]:
@@ -70,6 +79,7 @@ class Report(Findings):
         return tuple(
             own.get(name) or Section(name=name, title="", blocks=front(self))
             for name, front in FRONTS.items()
+            if self._has(name)
         )
 
     @property

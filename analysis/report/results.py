@@ -47,6 +47,11 @@ MOST_PAIRS = 3
 
 def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions that these data can answer, each with its answer."""
+    if found.loaded.table.conditions:
+        yield from _of_conditions(found)
+
+
+def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     main = found.table.main
     if found.trials.noticed:
         yield NOTICE, _noticed(found.trials.noticed)

@@ -23,6 +23,8 @@ AXIS_KEY: dict[Axis, str] = {
     "place": "place_m",
 }
 """The key of a touch that an axis fills in; on `contrast`, with the voltage that gives it."""
+AXIS_UNITS: dict[Axis, str] = {"voltage": "V", "frequency": "", "contrast": "", "place": "m"}
+"""A frequency is one of the resonance, a contrast a difference of logarithms."""
 MOST_LEVELS, MOST_TRIALS = 200, 500
 
 

@@ -279,6 +279,7 @@ def _name_problems(study: Study) -> Iterator[Problem]:
     taken = {*TAKEN, *(each.name for each in trial_facts(study.rating))}
     # Only where there are groups has an export that column.
     taken |= {"group"} if study.group else set()
+    taken |= {"track", "level_value", "interval", "correct", "reversal"} if study.track else set()
     for number, question in enumerate(study.question):
         name = question.name
         # A question fills two columns, and either may be taken.

@@ -10,7 +10,7 @@ from protocol.journal import events, shared_form
 from protocol.journal.records import PlannedTrial
 from protocol.registration.registration import shared_registration
 from protocol.study.rules import Rating
-from protocol.study.study_question import ANSWERS
+from protocol.study.study_question import ANSWERS, INTERVALS
 from protocol.study_file.loading import parsed_study, template, text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 from runner.clock import WallClock
@@ -117,6 +117,10 @@ def _impossible(
 
 def _impossible_change(change: str, trial: PlannedTrial, *, agrees: bool | None) -> Iterator[str]:
     possible = next((them for asked, them in ANSWERS.items() if asked == trial.question), ())
+    if trial.track is not None:
+        possible = INTERVALS[: len(trial.touches)] if len(trial.touches) > 1 else ("yes", "no")
+        if trial.expected is None and agrees is None:
+            agrees = False  # in a catch trial no answer is right
     if change not in possible:
         told = ", ".join(possible) or "null, as nothing was asked"
         yield f"change: must be one of {told}, got {change[:80]!r}"

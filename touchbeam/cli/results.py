@@ -244,7 +244,8 @@ def write_report(
         *sorted(others),
         f"{drawn} figure files" if figures else "with --figures figure files",
     ]
-    print_table("Table 4", made.table4)
+    if made.table4:
+        print_table("Table 4", made.table4)
     for line in made.lines:
         say(line)
     say(f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}")

@@ -312,11 +312,11 @@ def _rows(
 def _cells(record: Mapping[str, Any]) -> list[str]:
     kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
     return [
-        record["condition"] or MISSING,
+        record["condition"] or record.get("track") or MISSING,
         str(record["session"]),
         str(record["index"]),
         kind,
-        f"{record['level']:g}",
+        MISSING if record["level"] is None else f"{record['level']:g}",
         record["change"] or MISSING,
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
         MISSING if record["score"] is None else f"{record['score']:g}",

@@ -30,7 +30,6 @@ def test_a_table_says_what_is_missing() -> None:
         (("1", "1"), ("a",), [[1.0], [2.0]], "each subject must be named once, got '1' 2 times"),
         (("1",), ("a", "a"), [[1.0, 2.0]], "each condition must be named once, got 'a' 2 times"),
         ((), ("a",), np.empty((0, 1)), "at least one subject, got 0"),
-        (("1",), (), np.empty((1, 0)), "at least one condition, got 0"),
         (("1",), ("a",), [[1.0, 2.0]], r"shape \(1, 1\), got \(1, 2\)"),
         (("1",), ("a",), [[np.inf]], "finite or missing, got inf"),
     ],

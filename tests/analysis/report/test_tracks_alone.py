@@ -1,0 +1,30 @@
+"""The report of a study of tracks alone, and of one with conditions beside them."""
+
+from analysis.loading.study_data import load_study_data
+from analysis.report.report import Report, report, report_html, report_json
+from protocol.study_file.loading import parsed_study
+from tests.analysis.reports import ORIGIN
+from tests.analysis.tracks import BOTH, SCORE, TRACKS, session
+
+
+def made(text: str) -> Report:
+    study = parsed_study(text)
+    chains = [session(text, f"P0{slot}", slot) for slot in (1, 2)]
+    found = load_study_data(chains, rehearsals=False, rules=study.exclusions)
+    return report("a study", found, study, ORIGIN)
+
+
+def test_tracks_alone_are_reported_without_sections_on_conditions() -> None:
+    found = made(TRACKS)
+    page, told = report_html(found), report_json(found)
+    assert "sections that compare those are left out" in page
+    assert "two tracks alone" in page
+    assert not {"table4", "friedman", "checks"} & told.keys()
+    assert {each["kind"] for each in told["trials"]} == {"track"}
+    assert {"track", "level_value", "reversal"} < told["trials"][0].keys()
+
+
+def test_trials_of_tracks_are_no_trials_of_conditions() -> None:
+    told = report_json(made(BOTH))
+    assert told["table4"]["rows"][0]["scores"] == [SCORE]
+    assert "sections that compare those are left out" not in report_html(made(BOTH))

@@ -1,12 +1,14 @@
 """The next level of a track: a pure function of the answers that count."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from device.tracks.posterior import choices, lattice
+from protocol.journal.records import PlannedTrack, TrackAnswer
+from protocol.study.study import Study
 from protocol.study.track import Track, decibels
-from protocol.tracks.procedure import Answer, place_after
+from protocol.tracks.procedure import Answer, constant_order, place_after
 
 __all__ = ["Answer", "levels_of", "next_level"]
 
@@ -52,3 +54,41 @@ def levels_of(
             break
         found.append(Answer(level, right))
     return tuple(found)
+
+
+# The same, of answers as a journal has them.
+
+
+def counted(answers: Iterable[TrackAnswer]) -> tuple[Answer, ...]:
+    """Return the answers from which the next level follows: not those of catch and easy trials."""
+    return tuple(
+        Answer(told.level, told.correct)
+        for told in answers
+        if told.role == "level" and told.level is not None and told.correct is not None
+    )
+
+
+def level_after(
+    study: Study, track: Track, answers: Iterable[TrackAnswer], slot: int, session: int
+) -> int | None:
+    """Return the number of the level after these answers of a track, None where it has ended.
+
+    `slot` and `session`, whose number counts from 1, name the order of constant stimuli.
+    """
+    order: tuple[int, ...] = ()
+    if track.method == "constant":
+        order = constant_order(track, study.study.seed, session, slot)
+    return next_level(track, counted(answers), order)
+
+
+def recorded_level(
+    study: Study, planned: PlannedTrack, before: Iterable[TrackAnswer], slot: int, session: int
+) -> int | None:
+    """Return the number of the level at which a trial is made after the answers `before` it.
+
+    None in a catch trial, which has none.
+    """
+    track = study.track_of(planned.name)
+    if planned.role == "level":
+        return level_after(study, track, before, slot, session)
+    return len(track.values) - 1 if planned.role == "easy" else None

@@ -70,15 +70,13 @@ def _content(track: Track, trial: Trial) -> Iterator[str]:
     planned = trial.track
     assert planned is not None
     several = track.task != "yes or no"
-    compared = [number for number, it in enumerate(trial.touches, 1) if it == track.comparison]
-    still = [number for number, it in enumerate(trial.touches, 1) if it == track.standard]
-    wanted = [] if planned.role == "catch" else [planned.interval if several else 1]
+    compared = 0 if planned.role == "catch" else planned.interval or 1
+    numbers = range(1, {"two intervals": 2, "three intervals": 3}.get(track.task, 1) + 1)
     # A catch trial has the standard alone, and so has what is not the comparison.
-    rest = [n for n in range(1, len(trial.touches) + 1) if n not in wanted]
-    alike = track.standard == track.comparison
-    if len(trial.touches) != {"two intervals": 2, "three intervals": 3}.get(track.task, 1):
+    wanted = [track.comparison if number == compared else track.standard for number in numbers]
+    if len(trial.touches) != len(wanted):
         yield f"a trial must have the touches of {track.task}"
-    elif not alike and (compared != wanted or still != rest):
+    elif list(trial.touches) != wanted:
         yield "the touches must be the standard, and the comparison in its interval"
     if not several:
         right: str | None = "no" if planned.role == "catch" else "yes"

@@ -367,14 +367,24 @@ def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> s
     return ""
 
 
+@lru_cache(maxsize=64)
+def as_run(study_text: str, digest: str | None, group: str | None) -> Study:
+    """Return the study of a session: locked by its registration, if it has one, and of its group.
+
+    Raises `ValueError` for a text that this version refuses.
+    """
+    try:
+        study = parsed_study(study_text)
+    except BadInput as error:
+        raise ValueError(str(error)) from error
+    return (study if digest is None else locked(study, digest)).of_group(group)
+
+
 # A plan is drawn once though `verify` and the report both ask, and sessions share a file.
 @lru_cache(maxsize=256)
 def _drawn(study_text: str, digest: str, slot: int | None, session: int, group: str | None) -> Plan:
     """Return the plan of a slot, or of a sliding experiment, which has none."""
-    try:
-        study = locked(parsed_study(study_text), digest).of_group(group)
-    except BadInput as error:
-        raise ValueError(str(error)) from error
+    study = as_run(study_text, digest, group)
     return slide_plan(slide_study(study), session) if slot is None else plan(study, slot, session)
 
 

@@ -11,15 +11,19 @@ from protocol.errors import BadInput
 from protocol.journal.events import (
     SCRIPT,
     SLIDE,
+    Answered,
     ScoresImported,
     SessionOpened,
+    SessionResumed,
+    SessionTerms,
     StoredEvent,
     StudyRegistered,
     Withdrawn,
     terms_in,
 )
+from protocol.journal.records import TrackAnswer
 from protocol.journal.state import NotAllowed, SessionState, folded, in_words
-from protocol.registration.registration import order_problem, registration_in
+from protocol.registration.registration import as_run, order_problem, registration_in
 from runner.journal import store
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
 
@@ -258,6 +262,39 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
             return "its registration is none that the journal holds"
         if problem := order_problem(opened, under):
             return problem
+    return _level_problem(opened, events)
+
+
+def _level_problem(opened: SessionOpened, events: Iterable[StoredEvent]) -> str:
+    """Return which answer was given at a level that does not follow from those before, or ''."""
+    before: dict[str, list[TrackAnswer]] = {}
+    under: SessionTerms | None = None
+    for event in events:
+        if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
+            (under,) = terms_in([event])
+        # Only tracks ask for numpy, and for the study as it was.
+        if event.tag != Answered.TAG or not event.payload.get("track") or under is None:
+            continue
+        made = event.record
+        assert isinstance(made, Answered)
+        if made.track is None or under.study_text is None or opened.slot is None:
+            continue
+        from device.tracks.next_level import recorded_level
+
+        study = as_run(under.study_text, under.registration, opened.group)
+        told = before.setdefault(made.track.name, [])
+        level = recorded_level(study, made.track, told, opened.slot, opened.session)
+        values = study.track_of(made.track.name).values
+        if (made.track.level, made.track.value) != (
+            level,
+            None if level is None else values[level],
+        ):
+            return (
+                f"trial {made.index} of the track {made.track.name!r} was made at level "
+                f"{made.track.level} ({made.track.value}); the answers before it lead to level "
+                f"{level}"
+            )
+        told.append(made.track)
     return ""
 
 

@@ -192,3 +192,57 @@ def documents(draw: st.DrawFn) -> Document:
         "opening": [{"kind": "baseline", "touches": [{"place": "smooth", "voltage_v": 0}]}],
         "condition": conditions,
     }
+
+
+TRACKS = """
+[study]
+name = "tracks"
+
+[touch]
+hold_s = 1.0
+
+[session]
+language = "en"
+
+[design]
+tracks = "interleaved"
+track_block = 8
+
+[[track]]
+name = "stairs"
+task = "two intervals"
+method = "staircase"
+axis = "voltage"
+levels = { from = 10, to = 100, count = 11, spaced = "equal ratios" }
+standard = { place = "smooth", voltage_v = 0 }
+comparison = { place = "smooth" }
+rule = "1 down 1 up"
+step_levels = [1]
+trials = 9
+stop = { reversals = 4 }
+catch = 2
+easy = 1
+
+[[track]]
+name = "felt"
+task = "yes or no"
+method = "constant"
+axis = "voltage"
+levels = { values = [20, 40, 80] }
+standard = { place = "smooth", voltage_v = 0 }
+comparison = { place = "smooth" }
+trials = 6
+catch = 2
+
+[[track]]
+name = "odd one"
+task = "three intervals"
+method = "quest+"
+axis = "voltage"
+levels = { from = 10, to = 100, count = 11, spaced = "equal ratios" }
+standard = { place = "smooth", voltage_v = 0 }
+comparison = { place = "smooth" }
+trials = 7
+feedback = true
+"""
+"""A study of three short tracks without conditions, one for each task."""

@@ -16,6 +16,7 @@ from protocol.journal.events import (
     StudyAmended,
     Withdrawn,
 )
+from runner.journal import store
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
@@ -29,6 +30,8 @@ from runner.journal.verification import (
     touchbeam_versions,
     verdicts,
 )
+from runner.session.loop import run
+from tests.protocol.studies import TRACKS
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
 
@@ -306,3 +309,58 @@ def begun_elsewhere(folder: Path) -> Event:
         opened = begun(other).state.opened
     assert opened is not None
     return opened
+
+
+def answers_of(journal: Journal, track: str) -> list[int]:
+    """Where the answers to trials of a track stand in the journal."""
+    events = (event for event in journal.events("P01/1") if event.tag == "answered")
+    return [event.seq for event in events if event.payload["track"]["name"] == track]
+
+
+def rewritten(journal: Journal, path: Path, seq: int, **changes: object) -> None:
+    """Change what an answer says of its track, with all hashes as if it had always said so."""
+    chain = list(journal.chain("P01/1"))
+    previous = store.FIRST_HASH
+    with tampering(path) as other:
+        for place, link in enumerate(chain):
+            event = link.event
+            if place == seq:
+                track = {**event.payload["track"], **changes}
+                event = replace(event, payload={**event.payload, "track": track})
+            body, salt = store.payload_text(event), link.salt
+            assert salt is not None
+            digest = store.payload_digest(body, salt)
+            hashed = store.chain_hash(previous, store.event_fields("P01/1", event, digest))
+            previous = hashed
+            other.execute(
+                "UPDATE event SET payload = ?, payload_sha256 = ?, hash = ? WHERE seq = ?",
+                (body, digest, hashed, place),
+            )
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "changes"),
+    [
+        ("stairs", 1, {"level": 3, "value": 19.9526231496888}),
+        ("stairs", 0, {"correct": False}),
+        ("felt", 2, {"level": 2}),
+        ("odd one", 0, {"correct": True}),
+        ("odd one", 4, {"value": 50.0}),
+    ],
+)
+def test_a_level_that_does_not_follow_from_the_answers_before_is_told(
+    tmp_path: Path, name: str, place: int, changes: dict[str, object]
+) -> None:
+    path = tmp_path / "study.db"
+    with open_journal(path) as journal:
+        made = context(journal, FakeDevice(), FakeParticipant(changes=()), TRACKS)
+        run(made)
+        (verdict,) = verdicts(journal)
+        assert verdict.ok, verdict.problem
+        assert verdict.trials_planned == verdict.trials_answered
+        rewritten(journal, path, answers_of(journal, name)[place], **changes)
+        (verdict,) = verdicts(journal)
+        assert verdict.chain_ok
+        assert not verdict.ok
+        assert f"of the track {name!r} was made at level" in verdict.line()
+        assert "the answers before it lead to level" in verdict.line()

@@ -58,7 +58,6 @@ class Rig(PortOwner):
         self._watchdog_s = limits.watchdog_s
         self._calibration = calibration
         self._monotonic = monotonic
-        self._recording: Recording | None = None
         self._beats = 0
         self._fed_beats = 0
         self._fetched_beats = 0
@@ -66,7 +65,6 @@ class Rig(PortOwner):
         self._armed = False
         self._ramping = False
         self._stopping = False
-        self._fault: DeviceError | None = None
 
     def start(self) -> None:
         """Give the port to a thread of its own."""
@@ -304,14 +302,6 @@ class Rig(PortOwner):
 
     def _record(self, rate_hz: int, clock_s: Callable[[], float]) -> None:
         self._recording = Recording(self._driver.force_source(), rate_hz, clock_s)
-
-    def _recorded(self) -> Samples:
-        if self._recording is None:
-            raise DeviceError("nothing is recorded")
-        try:
-            return self._recording.finished()
-        finally:
-            self._recording = None
 
     def _feed(self) -> None:
         """See that the device does what it was told, which feeds its watchdog.

@@ -83,6 +83,8 @@ class PortOwner(ABC):
     def __init__(self) -> None:
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._owner: threading.Thread | None = None
+        self._recording: Recording | None = None
+        self._fault: DeviceError | None = None
 
     def step(self, wait_s: float | None = 0.0) -> bool:
         """As the owner, make the next call within `wait_s` and what is due; False once closed."""
@@ -123,6 +125,15 @@ class PortOwner(ABC):
             self.step()
         return job.result
 
+    def _recorded(self) -> Samples:
+        if self._recording is None:
+            # The fault that ended the recording says more.
+            raise self._fault or DeviceError("nothing is recorded")
+        try:
+            return self._recording.finished()
+        finally:
+            self._recording = None
+
     def _end(self) -> None:
         self._jobs.put(None)
         if self._owner is not None:
@@ -135,8 +146,6 @@ class GaugeOwner(PortOwner):
     def __init__(self, gauge: GaugeDriver) -> None:
         super().__init__()
         self._gauge = gauge
-        self._recording: Recording | None = None
-        self._fault: DeviceError | None = None
         self._on_fault: Callable[[], object] = lambda: None
 
     def start(self, on_fault: Callable[[], object]) -> None:
@@ -194,15 +203,6 @@ class GaugeOwner(PortOwner):
         recording = self._recording
         # Looked at often, because another thread may begin or abandon a recording.
         return _LOOK_S if recording is None else min(max(recording.wait_s(), 0.0), _LOOK_S)
-
-    def _recorded(self) -> Samples:
-        if self._recording is None:
-            # The fault that ended the recording says more.
-            raise self._fault or DeviceError("nothing is recorded")
-        try:
-            return self._recording.finished()
-        finally:
-            self._recording = None
 
     def _go_on(self) -> None:
         """Ask for the block that is due, if there is one; a gauge that fails is asked no more."""

@@ -278,19 +278,15 @@ class InProcessHand(BeamControl):
             self.pass_time(min(left_s, _BEAT_S))
 
     def pass_time(self, seconds: float) -> None:
-        """Let `seconds` pass; only who beats meanwhile keeps the watchdog quiet."""
-        sleep(seconds, self._device, self._rig)
+        """Let `seconds` pass, more if the owner is busy; a beat alone keeps the watchdog quiet."""
+        device, rig = self._device, self._rig
+        end_s = device.now_s() + seconds
+        while (left_s := end_s - device.now_s()) > 0:
+            idle_s = rig.idle_s()
+            # A moment at least: a wait that rounding makes too short to add would never end.
+            device.advance(left_s if idle_s is None else min(left_s, max(idle_s, _MOMENT_S)))
+            if idle_s is not None and idle_s <= left_s:
+                rig.step()
 
     def _answer(self, line: str) -> str:
         return self._device.answer(line)
-
-
-def sleep(seconds: float, device: InProcessDevice, rig: Rig) -> None:
-    """Let `seconds` pass, or longer if the owner of the port is busy for longer."""
-    end_s = device.now_s() + seconds
-    while (left_s := end_s - device.now_s()) > 0:
-        idle_s = rig.idle_s()
-        # A moment at least: a wait that rounding makes too short to add would never end.
-        device.advance(left_s if idle_s is None else min(left_s, max(idle_s, _MOMENT_S)))
-        if idle_s is not None and idle_s <= left_s:
-            rig.step()

@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 
 from device.rig import Rig
-from device.simulator.in_process import InProcessDevice, sleep
+from device.simulator.in_process import InProcessDevice, InProcessHand
 
 
 class InProcessClock:
@@ -22,4 +22,4 @@ class InProcessClock:
         return self._device.now_s()
 
     def sleep(self, seconds: float) -> None:
-        sleep(seconds, self._device, self._rig)
+        InProcessHand(self._device, self._rig).pass_time(seconds)

@@ -147,9 +147,9 @@ def rules_in_words(rules: Exclusions) -> list[str]:
 
 
 class Why(StrEnum):
-    """Why no trial of a subject under a condition has a score that counts, as readers are told."""
+    """Why no trial of a subject under a condition has a score that counts."""
 
-    WITHHELD = "not given"
+    WITHHELD = "withheld"
     BLANK = "blank"
     EXCLUDED = "excluded"
     NOT_REACHED = "not reached"
@@ -160,6 +160,9 @@ EmptyCells = Mapping[tuple[int, int], Why]
 
 MARKS = {Why.WITHHELD: "–", Why.BLANK: "–", Why.EXCLUDED: "×", Why.NOT_REACHED: "○"}
 """What stands in such a cell where people read the table."""
+
+LABELS = {**{why: str(why) for why in Why}, Why.WITHHELD: "not given"}
+"""What readers of the page are told of such a cell."""
 
 WITHHELD_AS = {
     "agrees": "the answer disagreed with the expectation",

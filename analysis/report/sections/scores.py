@@ -5,7 +5,7 @@ from typing import Any
 
 from analysis.estimates import Json, plain
 from analysis.loading.sessions import SCORED_KINDS
-from analysis.loading.study_data import WITHHELD_AS, marks, unscored, withheld
+from analysis.loading.study_data import LABELS, WITHHELD_AS, marks, unscored, withheld
 from analysis.report import blocks
 from analysis.report.as_json import friedman_json, pair_json
 from analysis.report.findings import Findings
@@ -110,7 +110,7 @@ def _score_table(found: Findings) -> blocks.Table:
 
     def score(row: int, column: int, text: str) -> blocks.Cell:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
-        why = empty.get((row, column), "")
+        why = LABELS[empty[row, column]] if (row, column) in empty else ""
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(

@@ -57,6 +57,11 @@ def test_each_empty_cell_knows_why() -> None:
     }
 
 
+def test_programs_read_why_in_words_that_stay() -> None:
+    cells = report_json(reported(a_study()))["table4"]["empty"]
+    assert [cell["why"] for cell in cells[:3]] == ["withheld", "excluded", "not reached"]
+
+
 def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
     rules = Exclusions(min_reaction_s=0.15)
     found = loaded(session("P01", [9, 8, 7]), rules=rules)

@@ -1,6 +1,6 @@
 """Deterministic integration over a few parameters, such as variance components."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
@@ -22,7 +22,7 @@ CURVATURE_STEP = 0.2
 MODE_STEPS, MODE_RISE, LONGEST_STEP = 30, 0.05, 1.0
 # Limits to which the curvature of a direction at the mode is clipped.
 LEAST_CURVATURE, MOST_CURVATURE = 0.1, 1e8
-QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-8
+QUANTILE_STEPS, QUANTILE_TOLERANCE = 60, 1e-5
 # Bits to which proposals are rounded.
 BITS = 12
 # What stands for the log density of a point at which it is unknown, and how many points may be so.
@@ -65,11 +65,13 @@ class WeightedPoints:
     log_evidence: float
     log_density: FloatArray
 
-    def refusal(self, *quantities: "Marginals") -> NotEstimable | None:
-        """Return why the points do not tell the quantities, or None if they do."""
+    def refusal(self, *quantities: tuple["Marginals", Sequence[Interval]]) -> NotEstimable | None:
+        """Return why the points do not tell quantities and their intervals, or None if they do."""
         return next((NotEstimable(reason) for reason in self._reasons(quantities)), None)
 
-    def _reasons(self, quantities: Iterable["Marginals"]) -> Iterator[str]:
+    def _reasons(
+        self, quantities: Iterable[tuple["Marginals", Sequence[Interval]]]
+    ) -> Iterator[str]:
         integration = "its integration over the differences between people"
         if self.unknown > MOST_UNKNOWN:
             yield f"it could not be evaluated at {self.unknown:.0%} of the points of {integration}"
@@ -81,7 +83,7 @@ class WeightedPoints:
                 f"{integration} reached {reached} effective points, and intervals need "
                 f"at least {self.least:.0f}"
             )
-        for each in quantities:
+        for each, intervals in quantities:
             # How far it is beyond may depend on the processor where hardly anything is known.
             if each.limited is not None and each.limited.max() > MOST_LIMITED:
                 yield (
@@ -89,7 +91,7 @@ class WeightedPoints:
                     f"is beyond the limit of its correction at more than {MOST_LIMITED:.0%} of the "
                     f"points of {integration}"
                 )
-            apart = each.disagreement(self.halves, each.interval_95(self.weights))
+            apart = each.disagreement(self.halves, intervals)
             if apart > MOST_DISAGREEMENT:
                 yield (
                     f"two sets of points of {integration} disagree on a limit by more than "
@@ -147,21 +149,27 @@ class WeightedPoints:
 
 
 def weighted_points(
-    log_density: LogDensity, start: FloatArray, count: int, least: float | None = None
+    log_density: LogDensity,
+    start: FloatArray,
+    count: int,
+    least: float | None = None,
+    pilot: int = PILOT,
+    rise: float = MODE_RISE,
 ) -> tuple[WeightedPoints, BoolArray]:
     """Return weighted points that represent the density, and which of the last ones they are.
 
-    Importance sampling from a t distribution with 5 degrees of freedom, first about the mode and
-    scaled by the curvature there, then with the mean and covariance of the points so far, until
-    the effective sample size is at least `least` (None for 200) or four times as many points do or
-    would not reach it. The points are those of an additive low-discrepancy sequence instead of
-    random ones, and of a proposal that is rounded, so that the same input gives the same points on
-    every computer. Points without weight are left out.
+    Importance sampling from a t distribution with 5 degrees of freedom, first about the mode, found
+    but for a `rise`, and scaled by the curvature there, then with the mean and covariance of the
+    points so far. The first are `pilot` in number, then `count`, until the effective sample size is
+    at least `least` (None for 200) or four times as many do or would not reach it. They are those
+    of an additive low-discrepancy sequence instead of random ones, and of a proposal that is
+    rounded, so that the same input gives the same points on every computer. Points without weight
+    are left out.
     """
     least = LEAST_EFFECTIVE if least is None else least
     log_density = _within_reach(log_density)
-    centre, covariance = mode_of(log_density, start)
-    for number in (PILOT, count, 2 * count, 4 * count):
+    centre, covariance = mode_of(log_density, start, rise)
+    for number in (pilot, count, 2 * count, 4 * count):
         points, log_proposal = _t_points(centre, covariance, number)
         known = log_density(points)
         log_weights = known - log_proposal
@@ -226,7 +234,9 @@ def low_discrepancy(count: int, dimensions: int) -> FloatArray:
     return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)
 
 
-def mode_of(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+def mode_of(
+    log_density: LogDensity, start: FloatArray, rise: float = MODE_RISE
+) -> tuple[FloatArray, FloatArray]:
     """Return the mode, and the inverse of the curvature there.
 
     Found by Newton's method with differences over steps so long that small errors of the density
@@ -237,7 +247,7 @@ def mode_of(log_density: LogDensity, start: FloatArray) -> tuple[FloatArray, Flo
         gradient, covariance = _parabola(log_density, mode)
         step = covariance @ gradient
         mode = mode + step / max(1.0, float(np.abs(step).max()) / LONGEST_STEP)
-        if gradient @ step < MODE_RISE:
+        if gradient @ step < rise:
             break
     return mode, covariance
 
@@ -331,12 +341,12 @@ class Marginals:
         low, high = (self.quantile(weights, probability).tolist() for probability in ENDS)
         return list(zip(low, high, strict=True))
 
-    def disagreement(self, halves: FloatArray, intervals: list[Interval]) -> float:
+    def disagreement(self, halves: FloatArray, intervals: Sequence[Interval]) -> float:
         """Return how far halves of the points differ on a limit, at most, in widths of intervals.
 
         `halves` (2, points) are weights, and `intervals` those of each quantity over all points.
         """
-        limits, normal_of = np.array(intervals).T, self._normal_scores()
+        limits, normal_of = np.array(intervals).T, self._normal_scores
         found = []
         for limit in limits:
             score, slope = normal_of(limit)
@@ -347,7 +357,7 @@ class Marginals:
 
     def above_zero(self, weights: FloatArray) -> FloatArray:
         """Return the probability that each quantity is positive."""
-        score, _ = self._normal_scores()(np.zeros(1))
+        score, _ = self._normal_scores(np.zeros(1))
         return np.asarray(weights @ ndtr(-score))
 
     def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
@@ -356,27 +366,38 @@ class Marginals:
         With skewness, it mixes shifted log-normal distributions. It is found by Newton's method,
         within an interval that shrinks by bisection where that fails. `weights` (points,) sum to 1.
         """
-        parts = [
-            self.part(slice(first, first + AT_ONCE))._quantile(weights, probability)
-            for first in range(0, self.means.shape[1], AT_ONCE)
-        ]
+        parts = [part._quantile(weights, probability) for part in self._parts]
         return np.concatenate([np.zeros(0), *parts])
 
+    @cached_property
+    def _parts(self) -> "list[Marginals]":
+        """A few quantities each, which keep what the search of any quantile needs."""
+        count = self.means.shape[1]
+        return [self.part(slice(first, first + AT_ONCE)) for first in range(0, count, AT_ONCE)]
+
+    @cached_property
+    def _few(self) -> "Marginals":
+        few = slice(None, None, len(self.means) // FEW)
+        skews = None if self.skews is None else self.skews[few]
+        return Marginals(means=self.means[few], sds=self.sds[few], skews=skews)
+
+    @cached_property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        means, far = self.means, 9 * self.sds
+        return (means - far).min(axis=0), (means + far).max(axis=0)
+
     def _quantile(self, weights: FloatArray, probability: float) -> FloatArray:
-        means, sds = self.means, self.sds
-        low, high = (means - 9 * sds).min(axis=0), (means + 9 * sds).max(axis=0)
+        means, sds, (low, high) = self.means, self.sds, self._ends
         if len(weights) > 2 * FEW:
             # A few of the points, which are spread alike, tell where to begin.
-            few = slice(None, None, len(weights) // FEW)
-            skews = None if self.skews is None else self.skews[few]
-            some = Marginals(means=means[few], sds=sds[few], skews=skews)
-            value = some._quantile(weights[few] / weights[few].sum(), probability)
+            few = weights[:: len(weights) // FEW]
+            value = self._few._quantile(few / few.sum(), probability)
         else:
             centre = weights @ means
             sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
             value = centre + sd * ndtri(probability)
         value = np.clip(value, low, high)
-        normal_of = self._normal_scores()
+        normal_of = self._normal_scores
         for _ in range(QUANTILE_STEPS):
             score, slope = normal_of(value)
             excess = weights @ ndtr(score) - probability
@@ -391,6 +412,7 @@ class Marginals:
                 break
         return np.asarray(value)
 
+    @cached_property
     def _normal_scores(self) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
         """Return the function that maps values to standard normal scores, and their slopes."""
         means, sds = self.means, self.sds

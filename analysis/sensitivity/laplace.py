@@ -12,15 +12,17 @@ STEPS = 200
 # keeps them finite if the answers do not overlap.
 WIDE = 10.0
 # Newton's method has found a mode where twice the rise of the log posterior that it expects of its
-# next step, (25), is less. The step before was about the root of it long, in SDs, so that flipping
-# it changes nothing.
-RISE = 1e-8
+# next step, (25), is less. The step, about the root of it long in SDs, is taken unseen.
+RISE = 1e-4
+# If it moves edges by a larger part of the noise, curvature may be another where it ends, and the
+# rise must be as small as that of a step which changes nothing.
+SHORT, LEAST_RISE = 0.03, 1e-8
 # A step that does not rise when it is so many times shorter is not the posterior's, but rounding's.
 SHORTEST = 1e-9
 # From so many different trials on a study is large.
 LARGE = 8_000
 # Trials times points whose derivatives are in memory at once.
-CELLS, LEAST_POINTS = 60_000, 32
+CELLS, LEAST_POINTS = 30_000, 32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +78,7 @@ class LatentModes:
     @property
     def own(self) -> FloatArray:
         """Each subject's departure from the population's line, (points, subjects, 2)."""
-        return departures(np.moveaxis(self.curvature.root, -1, 0), self.z)
+        return departures(self.curvature.root.transpose(2, 0, 1), self.z)
 
     @property
     def parameters(self) -> FloatArray:
@@ -102,6 +104,7 @@ class LatentField:
     def __init__(self, trials: LatentTrials) -> None:
         self.trials = trials
         self._sums = DerivativeSums(trials)
+        self._farthest = 1 + np.abs(trials.x).max()
 
     def start(self, points: int) -> tuple[FloatArray, FloatArray]:
         """Return the initial shared parameters and z at each point."""
@@ -129,11 +132,12 @@ class LatentField:
         found, length = [], np.ones(len(points))
         shared, z, rise = _newton(current)
         for _ in range(STEPS):
+            near = self._near(shared, z, rise, components.at(points))
             # A rise that is no number has not converged either: such a point stays unknown.
-            active = (rise >= RISE) & (length > SHORTEST)
+            active = ~near & (rise > 0) & (length > SHORTEST)
             over = ~active
             if over.any():
-                found.append((points[over], _known(current, rise).at(over)))
+                found.append((points[over], _known(current, (shared, z, rise), near).at(over)))
                 if over.all():
                     break
                 current, points, length = current.at(active), points[active], length[active]
@@ -152,11 +156,23 @@ class LatentField:
                 current = LatentModes.joined([(every, current), (up, moved.at(up))])
             shared, z, rise = _newton(current)
         else:
-            found.append((points, _known(current, rise)))
+            near = self._near(shared, z, rise, components.at(points))
+            found.append((points, _known(current, (shared, z, rise), near)))
         return LatentModes.joined(found)
 
+    def _near(
+        self, shared: FloatArray, z: FloatArray, rise: FloatArray, components: Components
+    ) -> BoolArray:
+        """Return at which points Newton's next step ends at the mode."""
+        own = np.abs(departures(components.root, z)).max(axis=(1, 2))
+        moved = (np.abs(shared).max(axis=1) + own) * self._farthest / components.residual_sd
+        return np.asarray(rise < np.where(moved < SHORT, RISE, LEAST_RISE))
+
     def evaluated(self, shared: FloatArray, z: FloatArray, components: Components) -> LatentModes:
-        """Return log posterior, gradient and curvature, -inf if edges are not in order."""
+        """Return log posterior, gradient and curvature, -inf if edges are not in order.
+
+        The evidence is left unknown: only that of modes is needed.
+        """
         lower, upper = self.trials.bounds(
             shared, departures(components.root, z), components.residual_sd
         )
@@ -175,10 +191,9 @@ class LatentField:
             likelihood, (away, z), precision, components.root, self.trials.line_columns
         )
         value = np.where(in_order, value, -np.inf)
-        # (26), mathematics/sensitivity
-        evidence = value - curvature.log_determinant / 2
+        unknown = np.full(len(value), np.nan)
         return LatentModes(
-            shared=shared, z=z, value=value, log_evidence=evidence, curvature=curvature
+            shared=shared, z=z, value=value, log_evidence=unknown, curvature=curvature
         )
 
     def _shared_prior(self, components: Components) -> FloatArray:
@@ -189,10 +204,20 @@ class LatentField:
         return prior
 
 
-def _known(at: LatentModes, rise: FloatArray) -> LatentModes:
-    """Return the modes, unknown where the search has not found them."""
-    none = np.where(rise < RISE, 0.0, np.nan)
-    return replace(at, value=at.value + none, log_evidence=at.log_evidence + none)
+def _known(
+    at: LatentModes, step: tuple[FloatArray, FloatArray, FloatArray], near: BoolArray
+) -> LatentModes:
+    """Return the modes a last step away, unknown where the search has not come near."""
+    shared, z, rise = step
+    value = at.value + np.where(near, rise / 2, np.nan)
+    return replace(
+        at,
+        shared=at.shared + np.where(near[:, None], shared, 0.0),
+        z=at.z + np.where(near[:, None, None], z, 0.0),
+        value=value,
+        # (26), mathematics/sensitivity
+        log_evidence=value - at.curvature.log_determinant / 2,
+    )
 
 
 def _newton(found: LatentModes) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -223,7 +223,18 @@ class LineMixture:
     def refusal(self) -> NotEstimable | None:
         """Why the points do not represent the posterior, or None if they do."""
         people = np.flatnonzero(np.append(self.counts > 0, not self.alone))
-        return self.points.refusal(self.bias.part(people), self.gain.part(people))
+        return self.points.refusal(
+            *(
+                (part.part(people), [limits[row] for row in people])
+                for part, limits in zip((self.bias, self.gain), self.intervals, strict=True)
+            )
+        )
+
+    @cached_property
+    def intervals(self) -> tuple[list[Interval], list[Interval]]:
+        """The 95% intervals of bias and gain."""
+        weights = self.points.weights
+        return self.bias.interval_95(weights), self.gain.interval_95(weights)
 
 
 def turn_of(axes: Axes) -> FloatArray:
@@ -255,8 +266,8 @@ def medians(known: LineMixture) -> tuple[Medians, Medians, Medians]:
     """Return bias, gain and relative gain of each subject; the population's bias and gain last."""
     weights = known.points.weights
     bias, gain = (
-        (part.quantile(weights, 0.5), part.interval_95(weights))
-        for part in (known.bias, known.gain)
+        (part.quantile(weights, 0.5), intervals)
+        for part, intervals in zip((known.bias, known.gain), known.intervals, strict=True)
     )
     relative = gain[0][:-1] - gain[0][:-1][known.counts > 0].mean()
     return bias, gain, (relative, known.relative.interval_95(weights))

@@ -19,8 +19,11 @@ SKEW_EVALUATIONS = 8_000
 # no noise is left.
 MOST_SHIFT, MOST_SKEW = 1.0, 1.5
 LEAST_VARIANCE = 1e-12
-# Points times quantities, and trials, whose arrays are in memory at once.
-CELLS, TRIALS_AT_ONCE = 50_000, 4_000
+# Points times quantities, and trials, whose arrays are in memory at once: those of the former fit
+# into the cache.
+CELLS, TRIALS_AT_ONCE = 5_000, 4_000
+# So many trials times quantities, of all points at once, have a number each.
+MOST_NUMBERS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +55,7 @@ class Combinations:
     def of(self, shared: FloatArray, own: FloatArray) -> FloatArray:
         """Return the combinations (2) of parameters (points, G) and (points, subjects, 2)."""
         mean = np.einsum("s,psi->pi", self.mean, own)
-        each = (own[:, self.subject] * self.own).sum(axis=2)
+        each = np.einsum("pqi,qi->pq", own[:, self.subject], self.own)
         return np.asarray(shared @ self.shared.T + mean @ self.common.T + each)
 
     def times(self, factor: float) -> "Combinations":
@@ -118,9 +121,9 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
     at_once, points = max(CELLS // len(subject), 1), curvature.whole.shape[-1]
     found = []
     for first in range(0, points, at_once):
-        part = slice(first, first + at_once)
-        blocks, reach = curvature.own_covariance[part], _reach(curvature, combinations, part)
-        variance = ((reach @ curvature.shared_covariance[part]) * reach).sum(axis=2)
+        part = curvature.at(slice(first, first + at_once))
+        blocks, reach = part.own_covariance, _reach(part, combinations)
+        variance = np.einsum("pqg,pqg->pq", reach @ part.shared_covariance, reach)
         of_mean = np.einsum("s,psij->pij", mean**2, blocks)
         variance += np.einsum("qi,pij,qj->pq", common, of_mean, common)
         # (4): a combination's own subject is also part of the mean.
@@ -131,19 +134,18 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
     return np.concatenate(found)
 
 
-def _reach(
-    curvature: Curvature, combinations: Combinations, points: slice = slice(None)
-) -> FloatArray:
+def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
     """Return how the combinations depend on the shared parameters, (points, quantities, G).
 
     By (1) the own parameters follow the shared ones, but for departures that are independent.
     """
     # (3)
-    response = curvature.response[points]
+    response = curvature.response
     mean = np.einsum("s,psig->pig", combinations.mean, response)
     reach = combinations.shared - combinations.common @ mean
     for i in range(2):
-        reach -= combinations.own[:, [i]] * response[:, combinations.subject, i]
+        of = np.flatnonzero(combinations.own[:, i])
+        reach[:, of] -= combinations.own[of, [[i]]].T * response[:, combinations.subject[of], i]
     return np.asarray(reach)
 
 
@@ -153,53 +155,84 @@ def skewness(
     """Return shift and skewness of each combination at each point: (5) to (7), summed by trials."""
     slopes = edge_slopes(*trials.bounds(modes.shared, modes.own, residual_sd))
     thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
-    sds, reach = (
-        standard_deviations(modes.curvature, combinations),
-        _reach(modes.curvature, combinations),
-    )
-    shared = modes.curvature.shared_covariance
+    thirds = np.ascontiguousarray(np.moveaxis(thirds, 2, 1))
+    curvature, common = modes.curvature, combinations.common
+    sds, reach = standard_deviations(curvature, combinations), _reach(curvature, combinations)
     own_quantities, own_trials = _own_pairs(trials, combinations)
     mean, own = combinations.mean[trials.subject, None], combinations.own[own_quantities]
     shift, skew = np.empty_like(sds), np.empty_like(sds)
-    for point, covariance in enumerate(shared):
-        by_own = modes.curvature.own_covariance[point, trials.subject]
-        response = modes.curvature.response[point, trials.subject]
+    cells = len(trials.x) * sds.shape[1]
+    at_once = max(MOST_NUMBERS // cells, 1)
+    for first in range(0, len(sds), at_once):
+        part = slice(first, first + at_once)
+        covariance = curvature.shared_covariance[part]
+        by_own = curvature.own_covariance[part, trials.subject]
+        response = curvature.response[part, trials.subject]
         # (11): covariances of an edge and a combination are the product of `along` and `by_shared`,
         # and of `departs` and the combination's own part for the subject's own trials.
-        by_shared = np.hstack([reach[point] @ covariance, combinations.common])
+        by_shared = reach[part] @ covariance
+        by_shared = np.dstack([by_shared, np.broadcast_to(common, (len(by_shared), *common.shape))])
         along, departs, pairs = [], [], []
         for of_shared in trials.loadings:
             of_own = of_shared[:, trials.line_columns]
-            free = of_shared - (of_own[:, None] @ response)[:, 0]
-            departs.append((by_own @ of_own[..., None])[..., 0])
-            along.append(np.hstack([free, mean * departs[-1]]))
+            bias, gain = of_own.T[..., None]
+            free = of_shared - bias * response[:, :, 0] - gain * response[:, :, 1]
+            departs.append(bias * by_own[:, :, 0] + gain * by_own[:, :, 1])
+            along.append(np.dstack([free, mean * departs[-1]]))
             pairs.append((free, of_own))
         # (12)
         var_upper, cov_edges, var_lower = (
-            ((pairs[one][0] @ covariance) * pairs[other][0]).sum(axis=1)
-            + (departs[one] * pairs[other][1]).sum(axis=1)
+            np.einsum("ptg,ptg->pt", pairs[one][0] @ covariance, pairs[other][0])
+            + np.einsum("pti,ti->pt", departs[one], pairs[other][1])
             for one, other in ((0, 0), (0, 1), (1, 1))
         )
-        uuu, uul, ull, lll = third = thirds[..., point]
-        # (13), and (14) of the trials of all subjects
+        uuu, uul, ull, lll = third = thirds[:, part]
+        # (13)
         pulls = (
             uuu * var_upper + 2 * uul * cov_edges + ull * var_lower,
             uul * var_upper + 2 * ull * cov_edges + lll * var_lower,
         )
-        total = by_shared @ sum(pull @ part for pull, part in zip(pulls, along, strict=True))
-        cubes = _all_cubes(along, third, by_shared)
-        up, down = ((part[own_trials] * by_shared[own_quantities]).sum(axis=1) for part in along)
-        own_up, own_down = ((part[own_trials] * own).sum(axis=1) for part in departs)
-        pulled = own_up * pulls[0][own_trials] + own_down * pulls[1][own_trials]
-        of_own_trials = third[:, own_trials]
-        # (15): the own trials' cubes with all of (11), less those that `cubes` has already
-        more = _cube(of_own_trials, up + own_up, down + own_down) - _cube(of_own_trials, up, down)
-        count = len(total)
-        shift[point] = (total + np.bincount(own_quantities, pulled, count)) / (2 * sds[point])
-        skew[point] = (cubes + np.bincount(own_quantities, more, count)) / sds[point] ** 3
+        of_own_trials = [np.einsum("pri,ri->pr", each[:, own_trials], own) for each in departs]
+        if cells <= MOST_NUMBERS:
+            up, down = (each @ np.swapaxes(by_shared, 1, 2) for each in along)
+            for each, of_own in zip((up, down), of_own_trials, strict=True):
+                each[:, own_trials, own_quantities] += of_own
+            # (14) and (15)
+            shift[part] = (pulls[0][:, None] @ up + pulls[1][:, None] @ down)[:, 0]
+            skew[part] = _cube(third[..., None], up, down).sum(axis=1)
+        else:
+            shift[first], skew[first] = _summed(
+                [each[0] for each in along],
+                third[:, 0],
+                [each[0] for each in pulls],
+                by_shared[0],
+                (own_quantities, own_trials),
+                [each[0] for each in of_own_trials],
+            )
     return Skewness(
-        shift=np.clip(shift, -MOST_SHIFT, MOST_SHIFT),
-        skew=np.clip(skew, -MOST_SKEW, MOST_SKEW),
+        shift=np.clip(shift / (2 * sds), -MOST_SHIFT, MOST_SHIFT),
+        skew=np.clip(skew / sds**3, -MOST_SKEW, MOST_SKEW),
+    )
+
+
+def _summed(
+    along: list[FloatArray],
+    third: FloatArray,
+    pulls: list[FloatArray],
+    by_shared: FloatArray,
+    pairs: tuple[IntArray, IntArray],
+    of_own_trials: list[FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sums of (14) and (15) without a number for each trial and quantity."""
+    (quantities, trials), (own_up, own_down) = pairs, of_own_trials
+    total = by_shared @ sum(pull @ part for pull, part in zip(pulls, along, strict=True))
+    up, down = ((part[trials] * by_shared[quantities]).sum(axis=1) for part in along)
+    pulled = own_up * pulls[0][trials] + own_down * pulls[1][trials]
+    # The own trials' cubes with all of (11), less those that `_all_cubes` has already
+    more = _cube(third[:, trials], up + own_up, down + own_down) - _cube(third[:, trials], up, down)
+    return (
+        total + np.bincount(quantities, pulled, len(total)),
+        _all_cubes(along, third, by_shared) + np.bincount(quantities, more, len(total)),
     )
 
 

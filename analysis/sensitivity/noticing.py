@@ -9,7 +9,7 @@ from scipy.special import ndtr
 from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import counted
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.laplace import WIDE, Components
+from analysis.sensitivity.laplace import WIDE, Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
 from analysis.sensitivity.lines import Ratings, log_prior_of_spread, roots_of_covariances
 
@@ -142,16 +142,20 @@ class Noticing:
         criteria.shared[:, 0] = -LEAN
         return self.posterior.marginals(d_primes.followed_by(criteria))
 
+    @cached_property
+    def _intervals(self) -> list[Interval]:
+        return self._found.interval_95(self.posterior.points.weights)
+
     @property
     def refusal(self) -> NotEstimable | None:
         """Why noticing is not known, or None."""
-        return self.posterior.points.refusal(self._found)
+        return self.posterior.points.refusal((self._found, self._intervals))
 
     @cached_property
     def detection(self) -> tuple[ChangeDetection, ...]:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
-        medians, intervals = found.quantile(weights, 0.5), found.interval_95(weights)
+        medians, intervals = found.quantile(weights, 0.5), self._intervals
         draws = posterior.draws(RATE_DRAWS, np.random.default_rng(0))
         own, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
         # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.
@@ -195,7 +199,7 @@ def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Notici
         weight=weight,
     )
     start = START if trials.conditions else START[:-1]
-    posterior = integrated(trials, start, _components, _log_prior)
+    posterior = integrated(LatentField(trials), start, _components, _log_prior)
     return Noticing(
         trials=trials, posterior=posterior, subjects=ratings.subjects, reference=reference
     )

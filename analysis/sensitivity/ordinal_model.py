@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import ndtr
@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import Marginals
-from analysis.sensitivity.laplace import Components
+from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated, log_evidence
 from analysis.sensitivity.lines import (
     Axes,
@@ -24,7 +24,6 @@ from analysis.sensitivity.lines import (
     summary,
     turn_of,
 )
-from analysis.sensitivity.marginals import standard_deviations
 
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])
@@ -68,6 +67,11 @@ class PreparedTrials:
     categories: tuple[str, ...]
     axes: Axes
     trials: OrdinalTrials
+
+    @cached_property
+    def field(self) -> LatentField:
+        """The log posterior of the trials' latent parameters."""
+        return LatentField(self.trials)
 
 
 def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
@@ -142,7 +146,7 @@ def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
 def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
     """Return the posterior of prepared trials, discretised in σ, T and τ_δ."""
     start = START if ready.trials.conditions else START[:-1]
-    return integrated(ready.trials, start, _components, _log_prior)
+    return integrated(ready.field, start, _components, _log_prior)
 
 
 def _equal_gains(ready: PreparedTrials, middle: FloatArray) -> float:
@@ -155,7 +159,7 @@ def _equal_gains(ready: PreparedTrials, middle: FloatArray) -> float:
         return _components(np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
 
     start = np.delete(middle, [2, 3])
-    return log_evidence(ready.trials, start, components, _log_prior_of_equal)
+    return log_evidence(ready.field, start, components, _log_prior_of_equal)
 
 
 def _components(points: FloatArray) -> Components:
@@ -225,18 +229,19 @@ def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture
             slopes.shared_only(gain_unit * slopes.shared[:1]),
             effects,
             relative.times(gain_unit),
+            departures,
         )
     )
-    own_sds = standard_deviations(known.modes.curvature, departures)
     between = covariance_matrices(points.points[:, 1:4])
     others = slice(2 * lines, 2 * lines + trials.conditions)
+    relatives = slice(others.stop, others.stop + trials.subjects)
     mixture = LineMixture(
         points=points,
         axes=axes,
         bias=found.part(slice(lines)).plus(axes.y_mean),
         gain=found.part(slice(lines, 2 * lines)),
-        relative=found.part(slice(others.stop, None)),
-        own_variance=own_sds**2 / between[:, None, 1, 1],
+        relative=found.part(relatives),
+        own_variance=found.sds[:, relatives.stop :] ** 2 / between[:, None, 1, 1],
         residual_sd=known.residual_sds * axes.y_sd,
         log_evidence_of_equal=partial(_equal_gains, ready, points.mean(points.points)),
         counts=counts.astype(np.float64),

@@ -277,9 +277,9 @@ def test_a_mode_that_is_not_found_is_unknown(monkeypatch: pytest.MonkeyPatch) ->
     assert "could not be evaluated at 100% of the points" in found.reason
 
 
-def test_ratings_without_noise_are_withheld_because_of_the_approximation() -> None:
+def test_ratings_without_noise_are_withheld() -> None:
     rating = np.tile([7.0, 5, 8, 9, 4], 9)
     ratings = replace(drawn("middle", "9x5x1", 0).ratings, rating=rating)
     found = checked_ordinal(ratings)
     assert isinstance(found.fit, NotEstimable)
-    assert "the skewness of a posterior is beyond the limit" in found.fit.reason
+    assert "its integration over the differences between people" in found.fit.reason

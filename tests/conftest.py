@@ -23,7 +23,34 @@ if "TOUCHBEAM_CACHE" not in os.environ:
     os.environ["TOUCHBEAM_CACHE"] = tempfile.mkdtemp(prefix="touchbeam-kept-")
     atexit.register(shutil.rmtree, os.environ["TOUCHBEAM_CACHE"], ignore_errors=True)
 
+from runner.study import kept_files
 from tests.runner.window.person import virtual_display
+
+OF_THIS_RUN = Path(os.environ["TOUCHBEAM_CACHE"])
+
+
+class Pooled(kept_files.KeptFiles):
+    """Kept results of a study, which all studies of this run share: the same call, the same name.
+
+    A test that looks at what is kept names a cache of its own, as a user does.
+    """
+
+    pool = kept_files.KeptFiles(OF_THIS_RUN / "pool")
+
+    def get(self, name: str) -> bytes | None:
+        return super().get(name) or (self.pool.get(name) if self._is_of_this_run else None)
+
+    def put(self, name: str, content: bytes) -> None:
+        super().put(name, content)
+        if self._is_of_this_run:
+            self.pool.put(name, content)
+
+    @property
+    def _is_of_this_run(self) -> bool:
+        return self._folder.parent == OF_THIS_RUN
+
+
+kept_files.KeptFiles = Pooled  # type: ignore[misc]
 
 # Underflow is none of these: the likelihood far out in a tail is 0.
 np.seterr(divide="raise", over="raise", invalid="raise")

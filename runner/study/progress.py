@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import cached_property
 from pathlib import Path
 
 from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
@@ -58,7 +59,7 @@ class Progress:
         """Everybody who has a session here, in the order of the first one."""
         return list(dict.fromkeys(summary.participant for summary in self._of_people))
 
-    @property
+    @cached_property  # it is asked for again for each participant
     def _of_people(self) -> list[cohort.SessionSummary]:
         """The sessions that participants had, without rehearsals, slides and scripts."""
         apart = {REHEARSAL, *NOBODY}

@@ -1,21 +1,33 @@
 """Virtual studies of the extended design: five conditions at four levels, rated once each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
+from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
+from analysis.report import report
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,
     virtual_study,
 )
+from tests.conftest import Pooled
 
 # Predicted contrasts of the five conditions, and the multiples at which the design presents them.
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
 LEVELS = np.array([0.25, 0.6, 1.2, 2.0])
+
+
+@pytest.fixture(autouse=True)
+def fitted_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let no report fit again what was fitted in this run, unless the test changes the program."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "monkeypatch" not in request.fixturenames:
+            patch.setattr(report, "Kept", lambda: Kept(Pooled.pool))
+        yield
 
 
 @pytest.fixture(scope="session")

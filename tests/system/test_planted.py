@@ -81,7 +81,7 @@ class Sender:
         self.marks = top / "marks"
         self.above = planted(top / "above", self.marks)
         self.study = planted(self.above / "study", self.marks)
-        (self.study / "study.toml").write_text(two_conditions())
+        (self.study / "study.toml").write_text(STUDY)
         programs = top / "programs"
         programs.mkdir()
         for name in ("latex", "kpsewhich", "dvipng"):
@@ -142,13 +142,17 @@ COMMANDS = (
     "device probe sim",
 )
 TESTED = "--tests-only --studies 2 --null-studies 2 --seed"
+STUDY = (
+    short_study(conditions=["frequency", "structure"])
+    + """
+[slide]
+frequencies = [0.99, 1.0, 1.01]
+frequencies_hz = []
+references = 2
+speeds_m_s = [0.02]
+"""
+)
 ABOVE = ("ladder --plot ladder.png", f"power study {TESTED} 3 --workers 2")
-
-
-def two_conditions() -> str:
-    """The shortened study with two conditions."""
-    parts = short_study().split("[[condition]]")
-    return "[[condition]]".join(parts[:3])
 
 
 @pytest.fixture

@@ -74,9 +74,10 @@ def cluster_in(folder: Path, size: int = 2) -> Iterator[Cluster]:
         yield address, [scheduler, *workers]
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    with cluster_in(tmp_path) as started:
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One for the test that ends a worker and, with the other worker, that which ends the rest."""
+    with cluster_in(tmp_path_factory.mktemp("cluster")) as started:
         yield started
 
 
@@ -136,7 +137,6 @@ def test_a_lost_scheduler_is_said_in_one_line(cluster: Cluster, tmp_path: Path) 
 
 
 DESIGN = ("--participants", "4", "--studies", "5", "--null-studies", "20", "--seed", "2")
-OPTIONS = (*DESIGN, "--workers", "2")
 """Four fitted studies in one task and one in another, which ends many times as soon."""
 
 
@@ -146,12 +146,14 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_numbers(tmp_path: Path) -> 
         folder.mkdir()
         (folder / "study.toml").write_text(template("paper"))
     chunks = killed / "power" / "chunks"
-    with running(TOUCHBEAM, "power", str(killed), *OPTIONS, folder=tmp_path) as process:
+    begun = (TOUCHBEAM, "power", str(killed), *DESIGN, "--workers", "2")
+    with running(*begun, folder=tmp_path) as process:
         wait_for(lambda: len(list(chunks.rglob("*.npy"))) >= 1, process)
     assert not (killed / "power" / "power.json").exists(), "it was killed too late"
     kept = {path: path.stat().st_mtime_ns for path in chunks.rglob("*.npy")}
-    for folder in (killed, whole):
-        subprocess.run([TOUCHBEAM, "power", str(folder), *OPTIONS], check=True, capture_output=True)
+    for folder, workers in ((killed, ("--workers", "2")), (whole, ("--workers", "1"))):
+        command = [TOUCHBEAM, "power", str(folder), *DESIGN, *workers]
+        subprocess.run(command, check=True, capture_output=True)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept, "it went on from there"
     numbers = [(folder / "power" / "power.json").read_bytes() for folder in (killed, whole)]
     assert numbers[0] == numbers[1]

@@ -24,11 +24,15 @@ def rehearsed(
     seed: int,
     *model: str,
     slips: Callable[[], bool] = lambda: False,
+    shown: tuple[str, ...] | None = None,
 ) -> Report:
-    """The report on sessions of virtual participants, in this process and on simulated time."""
+    """The report on sessions of virtual participants, in this process and on simulated time.
+
+    With names of sections `shown` nothing is fitted for the others.
+    """
     found = loaded_rehearsals(folder, text, people, seed, *model, slips=slips)
-    origin = Origin(command="report", study_sha256="0")
-    return report("rehearsals", found, parsed_study(text), origin)
+    origin = Origin(command="report", study_sha256="0", alone=shown is not None)
+    return report("rehearsals", found, parsed_study(text), origin, shown)
 
 
 def covered(found: Report) -> list[bool]:

@@ -28,13 +28,27 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    study = tmp_path_factory.mktemp("imported") / "published"
+    assert typed("import", str(PUBLISHED), study) == 0
+    return study
+
+
+@pytest.fixture
+def published(imported: Path, somewhere: None) -> None:
+    """A copy of one study of published scores in the working folder: what is fitted is kept."""
+    shutil.copytree(imported, "published")
+
+
+@pytest.mark.usefixtures("published")
 def test_a_report_that_cannot_be_written_names_the_path(capsys: pytest.CaptureFixture[str]) -> None:
-    typed("import", str(PUBLISHED), "published")
     Path("file").write_text("")
     assert typed("report", "published", "--out", "file/report") == 2
     assert "file/report: Not a directory" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("published")
 @pytest.mark.parametrize(
     ("command", "message"),
     [
@@ -49,7 +63,6 @@ def test_a_report_that_cannot_be_written_names_the_path(capsys: pytest.CaptureFi
 def test_a_place_for_results_must_be_a_folder(
     capsys: pytest.CaptureFixture[str], command: tuple[str, ...], message: str
 ) -> None:
-    typed("import", str(PUBLISHED), "published")
     Path("file").write_text("")
     capsys.readouterr()
     before = everything(Path())
@@ -58,8 +71,8 @@ def test_a_place_for_results_must_be_a_folder(
     assert everything(Path()) == before
 
 
+@pytest.mark.usefixtures("published")
 def test_a_full_disk_leaves_no_part_of_a_report() -> None:
-    typed("import", str(PUBLISHED), "published")
     assert typed("report", "published", "--out", "before") == 0, "fills matplotlib's font cache"
     before = everything(Path())
     shown = subprocess.run(
@@ -218,6 +231,7 @@ def test_standard_output_gets_the_predictions_and_nothing_else(
     assert not Path("-").exists()
 
 
+@pytest.mark.usefixtures("published")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -235,7 +249,6 @@ def test_standard_output_gets_the_predictions_and_nothing_else(
 )
 def test_a_full_disk_gives_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
     Path("scenes.csv").write_text("voltage_v\n100\n")
-    typed("import", str(PUBLISHED), "published")
     with Path("/dev/full").open("w") as full:
         shown = subprocess.run(
             [TOUCHBEAM, *arguments],

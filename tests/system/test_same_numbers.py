@@ -54,6 +54,8 @@ class Processor:
             "NPY_DISABLE_CPU_FEATURES": " ".join(self.lacks),
             "OPENBLAS_CORETYPE": self.core,
             "OPENBLAS_NUM_THREADS": str(self.threads),
+            # A second thread sleeps at once when it has nothing to do, instead of using up a core.
+            "OPENBLAS_THREAD_TIMEOUT": "4",
             "GLIBC_TUNABLES": "" if self.fma else "glibc.cpu.hwcaps=-AVX2,-FMA",
         }
 

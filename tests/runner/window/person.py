@@ -23,7 +23,7 @@ Controls = Literal["mouse", "keyboard"]
 BUTTON = (-150.0, -215.0)
 ANSWERS = ((-190.0, 95.0), (-190.0, 17.0), (-190.0, -61.0))
 SCALE_LINE = (-33.0, 50.0)
-LOOK_EVERY_S = 0.05
+LOOK_EVERY_S = 0.1
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import re
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,20 +33,25 @@ READABLE_S = 1.0
 """As in every study that does not say otherwise."""
 
 
-def short_study(readable_s: float = 0.3) -> str:
-    """The paper's study with touches of a quarter of a second and little time to read."""
+def short_study(readable_s: float = 0.3, conditions: Collection[str] = ()) -> str:
+    """The paper's study with touches of a quarter of a second and little time to read.
+
+    With names of `conditions` it has these alone.
+    """
     text = template("paper")
     for pattern, shorter in _SHORTER.items():
         text, count = re.subn(pattern, shorter, text)
         assert count, f"the paper's study has no {pattern}"
-    return text.replace("[rating]", f"[timing]\nreadable_s = {readable_s}\n\n[rating]", 1)
+    text = text.replace("[rating]", f"[timing]\nreadable_s = {readable_s}\n\n[rating]", 1)
+    first, *others = text.split("[[condition]]")
+    kept = [each for each in others if not conditions or each.split('"')[1] in conditions]
+    assert len(kept) == len(conditions or others)
+    return "[[condition]]".join([first, *kept])
 
 
 def tiny_study() -> str:
     """The same with the first condition alone."""
-    first, *others = short_study().split("[[condition]]")[1:]
-    assert others
-    return short_study().split("[[condition]]")[0] + "[[condition]]" + first
+    return short_study(conditions=["frequency"])
 
 
 @dataclass

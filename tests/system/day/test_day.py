@@ -62,11 +62,11 @@ def _stored_after_a_wrong_touch(folder: Path) -> Callable[[str, str, str], None]
 
 
 def test_a_day_depends_on_its_seed_alone() -> None:
-    seeds = (5, 7, 12, 1283, 1284)
+    seeds = (3, 5, 7, 12, 1283)
     forwards = {seed: digest(seed) for seed in seeds}
     assert {seed: digest(seed) for seed in reversed(seeds)} == forwards
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        assert pool.submit(digest, 1284).result() == forwards[1284], "in every process"
+        assert pool.submit(digest, 12).result() == forwards[12], "in every process"
 
 
 def digest(seed: int) -> str:

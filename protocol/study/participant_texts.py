@@ -11,7 +11,7 @@ from protocol.errors import Path
 from protocol.study import languages
 from protocol.study.rules import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
 from protocol.study.study import Study
-from protocol.study.study_question import SCORE, Label, StudyQuestion
+from protocol.study.study_question import SCORE, Label, StudyQuestion, track_question
 from protocol.study.touch import Touch
 
 
@@ -186,9 +186,32 @@ _OF_OWN_QUESTIONS = {"hint.several", "hint.analogue", "hint.typed", "button.skip
 """Texts of pages that only a study with questions of its own has."""
 
 
+_OF_TRACKS = (
+    "question.which_", "question.is_", "interval.", "feedback.", "answer.first", "answer.second",
+    "answer.third", "answer.yes", "answer.no",
+)  # fmt: skip
+"""How the keys begin of texts that only a study with tracks has."""
+
+
+def _is_of_tracks(key: str) -> bool:
+    return key.startswith(_OF_TRACKS) and key != "answer.not swapped"
+
+
+def _track_texts(study: Study) -> Iterator[str]:
+    """Yield the keys of the texts that are read in the trials of the study's tracks."""
+    for track in study.track:
+        question = track_question(track.found, track.intervals)
+        yield f"question.{question.name}"
+        yield from (f"answer.{label.value}" for label in question.labels)
+        yield from (f"interval.{it}" for it in range(1, track.intervals + 1) if track.intervals > 1)
+        yield from ("feedback.right", "feedback.wrong") if track.feedback else ()
+
+
 def required_texts(study: Study) -> tuple[str, ...]:
     """Return the keys of the texts that every language of the study must have."""
     optional = {*languages.later_texts(), *(() if study.question else _OF_OWN_QUESTIONS)}
+    # No language file is older than tracks: a study that has them says all of it in its language.
+    optional -= {*_track_texts(study)}
     return tuple(key for key in languages.reference_texts() if key not in optional)
 
 
@@ -196,7 +219,9 @@ def read_in_reference(study: Study, code: str) -> tuple[str, ...]:
     """Return the keys of texts that a study's own language lacks and no older one stands in for."""
     given = {*language(study, code).texts, *study.texts.get(code, {})}
     return tuple(
-        key for key, older in languages.later_texts().items() if given.isdisjoint({key, older})
+        key
+        for key, older in languages.later_texts().items()
+        if given.isdisjoint({key, older}) and not _is_of_tracks(key)
     )
 
 

@@ -134,9 +134,11 @@ class ConsoleParticipant(screens.Participant):
                 return [self._texts[text]]
             case screens.Welcome():
                 return [self._texts["welcome"], self._texts["ready"]]
-            case screens.Instruction(text=text, picture=picture):
+            case screens.Instruction(text=text, picture=picture, touch=touch):
+                number = touch.interval if touch else 0
+                before = [self._texts[f"interval.{number}"]] if number else []
                 beside = [] if picture is None else [f"[{picture}]"]
-                return [self._texts[text], *beside, self._texts["ready"]]
+                return [*before, self._texts[text], *beside, self._texts["ready"]]
             case screens.LeadIn(several=several, seconds=seconds):
                 text = self._texts["touch.soon.full" if several else "touch.soon"]
                 return [f"{text} ({seconds:.2g} s)"]

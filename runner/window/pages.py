@@ -158,10 +158,12 @@ def _bar_x(force: float) -> float:
 
 
 COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 46.0, 23.0, 23.0, 20.0, 18.0
+INTERVAL_SIZE = 20.0
 _WHOLE = Box(x=0, y=45, width=720, height=400)
 _ABOVE = Box(x=0, y=200, width=720, height=130)
 _PICTURE = Box(x=0, y=-20, width=720, height=290)
 _PROGRESS = Box(x=280, y=282, width=230, height=28)
+_INTERVAL = Box(x=0, y=282, width=220, height=30)
 _CONSENT = Box(x=0, y=266, width=760, height=50)
 _BELOW_BEAM = Box(x=0, y=-126, width=720, height=87)
 _COUNT = Box(x=0, y=-112, width=120, height=58)
@@ -174,7 +176,7 @@ def page(screen: screens.Screen, view: PageState, wording: Wording) -> Page:
     """Return the page of `screen` in the state `view`."""
     texts = wording.texts
     around = () if screens.is_last(screen) else _around(screen, view, texts)
-    return (*_page(screen, view, wording, texts), *around)
+    return (*_page(screen, view, wording, texts), *_interval(screen, texts), *around)
 
 
 def states(screen: screens.Screen) -> Iterator[PageState]:
@@ -274,6 +276,18 @@ def _lead_in(screen: screens.LeadIn, view: PageState, texts: Mapping[str, str]) 
         return (Text(text=soon, box=_BELOW_BEAM, size=NOW_SIZE),)
     left = 3 - min(int(3 * view.passed_s / screen.seconds), 2)
     return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), hint(soon, _SOON))
+
+
+def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
+    """Return which of the touches it is that will be asked about, as a marked line."""
+    touch = screen.touch if isinstance(screen, screens.Instruction) else screen
+    if not isinstance(touch, screens.FingerPath) or not touch.interval:
+        return ()
+    text = texts[f"interval.{touch.interval}"]
+    return (
+        Outline(points=_INTERVAL.corners, fill=ACCENT),
+        Text(text=text, box=_INTERVAL, size=INTERVAL_SIZE, colour=WHITE),
+    )
 
 
 def _around(screen: screens.Screen, view: PageState, texts: Mapping[str, str]) -> Page:

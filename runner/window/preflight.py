@@ -27,6 +27,7 @@ from runner.screens import (
     Welcome,
     ask_change,
     ask_score,
+    ask_track,
     lead_in,
     pacing,
 )
@@ -40,6 +41,7 @@ _NOTICES = (
     "wait", "wait.beam", "wait.touch", "touch.end", "again.force", "again.place", "again.speed",
     "pause", "thanks", "stopped",
 )  # fmt: skip
+_FEEDBACK = ("feedback.right", "feedback.wrong")
 _INSTRUCTIONS = ("remember", "practice")
 # With it the countdown of a break is as wide as it can get.
 LONGEST_BREAK_S = 3600.0
@@ -50,16 +52,23 @@ def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
     items: tuple[Item, ...] = (*study.opening, *study.condition)
     touches = [touch for item in items for touch in item.touches]
     cues = [pacing(touch, study.touch) for touch in touches]
+    for track in study.track:
+        # Of all levels the first and the last: only their places could differ on a page.
+        made = [track.standard, *(track.at(level, 0.0) for level in (0, len(track.values) - 1))]
+        numbers = range(1, track.intervals + 1) if track.intervals > 1 else (0,)
+        cues += [pacing(it, study.touch, number) for it in made if it for number in numbers]
+    tells = any(track.feedback for track in study.track)
     screens: list[Screen] = [
         Welcome(consent=consent),
         *(Instruction(text=text) for text in _INSTRUCTIONS),
         Instruction(text="break", after_s=LONGEST_BREAK_S),
-        *(Notice(text=text) for text in _NOTICES),
+        *(Notice(text=text) for text in (*_NOTICES, *(_FEEDBACK if tells else ()))),
     ]
     for cue in cues:
         screens += [Instruction(text=cue.text, touch=cue.touch), lead_in(cue, study.touch), cue]
     screens += [
         *(ask_change(item.question) for item in items if item.question is not None),
+        *(ask_track(track.found, track.intervals) for track in study.track),
         ask_score(study.rating),
         *(Ask(question=it) for it in study.question if it.when != "desk"),
         *(Instruction(text=page_key(at), picture=own.picture) for at, own in enumerate(study.page)),

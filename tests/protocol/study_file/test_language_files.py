@@ -21,6 +21,7 @@ from protocol.study_file.loading import (
     with_languages,
 )
 from protocol.study_file.toml import LONGEST_TEXT
+from tests.protocol.studies import TRACKS
 
 PAPER = template("paper")
 FIRST_FILE = Path(__file__).parents[2] / "data" / "language_1.0.0.toml"
@@ -71,6 +72,22 @@ def test_a_language_file_of_version_1_stays_valid() -> None:
     study = parsed_study(with_languages(PAPER, {"fr": content}))
     assert study_wording(study, "fr").texts.keys() >= reference_texts().keys()
     assert not study.languages["fr"].texts.keys() & {*read_in_reference(study, "fr")}
+
+
+def test_a_study_with_tracks_needs_the_texts_of_its_own_tracks() -> None:
+    content = FIRST_FILE.read_text(encoding="utf-8")
+    wanted = {
+        *("interval.1", "interval.2", "question.which_smoother", "answer.first", "answer.second"),
+        *("question.is_different", "answer.yes", "answer.no"),
+        *("interval.3", "question.which_different", "answer.third"),
+        *("feedback.right", "feedback.wrong"),
+    }
+    found = {problem.path[-1] for problem in problems(content, TRACKS)}
+    assert found == wanted
+    texts = reference_texts()
+    added = "".join(f'"{key}" = "{texts[key]}"\n' for key in sorted(wanted))
+    study = parsed_study(with_languages(TRACKS, {"fr": content + added}))
+    assert {*read_in_reference(study, "fr")}.isdisjoint(wanted)
 
 
 def test_a_text_that_comes_later_is_read_in_english(monkeypatch: pytest.MonkeyPatch) -> None:

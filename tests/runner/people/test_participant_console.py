@@ -17,7 +17,17 @@ from runner.people.participant_console import (
     ParticipantGone,
     TypedLines,
 )
-from runner.screens import Ask, Instruction, Notice, Response, Screen, ask_change, ask_score
+from runner.screens import (
+    Ask,
+    FingerPath,
+    Instruction,
+    Notice,
+    Response,
+    Screen,
+    ask_change,
+    ask_score,
+    ask_track,
+)
 from tests.protocol.studies import OWN_QUESTIONS
 
 PAPER = parsed_study(template("paper"))
@@ -61,6 +71,18 @@ def test_a_studys_own_answer_text_matches_in_any_case(typed: str) -> None:
     texts = {**english.texts, "answer.smoother": "Glatter"}
     terminal.participant.wording = replace(english, texts=texts)
     assert terminal.answer(ask_change("roughness")).answer == "smoother"
+
+
+def test_it_is_told_which_touch_of_a_track_comes() -> None:
+    terminal = Terminal("\n3\n")
+    path = FingerPath(start_m=0.04, end_m=0.04, interval=3)
+    terminal.answer(Instruction(text="touch.smooth", touch=path))
+    assert terminal.said[0] == "Third touch"
+    assert terminal.answer(ask_track("different", 3)).answer == "third"
+    assert terminal.said[-4:] == [
+        "Which touch was different from the others?",
+        *("  1  the first", "  2  the second", "  3  the third"),
+    ]
 
 
 def test_chinese_answers_are_accepted() -> None:

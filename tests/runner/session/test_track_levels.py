@@ -21,6 +21,7 @@ from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing,
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.study.tracks import solved_volts
+from runner.window.preflight import foreseen
 from tests.protocol.studies import TRACKS
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 from tests.runner.session.test_as_instructed import Slipping
@@ -262,6 +263,14 @@ def test_participants_read_which_touch_it_is_and_who_is_asked_of_one_does_not() 
         "is_different": {(0,)},
         "which_different": {(1, 2, 3)},
     }
+
+
+def test_every_page_of_a_session_with_tracks_is_foreseen() -> None:
+    """So that each is known to fit, and drawn before it is needed."""
+    participant = Answering()
+    done(TRACKS, participant)
+    known = foreseen(parsed_study(TRACKS), None)
+    assert [screen for screen in participant.shown if screen not in known] == []
 
 
 def around_touches(participant: FakeParticipant) -> Iterator[FingerPath]:

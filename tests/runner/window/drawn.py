@@ -28,6 +28,7 @@ from runner.screens import (
     Welcome,
     ask_change,
     ask_score,
+    ask_track,
     lead_in,
     pacing,
 )
@@ -37,7 +38,7 @@ from runner.window.messages import Settings
 from runner.window.pages import page
 from runner.window.preflight import foreseen
 from runner.window.question_pages import PageState
-from tests.protocol.studies import OWN_QUESTIONS
+from tests.protocol.studies import OWN_QUESTIONS, TRACKS
 
 Shown = tuple[str, Screen, PageState]
 
@@ -103,6 +104,8 @@ def pictures(study: Study) -> list[Shown]:
         ("score", score, trial),
         ("score-chosen", score, called),
         *own_questions(),
+        ("interval-lead-in", lead_in(replace(ways["place"], interval=2), study.touch), trial),
+        ("interval-question", ask_track("smoother", 2), replace(trial, chosen="second")),
         ("saved", score, PageState(chosen="7", button="saved", progress=(3, 7))),
         ("next-beam", Notice(text="wait.beam"), trial),
         ("next-touch", Notice(text="wait.touch"), trial),
@@ -144,6 +147,7 @@ def main(language: str, folder: Path | None) -> None:
     canvas = PsychopyCanvas(Settings(wording=wording))
     screens = (
         *foreseen(parsed_study(template("extended") + OWN_QUESTIONS), consent="C-7"),
+        *foreseen(parsed_study(TRACKS), consent=None),
         ask_score(Rating(minimum=0, maximum=100)),
     )
     wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]

@@ -43,6 +43,7 @@ from runner.window.messages import (
 )
 from runner.window.preflight import foreseen
 from runner.window.server import mailbox_of
+from tests.protocol.studies import TRACKS
 
 pytestmark = pytest.mark.waits
 
@@ -315,7 +316,11 @@ def test_a_window_that_hears_garbage_says_so_and_ends(capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == "a message must be one JSON object, got 'rubbish\\n'\n"
 
 
-@pytest.mark.parametrize("screen", foreseen(PAPER, consent="C-7"), ids=str)
+@pytest.mark.parametrize(
+    "screen",
+    [*foreseen(PAPER, consent="C-7"), *foreseen(parsed_study(TRACKS), consent=None)[-20:]],
+    ids=str,
+)
 def test_every_screen_survives_the_messages_unchanged(screen: Any) -> None:
     assert screen_of(message_of(line_of(show_message(3, screen)))) == screen
 

@@ -39,6 +39,7 @@ from runner.window.question_pages import (
     nearest,
     score_x,
 )
+from tests.protocol.studies import TRACKS
 
 PAPER = parsed_study(template("paper"))
 RIGHT = Pacing(start_m=0.01, end_m=0.081, duration_s=1.775, force_n=0.5, direction="right")
@@ -246,7 +247,8 @@ def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
 ) -> None:
     study = parsed_study(template("extended"))
     rating = study.rating if ends == (0, 10) else scale_of(*ends, "bands")
-    for screen in foreseen(study.model_copy(update={"rating": rating}), consent="C-7"):
+    paced = foreseen(parsed_study(TRACKS), consent=None)
+    for screen in (*foreseen(study.model_copy(update={"rating": rating}), consent="C-7"), *paced):
         own = OwnFinger(position_m=0.05, force=1.0, within=0.5)
         view = PageState(operator_called=True, progress=(12, 12), finger=own)
         elements = page(screen, view, wording(language))
@@ -266,6 +268,25 @@ def test_elements_stay_on_the_canvas_and_texts_do_not_overlap(
                 apart_x = abs(one.x - other.x) >= (one.width + other.width) / 2
                 apart_y = abs(one.y - other.y) >= (one.height + other.height) / 2
                 assert apart_x or apart_y, (screen, one, other)
+
+
+@pytest.mark.parametrize(("language", "told"), [("en", "Second touch"), ("zh", "第二次触摸")])
+def test_each_page_of_a_touch_that_is_asked_about_says_which_one_it_is(
+    language: str, told: str
+) -> None:
+    cue = replace(RIGHT, interval=2)
+    way = lead_in(cue, TouchDefaults())
+    for screen in (Instruction(text="touch.right", touch=cue.touch), way, cue):
+        plain = (
+            replace(screen, touch=RIGHT.touch)
+            if isinstance(screen, Instruction)
+            else replace(screen, interval=0)
+        )
+        shown, before = (page(it, PageState(), wording(language)) for it in (screen, plain))
+        beside = [each for each in shown if each not in before]
+        assert [each.text for each in beside if isinstance(each, Text)] == [told]
+        assert len(beside) == 2, "the text, and its mark"
+        assert len(shown) == len(before) + 2
 
 
 TOUCHES = st.builds(

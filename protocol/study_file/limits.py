@@ -107,11 +107,14 @@ def _led_by_both(one: Group, other: Group, desk: Mapping[str, StudyQuestion]) ->
     if shared := set(one.when.answers) & set(other.when.answers):
         return repr(min(shared))
     question, rules = desk.get(one.when.question), (one.when, other.when)
-    if question is None or not question.is_number:
+    if any(it.at_least is None and it.at_most is None for it in rules):
         return ""
     low = max((it.at_least for it in rules if it.at_least is not None), default=None)
     high = min((it.at_most for it in rules if it.at_most is not None), default=None)
-    first, last = question.steps_within(low, high)
+    if question is not None and question.is_number:
+        first, last = question.steps_within(low, high)
+    else:  # what the operator is asked beside the study's questions
+        first, last = (-inf if low is None else low), (inf if high is None else high)
     ends = [f"{end:g}" for end in (low, high) if end is not None]
     return "" if first > last else " to ".join(ends) or "any number"
 

@@ -108,6 +108,12 @@ def test_each_answer_leads_to_one_group(rules: tuple[str, str], question: str, t
     assert told in str(refused.value)
 
 
+def test_an_answer_to_what_every_operator_is_asked_leads_to_one_group_too() -> None:
+    text = by_age("at_most = 30", "at_least = 30", "").replace("'age'", "'humidity'")
+    with pytest.raises(StudyError, match="an answer that leads to young, got 30"):
+        parsed_study(text.replace("[design]", '[session]\noperator_asks = ["humidity"]\n[design]'))
+
+
 @pytest.mark.parametrize(
     ("rules", "ends", "left"),
     [

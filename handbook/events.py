@@ -52,6 +52,8 @@ def _records(hint: Any) -> Iterator[type[JsonRecord]]:
     """Yield the records that a value of type `hint` contains."""
     if isinstance(hint, type) and issubclass(hint, JsonRecord):
         yield hint
+        for key in hint.json_keys():
+            yield from _records(key.type)
     for part in get_args(hint):
         yield from _records(part)
 

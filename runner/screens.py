@@ -208,7 +208,8 @@ class OperatorView:
     touches the beam. `aim` is None unless a touch is in progress. While the operator is `blind`,
     labels and answers say nothing, and figures of the drive are not shown. `records` says that
     touches are recorded; `zero_n` are the forces of the untouched beam. The lines of the plan are
-    each a trial, or a `pass` of a block.
+    each a trial, or a `pass` of a block. `track` says where the running
+    track stands, empty between its trials; it is None in a study without any, and while blind.
     """
 
     session: str
@@ -230,6 +231,7 @@ class OperatorView:
     records: bool = False
     zero_n: tuple[float, float] = (0.0, 0.0)
     unit: PlanUnit = "trial"
+    track: str | None = None
 
     @property
     def trial(self) -> str:

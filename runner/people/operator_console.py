@@ -304,10 +304,11 @@ class PlainDisplay:
         if self.shared:  # no label or figure of the drive may stand before the participant's eyes
             numbered = enumerate(view.plan, start=1)
             plan = tuple(replace(line, label=f"trial {number}") for number, line in numbered)
-            view = replace(view, plan=plan, blind=True)
+            view = replace(view, plan=plan, blind=True, track=None)
         if view.kind == "rehearsal" and not any(self._last):
             self.say(DRY_RUN)
         line = f"{view.place}; {view.progress()}; output {view.output()}"
+        line += f"; {view.track}" * bool(view.track)
         # Frames come often, and a log needs only what has changed.
         for text, before in zip((line, frame.question), self._last, strict=True):
             if text and text != before:

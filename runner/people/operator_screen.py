@@ -270,6 +270,7 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
         newtons.line("force", force_n, _advice(aim, force_n)),
         millimetres.line("place", place_mm, ""),
         *([_friction(view, moment.forces, bar)] if view.records else []),
+        *([Text(f" {'track':<10}{visible(view.track) or '-'}")] if view.track is not None else []),
     ]
 
 

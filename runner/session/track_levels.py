@@ -6,13 +6,17 @@ it had not been, and a trial that must be made again is made at the same level.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
-from device.tracks.next_level import counted, level_after, recorded_level
+from device.tracks.next_level import Answer, counted, level_after, recorded_level
+from device.tracks.posterior import estimate
 from protocol.journal.events import TrialsNotNeeded
 from protocol.journal.records import TrackAnswer
 from protocol.journal.state import SessionState
 from protocol.plan.track_trials import touches_of
 from protocol.plan.trials import Trial
+from protocol.study.track import Track
+from protocol.tracks.procedure import place_after
 from runner.session.session import Session
 
 
@@ -21,6 +25,33 @@ def level_of(session: Session, state: SessionState, trial: Trial) -> int | None:
     assert trial.track is not None, "only trials of tracks have a level"
     before = state.tracks.get(trial.track.name, ())
     return recorded_level(session.study, trial.track, before, session.plan.slot, session.number)
+
+
+_UNITS = {"voltage": " V", "frequency": " of resonance", "contrast": "", "place": " m"}
+
+
+def standing(session: Session, state: SessionState, trial: Trial | None) -> str:
+    """Return where the track of the running trial stands, in words; '' if it has none."""
+    if trial is None or trial.track is None:
+        return ""
+    track = session.study.track_of(trial.track.name)
+    unit, level = _UNITS[track.axis], level_of(session, state, trial)
+    answers = counted(state.tracks.get(track.name, ()))
+    said = ["no level" if level is None else f"level {level} ({track.values[level]:.4g}{unit})"]
+    if track.method in {"staircase", "limits"}:
+        turned = len(place_after(track, answers).turned_at)
+        said.append(f"{turned} reversal{'s' * (turned != 1)}")
+    if answers:
+        said.append(_threshold(track, answers) + unit)
+    return f"{track.name}: {', '.join(said)}"
+
+
+# The view is made anew several times a touch, between which no answer comes.
+@lru_cache(maxsize=8)
+def _threshold(track: Track, answers: tuple[Answer, ...]) -> str:
+    found = estimate(track, answers)
+    low, high = found.threshold_ci
+    return f"threshold {found.threshold:.3g} ({low:.3g} to {high:.3g})"
 
 
 def as_made(session: Session, state: SessionState, trial: Trial) -> Trial:

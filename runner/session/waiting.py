@@ -23,7 +23,7 @@ from runner.screens import (
     page_name,
 )
 from runner.session.session import SessionContext
-from runner.session.track_levels import as_made
+from runner.session.track_levels import as_made, standing
 from runner.signals import raise_if_stopped
 
 # What participant and operator see of a running session.
@@ -79,6 +79,7 @@ def update_view(
             records=session.study.force_channel.rate_hz is not None,
             zero_n=context.zero.forces_n if context.zero else (0.0, 0.0),
             unit=session.unit,
+            track=None if blind or not session.study.track else standing(session, state, running),
         )
     )
 

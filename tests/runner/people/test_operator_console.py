@@ -285,6 +285,14 @@ def test_the_time_left_is_never_0_before_the_end(left_s: float, said: str) -> No
     assert view(left_s=0).progress() == "3 of 7 trials"
 
 
+def test_the_running_track_is_told_but_not_before_the_participant() -> None:
+    said: list[str] = []
+    PlainDisplay(said.append).show(Frame(view=view(track="stairs: level 3 (20 V)")))
+    assert said[0].endswith("; stairs: level 3 (20 V)")
+    PlainDisplay(said.append, shared=True).show(Frame(view=view(track="stairs: level 3 (20 V)")))
+    assert "stairs" not in said[1]
+
+
 def test_the_search_for_the_resonance_is_shown_as_on() -> None:
     assert view(busy="10 V at most, searching").output().startswith("ON")
 

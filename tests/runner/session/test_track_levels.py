@@ -1,5 +1,6 @@
 """Tracks in sessions: their levels follow from the answers in the journal, whatever happens."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -263,6 +264,30 @@ def test_participants_read_which_touch_it_is_and_who_is_asked_of_one_does_not() 
         "is_different": {(0,)},
         "which_different": {(1, 2, 3)},
     }
+
+
+def seen_of_tracks(text: str) -> list[str | None]:
+    device = FakeDevice()
+    operator = FakeOperator(device)
+    done(text, Answering(), device=device, operator=operator)
+    return [view.track for view in operator.seen]
+
+
+def test_the_operator_sees_where_a_track_stands_unless_blind() -> None:
+    text = STAIRS.replace("trials = 9\nstop = { reversals = 4 }\ncatch = 2\neasy = 1", "trials = 4")
+    seen = [track for track in dict.fromkeys(seen_of_tracks(text)) if track]
+    first, *later = seen
+    assert first == "stairs: level 10 (100 V), 0 reversals"
+    assert len(later) == 3
+    for told in later:
+        assert re.fullmatch(
+            r"stairs: level \d+ \([\d.]+ V\), [0-3] reversals?, "
+            r"threshold [\d.]+ \([\d.]+ to [\d.]+\) V",
+            told,
+        ), told
+    blind = text.replace("[session]", "[session]\nblind_operator = true")
+    # Once the session is complete, nothing is hidden.
+    assert {*seen_of_tracks(blind)} == {None, ""}
 
 
 def test_every_page_of_a_session_with_tracks_is_foreseen() -> None:

@@ -20,7 +20,8 @@ from selenium.webdriver.common.print_page_options import PrintOptions
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
 from analysis.report.report import report, report_files, report_html
-from protocol.journal.events import Answered, NoteTaken, StoredEvent, TrialExcluded
+from protocol.journal.events import Answered, NoteTaken, SessionOpened, StoredEvent, TrialExcluded
+from protocol.study.factor import Group
 from runner.study.files import write_files
 from tests.analysis.chains import chain
 from tests.analysis.reports import EXTENDED, ORIGIN, session_events
@@ -33,10 +34,13 @@ pytestmark = pytest.mark.skipif(
 )
 TYPED = "<script>document.title='caught'</script> =cmd()"
 POINTS_PER_MM = 72 / 25.4
+STUDY = EXTENDED.model_copy(
+    update={"group": tuple(Group(name=name, size=2) for name in ("young", "<i>old</i>"))}
+)
 
 
 def nasty_sessions() -> list[list[StoredEvent]]:
-    """Return sessions with catch and opposite trials, missing scores, and texts with code."""
+    """Return sessions with groups, opposite trials, missing scores, and texts with code."""
     rng = np.random.default_rng(2)
     sessions = [
         session_events(EXTENDED, slot, rng, who=who)
@@ -49,6 +53,9 @@ def nasty_sessions() -> list[list[StoredEvent]]:
         else event
         for event in sessions[3]
     ]
+    for number, (opened, *_) in enumerate(sessions):
+        assert isinstance(opened, SessionOpened)
+        sessions[number][0] = replace(opened, group=STUDY.groups[number % 2])
     return [chain(events) for events in sessions]
 
 
@@ -56,8 +63,8 @@ def nasty_sessions() -> list[list[StoredEvent]]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
     recorded = load_sessions(nasty_sessions())
-    found = study_data(recorded, rehearsals=False, rules=EXTENDED.exclusions)
-    made = report(TYPED, found, EXTENDED, ORIGIN, ("multiverse",), recorded)
+    found = study_data(recorded, rehearsals=False, rules=STUDY.exclusions)
+    made = report(TYPED, found, STUDY, ORIGIN, ("multiverse",), recorded)
     every = (section.name for section in made.sections if section.name != "multiverse")
     alone = {"multiverse.html": report_html(made).encode()}
     write_files(report_files(replace(made, shown=tuple(every)), figures=False) | alone, place)

@@ -1,6 +1,7 @@
 """The report of a study with factors, and of one with several sessions."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -57,7 +58,8 @@ def sessions_of(study: Study, people: int, sessions: int = 1, withheld: float = 
             told = zip(study.conditions, given, strict=True)
             events = scored_session(f"P{person:02d}", told, study.conditions, session=session)
             chains.append(chain(events))
-    return report("ramps", load_study_data(chains, rehearsals=False), study, ORIGIN)
+    found, origin = load_study_data(chains, rehearsals=False), replace(ORIGIN, alone=True)
+    return report("ramps", found, study, origin, shown=("factors",))
 
 
 @cache

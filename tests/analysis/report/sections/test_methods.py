@@ -36,8 +36,10 @@ def test_the_seeds_of_permutations_and_predictive_checks_are_stated() -> None:
 def test_a_calibrated_rig_is_used_and_named() -> None:
     own = Calibration(damping_ratio=0.004, gain=1.1, origin="session slide/1")
     found = load_study_data(cohort(EXTENDED, 2), rehearsals=False, rules=EXTENDED.exclusions)
-    plain = report("a study", found, EXTENDED, ORIGIN)
-    calibrated = report("a study", found, EXTENDED, replace(ORIGIN, rig=own))
+    plain, calibrated = (
+        report("a study", found, EXTENDED, origin, shown=("methods",))
+        for origin in (replace(ORIGIN, alone=True), replace(ORIGIN, alone=True, rig=own))
+    )
     stated = report_json(calibrated)["provenance"]["model parameters"]
     assert "damping ratio 0.004" in stated
     assert "gain of the drive 1.1, rig session slide/1" in stated

@@ -19,6 +19,7 @@ from analysis.multiverse.curve import Multiverse
 from analysis.sensitivity.linear_model import own_gains
 from analysis.statistics.groups import GroupStatistics, group_statistics
 from analysis.statistics.summary import TableStatistics
+from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.participant_texts import scale_in_words
@@ -170,6 +171,11 @@ class Findings:
             names=names,
             conditions=table.conditions,
         )
+
+    @cached_property
+    def thresholds(self) -> Thresholds | None:
+        """The thresholds of people in tracks; None of a study without tracks."""
+        return thresholds(self.study, self.loaded, self.origin.rig, self.keep)
 
     @property
     def table_notes(self) -> list[str]:

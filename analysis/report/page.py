@@ -13,7 +13,6 @@ from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
     designs,
-    differences,
     effects,
     measured,
     methods,
@@ -24,6 +23,7 @@ from analysis.report.sections import (
     scores,
     sensitivity,
     session_checks,
+    thresholds,
 )
 from analysis.report.wording import count_of
 from device.friction.laws import LAWS
@@ -133,11 +133,12 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
         "table4": scores.section,
         "methods": methods.section,
         "registration": registration.section,
-        "tests": differences.section,
+        "thresholds": thresholds.section,
+        "tests": effects.tests,
         "groups": designs.groups,
         "detection": designs.detection,
         "factors": designs.factors,
-        "agreement": effects.section,
+        "agreement": effects.agreement,
         "sensitivity": sensitivity.section,
         "measured": measured.section,
         "model": predictions.section,
@@ -158,7 +159,7 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
 FRONTS: Mapping[str, Callable[[Findings], Sequence[blocks.Block]]] = MappingProxyType(
     {
         "table4": scores.front,
-        "tests": differences.front,
+        "tests": effects.front,
         "sensitivity": sensitivity.front,
         "model": predictions.front,
     }

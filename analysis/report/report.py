@@ -96,6 +96,7 @@ FIGURES = (
     *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
     # Six factors of the file, its conditions, and the sessions.
     *(f"factor-{number}" for number in range(1, 9)),
+    *(f"{what}-{number}" for what in ("track", "psychometric") for number in range(1, 21)),
 )
 """The names of all figures that a report may have."""
 # An earlier report may have left figures that this one does not have; these are removed.

@@ -28,11 +28,13 @@ from analysis.statistics.groups import (
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank, holm
 from analysis.statistics.summary import Reading
+from analysis.trials.track_fits import CohortThreshold, Thresholds
 from analysis.trials.trial_statistics import Detected
 from device.friction.changes import LAW
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
+THRESHOLDS = "What are the thresholds?"
 NOTICE = "Are the changes noticed?"
 DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
@@ -47,6 +49,8 @@ MOST_PAIRS = 3
 
 def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions that these data can answer, each with its answer."""
+    if found.thresholds is not None:
+        yield THRESHOLDS, _thresholds(found.thresholds)
     if found.loaded.table.conditions:
         yield from _of_conditions(found)
 
@@ -71,6 +75,23 @@ def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     elif isinstance(found.trials.m2, OrdinalSensitivity):
         yield from _spread(found.trials.m2.lines, _SKIN)
     yield from _ranking(found)
+
+
+def _thresholds(found: Thresholds) -> str:
+    """Tell the mean threshold of each track, with the share that defines it."""
+    return " ".join(f"Of {each.track}: {_mean_threshold(each)}" for each in found.cohort)
+
+
+def _mean_threshold(each: CohortThreshold) -> str:
+    if isinstance(each.threshold, NotEstimable):
+        return f"not known, because {each.threshold.reason}."
+    unit = f" {each.unit}" * bool(each.unit)
+    ends = each.threshold_interval
+    said = "" if isinstance(ends, NotEstimable) else f", 95% CI [{ends[0]:.3g}, {ends[1]:.3g}]"
+    of = f"geometric mean of {each.people} {'person' if each.people == 1 else 'people'}"
+    note = f", {each.flagged} of them with notes in the section Thresholds" * bool(each.flagged)
+    share = f"a share of {each.threshold_at:.3g} {each.said}"
+    return f"{each.threshold:.3g}{unit}{said}, where {share} ({of}{note})."
 
 
 def _noticed(detected: Sequence[Detected]) -> str:

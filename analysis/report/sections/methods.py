@@ -86,7 +86,9 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
     # APA style writes numbers below ten as words.
     laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
-    measured = int(trials.contrasts.measured.sum())
+    # Trials of tracks have no contrast of their own.
+    touched = trials.contrasts.measured[trials.data.trials["track"].isna()]
+    measured = int(touched.sum())
     # Large studies are integrated with fewer points, which a reader has to know.
     large = len(trials.scored.ratings.given.rating) > LARGE
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
@@ -97,7 +99,7 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
         else ""
     )
     touches = (
-        f"in {measured} of {len(trials.contrasts.measured)} trials, measured force or place "
+        f"in {measured} of {len(touched)} trials, measured force or place "
         f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
         f"{1000 * PLACE_STEP_M:g} mm; the drive was taken as read back, relative to the measured "
         "resonance"

@@ -76,9 +76,11 @@ def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:
     assert written == {
         path for path in figures if Path(path).name.split(".")[0].removesuffix("-column") in drawn
     }
-    of_design = ("figures/factor-", "figures/groups")
+    of_design = tuple(
+        f"figures/{name}" for name in ("factor-", "groups", "track-", "psychometric-")
+    )
     others = {path for path in FIGURE_FILES if not path.startswith(of_design)}
-    assert figures == others, "this study has neither factors nor groups"
+    assert figures == others, "this study has neither factors, groups nor tracks"
     page = ReadPage(files["report.html"].decode())
     tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
     for figure in result.figures:
@@ -116,7 +118,8 @@ def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     lacking = FIGURE_FILES - report_files(plain_report(), figures=True).keys()
     missing = {Path(path).name.split(".")[0].removesuffix("-column") for path in lacking}
     multiverse = {name for name in missing if name.startswith("multiverse-")}
-    factors = {name for name in missing if name.startswith("factor-")}
+    numbered = ("factor-", "track-", "psychometric-")
+    factors = {name for name in missing if name.startswith(numbered)}
     others = {
         *("course", "forces", "groups", "levels", "noticed", "places", "predictive-m3"),
         "reaction-times",

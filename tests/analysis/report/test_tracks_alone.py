@@ -3,7 +3,7 @@
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from protocol.study_file.loading import parsed_study
-from tests.analysis.reports import ORIGIN
+from tests.analysis.reports import ORIGIN, plain_report
 from tests.analysis.tracks import BOTH, SCORE, TRACKS, session
 
 
@@ -28,3 +28,21 @@ def test_trials_of_tracks_are_no_trials_of_conditions() -> None:
     told = report_json(made(BOTH))
     assert told["table4"]["rows"][0]["scores"] == [SCORE]
     assert "sections that compare those are left out" not in report_html(made(BOTH))
+
+
+def test_thresholds_are_said_with_the_share_that_defines_them() -> None:
+    found = made(BOTH)
+    page, told = report_html(found), report_json(found)["thresholds"]
+    assert "where a share of 0.75 is right" in page
+    assert [each["track"] for each in told["cohort"]] == ["smallest amplitude", "by a staircase"]
+    assert {each["participant"] for each in told["people"]} == {"P01", "P02"}
+    assert told["people"][0]["threshold_at"] == 0.75
+    names = {figure.name for figure in found.figures if figure.drawing is not None}
+    assert {"track-1", "track-2", "psychometric-1", "psychometric-2"} < names
+
+
+def test_a_study_without_tracks_has_no_thresholds() -> None:
+    found = plain_report()
+    assert found.thresholds is None
+    assert "Thresholds" not in report_html(found)
+    assert "thresholds" not in report_json(found)

@@ -1,0 +1,257 @@
+"""Thresholds of people in tracks: their table, their cohort, levels and psychometric functions."""
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from analysis.estimates import Interval, Json, NotEstimable, plain
+from analysis.report import drawing as plot
+from analysis.report.blocks import Column, Figure, Section, Table
+from analysis.report.figure_data import CURVE_POINTS, thinned
+from analysis.report.findings import Findings
+from analysis.report.wording import MISSING, of_all
+from analysis.trials.track_fits import (
+    CohortThreshold,
+    PersonThreshold,
+    by_track,
+    curve_of,
+)
+from protocol.study.track import Track
+
+MOST_PANELS = 12
+PANELS_A_ROW = 3
+METHOD = (
+    "A psychometric function of each person in each track, fitted to the answers at all levels, "
+    "with easy trials and, in yes or no, catch trials: the threshold of the highest posterior "
+    "density with its 95% credible interval, the slope of the curve and the lapse rate, all "
+    "estimated at once. The share that defines a threshold is that of somebody who does not "
+    "lapse. The mean of reversals estimates the level to which a staircase converges, which can "
+    "be that of another share. Contrast and Weber fraction (1 − μ′/μ) are those that the model "
+    "predicts at the threshold; they are not measured."
+)
+
+
+def section(found: Findings) -> Section:
+    """Return the thresholds of people and of the cohort; nothing for a study without tracks."""
+    made, title = found.thresholds, "Thresholds"
+    if made is None:
+        return Section(name="thresholds", title=title, blocks=[])
+    drawn = by_track(made.people)
+    return Section(
+        name="thresholds",
+        title=title,
+        blocks=[
+            METHOD,
+            _cohort_table(made.cohort),
+            _people_table(made.people),
+            *(
+                figure
+                for number, (name, people) in enumerate(drawn.items(), start=1)
+                for figure in _figures(found, found.study.track_of(name), people, number)
+            ),
+        ],
+        data={
+            "thresholds": {
+                "people": list(map(_json, made.people)),
+                "cohort": [{"track": each.track, **plain(each)} for each in made.cohort],
+            }
+        },
+    )
+
+
+def _json(found: PersonThreshold) -> Json:
+    """Return all numbers of a person in a track; those of the fit stand beside the others."""
+    told: Json = plain(found)
+    fit = told.pop("fit")
+    wanted = ("threshold_at", "slope", "slope_ci", "lapse", "lapse_ci", "guess", "deviance_p")
+    points = ("level", "answers", "right")
+    return {
+        **told,
+        **{name: fit[name] for name in (*wanted, "trials")},
+        "points": [dict(zip(points, each, strict=True)) for each in told["points"]],
+    }
+
+
+def _short(value: object) -> str:
+    """Return a number with three digits that count."""
+    if not isinstance(value, int | float) or np.isnan(value):
+        return MISSING
+    return f"{value:.3g}".replace("-", "−")
+
+
+def _ends(ends: Interval | NotEstimable | None) -> str:
+    if ends is None or isinstance(ends, NotEstimable) or np.isnan(ends).any():
+        return MISSING
+    return f"[{_short(ends[0])},\N{NO-BREAK SPACE}{_short(ends[1])}]"
+
+
+def _estimate(name: str, of: str) -> tuple[Column, Column]:
+    return Column(name, of, _short), Column("95%", f"{of}_interval", _ends)
+
+
+def _cohort_table(cohort: Sequence[CohortThreshold]) -> Table:
+    return Table.over(
+        cohort,
+        [
+            Column("track", "track", kind="text"),
+            Column("people", "people"),
+            *_estimate("threshold", "threshold"),
+            Column("unit", "unit", kind="text"),
+            Column("at a share of", "threshold_at", _short),
+            Column("with notes", "flagged"),
+        ],
+        name="thresholds-cohort",
+        caption="Geometric mean of the thresholds of all people, with the t interval of their "
+        "logarithms. At a share of: the share right, in yes or no that of yes, which defines it. "
+        "With notes: people whose threshold has a note below; they count all the same.",
+    )
+
+
+def _people_table(people: Sequence[PersonThreshold]) -> Table:
+    def any_of(name: str) -> bool:
+        return any(getattr(each, name) is not None for each in people)
+
+    return Table.over(
+        people,
+        [
+            Column("track", "track", kind="text"),
+            Column("subject", "participant", kind="text"),
+            Column("threshold", lambda each: f"{_short(each.threshold)} {each.unit}".strip()),
+            Column("95%", "threshold_interval", _ends),
+            Column("at a share of", "fit.threshold_at", _short),
+            *[Column("dB", "db", _short)] * any_of("db"),
+            *[Column("contrast", "contrast", _short)] * any_of("contrast"),
+            *(_estimate("Weber fraction", "weber") if any_of("weber") else ()),
+            Column("slope", "fit.slope", _short),
+            Column("lapse rate", "fit.lapse", _short),
+            *[Column("mean of reversals", "reversal_mean", _short)] * any_of("reversal_mean"),
+            *[Column("false alarms", "false_alarms", _counted)] * any_of("false_alarms"),
+            Column("answers", "fit.trials"),
+            Column("p of the fit", "fit.deviance_p", 2),
+            Column("notes", lambda each: "; ".join(each.flags), kind="sentence"),
+        ],
+        name="thresholds-people",
+        caption="Threshold of each person in each track. dB: relative to the standard's voltage, "
+        "or to 1 V where that is 0. Slope: Weibull's exponent, or 1/SD of a normal curve. p of "
+        "the fit: how often answers of the fitted curve deviate from it as much as these. All "
+        "intervals stand in report.json.",
+    )
+
+
+def _counted(of: tuple[int, int] | None) -> str:
+    return MISSING if of is None else f"{of[0]} of {of[1]}"
+
+
+def _figures(
+    found: Findings, track: Track, people: Sequence[PersonThreshold], number: int
+) -> Iterator[Figure]:
+    """Yield the levels over the answers and the psychometric functions of a track."""
+    known = [each for each in people if each.course.values]
+    shown = [known[place] for place in thinned(len(known), MOST_PANELS)]
+    more = of_all(len(shown), len(known), "people")
+    if not shown:
+        return
+    share = f"{track.share:.4g} {'of yes' if track.intervals == 1 else 'right'}"
+    yield Figure(
+        name=f"track-{number}",
+        title=f"Levels of {track.name}",
+        caption=f"Levels of {track.name} over the answers, right (filled) or wrong; rings mark "
+        f"reversals, the dashed line the fitted threshold ({share}).{more}",
+        draw=partial(_levels_figure, track, shown),
+        keep=found.keep,
+    )
+    yield Figure(
+        name=f"psychometric-{number}",
+        title=f"Psychometric functions of {track.name}",
+        caption=f"Share {'of yes' if track.intervals == 1 else 'right'} at each level of "
+        f"{track.name}; the area of a point is the number of answers. The curve is the fit, the "
+        f"bar the 95% interval of the threshold ({share}).{more}",
+        draw=partial(_curves_figure, track, shown),
+        keep=found.keep,
+    )
+
+
+def _axis(track: Track) -> str:
+    unit = {"voltage": ", V", "place": ", m", "frequency": " / resonance", "contrast": ""}
+    return f"{track.axis}{unit[track.axis]}"
+
+
+def _logarithmic(track: Track) -> bool:
+    return track.levels.step_db is not None
+
+
+def _panels(
+    people: Sequence[PersonThreshold], words: plot.Words, draw: object, labels: tuple[str, str]
+) -> plot.Drawing:
+    columns = min(PANELS_A_ROW, len(people))
+    rows = -(-len(people) // columns)
+
+    def drawn(grid: Sequence[plot.Axes]) -> None:
+        names = plot.labels_of(tuple(each.participant for each in people), "person")
+        for place, axes in enumerate(grid):
+            if place >= len(people):
+                axes.set_visible(False)
+                continue
+            draw(axes, people[place])  # type: ignore[operator]
+            axes.set_title(names[place], fontsize="medium")
+            if place % columns == 0:
+                axes.set_ylabel(labels[1])
+            if place >= len(people) - columns:
+                axes.set_xlabel(labels[0])
+
+    return plot.grid_drawing(words, drawn, rows, columns, 0.6 + 2.3 * rows)
+
+
+def _levels_figure(
+    track: Track, people: Sequence[PersonThreshold], words: plot.Words
+) -> plot.Drawing:
+    def draw(axes: plot.Axes, person: PersonThreshold) -> None:
+        course = person.course
+        at, values = np.arange(1, len(course.values) + 1), np.array(course.values)
+        right, turned = np.array(course.correct), np.array(course.reversal)
+        axes.plot(at, values, "-", color=plot.GREY, linewidth=0.8)
+        axes.plot(at[right], values[right], "o", color=plot.COLOURS[0], markersize=3)
+        axes.plot(
+            at[~right], values[~right], "o", color=plot.COLOURS[1], markersize=3, fillstyle="none"
+        )
+        axes.plot(at[turned], values[turned], "o", color="black", markersize=7, fillstyle="none")
+        if np.isfinite(person.threshold):
+            axes.axhline(person.threshold, color="black", linestyle="--", linewidth=0.8)
+        if _logarithmic(track):
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter("{x:g}")
+
+    return _panels(people, words, draw, ("answer", _axis(track)))
+
+
+def _curves_figure(
+    track: Track, people: Sequence[PersonThreshold], words: plot.Words
+) -> plot.Drawing:
+    side = 1 if track.values[-1] > track.reference else -1
+    ends = [each for each in track.distances if each > 0]
+    space = np.geomspace if _logarithmic(track) else np.linspace
+    distance = space(ends[0], ends[-1], CURVE_POINTS)
+
+    def draw(axes: plot.Axes, person: PersonThreshold) -> None:
+        fit = person.fit
+        # A catch trial has no place on a logarithmic axis.
+        points = [each for each in person.points if each[0] > 0 or not _logarithmic(track)]
+        levels, answers, right = np.array(points, float).reshape(-1, 3).T
+        place = track.reference + side * levels
+        axes.scatter(place, right / answers, s=6 * answers, color=plot.COLOURS[0], alpha=0.6)
+        if np.isfinite(fit.threshold):
+            curve = curve_of(track, person, distance)
+            axes.plot(track.reference + side * distance, curve, color="black")
+            height = curve_of(track, person, np.array([fit.threshold]))
+            axes.plot(person.threshold_interval, [*height, *height], color=plot.COLOURS[1])
+        axes.set_ylim(-0.04, 1.04)
+        if _logarithmic(track):
+            axes.set_xscale("log")
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
+            axes.set_xlim(0.85 * levels.min(initial=ends[0]), 1.2 * ends[-1])
+
+    named = "share of yes" if track.intervals == 1 else "share right"
+    return _panels(people, words, draw, (_axis(track), named))

@@ -1,0 +1,274 @@
+"""Thresholds of people: the answers of each person in each track, fitted, and their cohort."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import bdtrc
+
+from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
+from analysis.kept import Kept
+from analysis.loading.study_data import StudyData
+from analysis.statistics.intervals import mean_interval
+from analysis.thresholds.psychometric import Threshold, fitted
+from device.friction.changes import friction_difference
+from device.friction.scenes import Calibration
+from protocol.study.study import Study
+from protocol.study.track import AXIS_KEY, AXIS_UNITS, Track, decibels
+from protocol.tracks.procedure import reversal_mean
+
+NOT_AS_INSTRUCTED = 0.1
+"""A larger share of touches that were not as instructed gets a note."""
+STUCK = 0.5
+"""So does a larger share of the second half of the answers at an end of the levels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """The answers of a person at levels that the method chose, in their order.
+
+    `values` are levels on the axis; `sessions` their numbers.
+    """
+
+    values: tuple[float, ...]
+    correct: tuple[bool, ...]
+    reversal: tuple[bool, ...]
+    sessions: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PersonThreshold:
+    """The threshold of a person in a track.
+
+    Attributes:
+        threshold: in the unit of the axis, with its 95% interval.
+        db: of a voltage, relative to 1 V or to that of the standard.
+        contrast: of friction against the standard, predicted of the threshold: ln(mu / mu').
+        weber: the Weber fraction, 1 - mu' / mu.
+        reversal_mean: mean of the reversals made with the last step, another estimate.
+        fit: of the curve, whose threshold is a distance from the standard.
+        points: distance from the standard, answers, and how many of them were right (yes).
+        false_alarms: of yes or no, how often yes was said in catch trials, and their number.
+        flags: what to look at before this is believed.
+    """
+
+    participant: str
+    track: str
+    unit: str
+    threshold: float
+    threshold_interval: Interval
+    db: float | None
+    db_interval: Interval | None
+    contrast: float | None
+    contrast_interval: Interval | None
+    weber: float | None
+    weber_interval: Interval | None
+    reversals: int
+    reversal_mean: float | None
+    fit: Threshold
+    points: tuple[tuple[float, int, int], ...]
+    course: Course
+    false_alarms: tuple[int, int] | None
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CohortThreshold:
+    """The geometric mean of people's thresholds in a track; `flagged` of them have flags.
+
+    `said` is in words what a share `threshold_at` of the answers do at the threshold.
+    """
+
+    track: str
+    unit: str
+    threshold_at: float
+    said: str
+    people: int
+    flagged: int
+    threshold: float | NotEstimable
+    threshold_interval: Interval | NotEstimable
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thresholds:
+    """The thresholds of a study with tracks, track by track."""
+
+    people: tuple[PersonThreshold, ...]
+    cohort: tuple[CohortThreshold, ...]
+
+
+def thresholds(study: Study, data: StudyData, rig: Calibration, keep: Kept) -> Thresholds | None:
+    """Return the thresholds of all people; None where no trial that counts is of a track."""
+    trials = data.trials[data.trials["track"].notna()]
+    # A track that the study file no longer has is in the tables alone.
+    tracks = [track for track in study.track if trials["track"].eq(track.name).any()]
+    if not tracks:
+        return None
+    people = []
+    for track in tracks:
+        own = trials[trials["track"].eq(track.name)]
+        for who in data.table.subjects:
+            if len(mine := own[own["participant"].eq(who)]):
+                touches = data.touches[data.touches["attempt_id"].isin(mine.index)]
+                felt = partial(_contrast, study, track, rig)
+                people.append(_person(track, who, mine, touches, (felt, keep)))
+    cohort = tuple(_cohort(track, people) for track in tracks)
+    return Thresholds(people=tuple(people), cohort=cohort)
+
+
+def _person(
+    track: Track, who: str, trials: pd.DataFrame, touches: pd.DataFrame, by: tuple[Any, Kept]
+) -> PersonThreshold:
+    felt, keep = by
+    points = tuple(_points(track, trials))
+    asked, number, right = zip(*points, strict=True) if points else ((), (), ())
+    positive = [distance for distance in track.distances if distance > 0]
+    fit = keep(
+        fitted,
+        levels=asked,
+        trials=number,
+        correct=right,
+        task=track.task,
+        shape=track.shape,
+        threshold_at=track.share,
+        span=(positive[0], positive[-1]),
+    )
+    side = 1 if track.values[-1] > track.reference else -1
+
+    def on_axis(distance: float) -> float:
+        return track.reference + side * distance
+
+    first, last = sorted(map(on_axis, fit.threshold_ci))
+    chosen = trials[trials["role"].eq("level")]
+    turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
+    mean = None
+    if track.method in {"staircase", "limits"}:
+        mean = reversal_mean(track, tuple(chosen["level"][turned].astype(int)))
+    voltage = track.axis == "voltage"
+    against = track.reference or 1.0
+    ends = [on_axis(end) for end in fit.threshold_ci]
+    contrasts = [felt(level) for level in (on_axis(fit.threshold), *ends)]
+    known = all(each is not None for each in contrasts)
+    weber = [1 - np.exp(-each) for each in contrasts] if known else []
+    catch = trials[trials["role"].eq("catch")]
+    yes = int(catch["change"].eq("yes").sum())
+    return PersonThreshold(
+        participant=who,
+        track=track.name,
+        unit=AXIS_UNITS[track.axis],
+        threshold=on_axis(fit.threshold),
+        threshold_interval=(first, last),
+        db=_decibels(on_axis(fit.threshold) / against) if voltage else None,
+        db_interval=(_decibels(first / against), _decibels(last / against)) if voltage else None,
+        contrast=contrasts[0] if known else None,
+        contrast_interval=(contrasts[1], contrasts[2]) if known else None,
+        weber=float(weber[0]) if known else None,
+        weber_interval=(float(weber[1]), float(weber[2])) if known else None,
+        reversals=int(turned.sum()),
+        reversal_mean=mean,
+        fit=fit,
+        points=points,
+        course=Course(
+            values=tuple(chosen["level_value"]),
+            correct=tuple(chosen["correct"].astype(bool)),
+            reversal=tuple(turned.tolist()),
+            sessions=tuple(chosen["session"]),
+        ),
+        false_alarms=(yes, len(catch)) if track.intervals == 1 and len(catch) else None,
+        flags=(*fit.flags, *_flags(track, trials, touches)),
+    )
+
+
+def _decibels(ratio: float) -> float:
+    return decibels(ratio) if ratio > 0 else float("nan")
+
+
+def _points(track: Track, trials: pd.DataFrame) -> Iterator[tuple[float, int, int]]:
+    """Yield each level as a distance from the standard, with its answers and the right ones.
+
+    In yes or no a catch trial is at no distance; in intervals none of its answers is right.
+    """
+    right = trials["correct"]
+    distance = trials["level"].map(dict(enumerate(track.distances)))
+    if track.intervals == 1:
+        right = trials["change"].eq("yes")
+        distance = distance.fillna(0.0)
+    known = distance.notna() & right.notna()
+    counted = right[known].astype(bool).groupby(distance[known]).agg(["count", "sum"])
+    for level, number, correct in counted.itertuples():
+        yield float(level), int(number), int(correct)
+
+
+def _contrast(study: Study, track: Track, rig: Calibration, level: float) -> float | None:
+    """Return the predicted contrast of a level against the standard; None where none is known."""
+    if track.axis == "contrast":
+        return level
+    if track.standard is None or track.axis == "place" or not np.isfinite(level):
+        return None
+    comparison = track.comparison.model_copy(update={AXIS_KEY[track.axis]: max(level, 0.0)})
+    return abs(friction_difference(study, track.standard, comparison, rig))
+
+
+def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterator[str]:
+    """Yield in a few words what in the course of a track speaks against its threshold."""
+    levels = trials["level"][trials["role"].eq("level")].to_numpy()
+    late = levels[len(levels) // 2 :]
+    if track.method in {"staircase", "quest+"} and len(late):
+        for end, name in ((0, "hardest"), (len(track.values) - 1, "easiest")):
+            if (late == end).mean() > STUCK:
+                yield f"stuck at the {name} level"
+    if track.intervals > 1:
+        chosen = trials["change"].value_counts()
+        # Of all intervals the one that was named most often, by Bonferroni's correction.
+        chance = bdtrc(chosen.max() - 1, chosen.sum(), 1 / track.intervals)
+        if track.intervals * chance < LEVEL:
+            yield f"the {chosen.idxmax()} touch was named in {chosen.max()} of {chosen.sum()}"
+    judged = touches[["force_ok", "place_ok", "speed_ok"]].eq(False).fillna(False).any(axis=1)
+    if len(judged) and judged.mean() > NOT_AS_INSTRUCTED:
+        yield f"{judged.mean():.0%} of the touches were not as instructed"
+
+
+def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
+    own = [each for each in people if each.track == track.name]
+    logs = np.log([each.threshold for each in own if each.threshold > 0])
+    mean: float | NotEstimable = NotEstimable("nobody's threshold could be estimated")
+    ends = mean_interval(logs)
+    return CohortThreshold(
+        track=track.name,
+        unit=AXIS_UNITS[track.axis],
+        threshold_at=track.share,
+        said="says yes" if track.intervals == 1 else "is right",
+        people=len(logs),
+        flagged=sum(bool(each.flags) for each in own),
+        threshold=float(np.exp(logs.mean())) if len(logs) else mean,
+        threshold_interval=ends
+        if isinstance(ends, NotEstimable)
+        else (float(np.exp(ends[0])), float(np.exp(ends[1]))),
+    )
+
+
+def curve_of(track: Track, found: PersonThreshold, distance: FloatArray) -> FloatArray:
+    """Return the share right (or of yes) that the fit expects at these distances."""
+    from analysis.thresholds.curve_posterior import Curve
+    from analysis.thresholds.psychometric import CHANCE
+
+    fit, chance = found.fit, CHANCE[track.task]
+    share = (track.share - chance) / (1 - chance)
+    curve = Curve(track.shape, share)
+    at, threshold = distance, fit.threshold
+    if track.shape == "weibull":
+        at, threshold = np.log(distance), np.log(threshold)
+    log_width = np.log(curve.width / fit.slope)
+    parts = (threshold, log_width, fit.lapse, fit.guess)
+    return curve.share_correct(at, [np.array(part) for part in parts])
+
+
+def by_track(people: Sequence[PersonThreshold]) -> Mapping[str, list[PersonThreshold]]:
+    """Return the thresholds of each track, in the order of the tracks."""
+    found: dict[str, list[PersonThreshold]] = {}
+    for each in people:
+        found.setdefault(each.track, []).append(each)
+    return found

@@ -27,8 +27,8 @@ METHOD = (
     "density with its 95% credible interval, the slope of the curve and the lapse rate, all "
     "estimated at once. The share that defines a threshold is that of somebody who does not "
     "lapse. The mean of reversals estimates the level to which a staircase converges, which can "
-    "be that of another share. Contrast and Weber fraction (1 − μ′/μ) are those that the model "
-    "predicts at the threshold; they are not measured."
+    "be that of another share. The Weber fraction (1 − μ′/μ) is the one that the model "
+    "predicts at the threshold; it is not measured."
 )
 
 
@@ -86,17 +86,14 @@ def _ends(ends: Interval | NotEstimable | None) -> str:
     return f"[{_short(ends[0])},\N{NO-BREAK SPACE}{_short(ends[1])}]"
 
 
-def _estimate(name: str, of: str) -> tuple[Column, Column]:
-    return Column(name, of, _short), Column("95%", f"{of}_interval", _ends)
-
-
 def _cohort_table(cohort: Sequence[CohortThreshold]) -> Table:
     return Table.over(
         cohort,
         [
             Column("track", "track", kind="text"),
             Column("people", "people"),
-            *_estimate("threshold", "threshold"),
+            Column("threshold", "threshold", _short),
+            Column("95%", "threshold_interval", _ends),
             Column("unit", "unit", kind="text"),
             Column("at a share of", "threshold_at", _short),
             Column("with notes", "flagged"),
@@ -117,12 +114,14 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
         [
             Column("track", "track", kind="text"),
             Column("subject", "participant", kind="text"),
-            Column("threshold", lambda each: f"{_short(each.threshold)} {each.unit}".strip()),
+            Column(
+                "threshold",
+                lambda each: f"{_short(each.threshold)}\N{NO-BREAK SPACE}{each.unit}".rstrip(),
+            ),
             Column("95%", "threshold_interval", _ends),
             Column("at a share of", "fit.threshold_at", _short),
             *[Column("dB", "db", _short)] * any_of("db"),
-            *[Column("contrast", "contrast", _short)] * any_of("contrast"),
-            *(_estimate("Weber fraction", "weber") if any_of("weber") else ()),
+            *[Column("Weber fraction", "weber", _short)] * any_of("weber"),
             Column("slope", "fit.slope", _short),
             Column("lapse rate", "fit.lapse", _short),
             *[Column("mean of reversals", "reversal_mean", _short)] * any_of("reversal_mean"),
@@ -134,8 +133,8 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
         name="thresholds-people",
         caption="Threshold of each person in each track. dB: relative to the standard's voltage, "
         "or to 1 V where that is 0. Slope: Weibull's exponent, or 1/SD of a normal curve. p of "
-        "the fit: how often answers of the fitted curve deviate from it as much as these. All "
-        "intervals stand in report.json.",
+        "the fit: how often answers of the fitted curve deviate from it as much as these. The "
+        "predicted contrasts and all intervals stand in report.json.",
     )
 
 
@@ -152,12 +151,13 @@ def _figures(
     more = of_all(len(shown), len(known), "people")
     if not shown:
         return
+    rings = "; rings mark reversals" * any(any(each.course.reversal) for each in shown)
     share = f"{track.share:.4g} {'of yes' if track.intervals == 1 else 'right'}"
     yield Figure(
         name=f"track-{number}",
         title=f"Levels of {track.name}",
-        caption=f"Levels of {track.name} over the answers, right (filled) or wrong; rings mark "
-        f"reversals, the dashed line the fitted threshold ({share}).{more}",
+        caption=f"Levels of {track.name} over the answers, right (filled) or wrong{rings}. The "
+        f"dashed line is the fitted threshold ({share}).{more}",
         draw=partial(_levels_figure, track, shown),
         keep=found.keep,
     )

@@ -93,12 +93,12 @@ def session_events(
     for trial in trials:
         events.append(TrialStarted(index=trial.index, kind=trial.kind))
         for number, touch in enumerate(trial.touches):
-            events += _touched(number, touch, study, rng, measured=measured)
+            events += touched(number, touch, study, rng, measured=measured)
         events.append(_answer(trial, level, rng))
     return [*events, DeviceOff(confirmed=True, why="the session is over"), SessionCompleted()]
 
 
-def _touched(
+def touched(
     number: int,
     touch: Mapping[str, Any],
     study: Study,

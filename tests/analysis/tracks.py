@@ -1,4 +1,4 @@
-"""Sessions of tracks that nobody played: people of known thresholds, without touches."""
+"""Sessions of tracks that nobody played, of people whose thresholds are known."""
 
 from collections import defaultdict
 from dataclasses import replace
@@ -6,7 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from device.tracks.next_level import next_level
-from protocol.journal.events import Event, SessionCompleted, StoredEvent, TrialStarted
+from protocol.journal.events import (
+    DeviceArmed,
+    DeviceOff,
+    Event,
+    ResonanceMeasured,
+    SessionCompleted,
+    StoredEvent,
+    TrialStarted,
+)
 from protocol.journal.records import PlannedTrial, TrackAnswer
 from protocol.plan.plan import plan
 from protocol.plan.trials import planned_trial
@@ -16,6 +24,7 @@ from protocol.study_file.loading import parsed_study
 from protocol.study_file.loading import template as text_of
 from protocol.tracks.procedure import Answer, constant_order
 from tests.analysis.chains import answer, chain, opened
+from tests.analysis.reports import touched
 
 BOTH = text_of("threshold")
 TRACKS = BOTH.partition("# Scored beside")[0]
@@ -29,14 +38,22 @@ def session(
     """A session of a study file: in its tracks, answers of somebody of that threshold."""
     study = parsed_study(text)
     rng = np.random.default_rng([slot, round(1e6 * threshold)])
+    of_touches = np.random.default_rng(slot)
     trials = [planned_trial(trial) for trial in plan(study, slot, session).trials]
     start = opened(who, study.conditions, trials, slot=slot, session=session)
-    told: list[Event] = [replace(start, study_text=text)]
+    told: list[Event] = [
+        replace(start, study_text=text),
+        DeviceArmed.from_json({"idn": "test"}),
+        ResonanceMeasured(frequency_hz=24_000.0, tip_m_per_v=9e-9),
+    ]
     given: dict[str, list[Answer]] = defaultdict(list)
     for trial in trials:
         if (event := _answer(study, trial, given, threshold, rng)) is not None:
-            told += [TrialStarted(index=trial.index, kind=trial.kind), event]
-    return chain([*told, SessionCompleted()])
+            told.append(TrialStarted(index=trial.index, kind=trial.kind))
+            for number, touch in enumerate(trial.touches):
+                told += touched(number, touch, study, of_touches, measured=False)
+            told.append(event)
+    return chain([*told, DeviceOff(confirmed=True, why="over"), SessionCompleted()])
 
 
 def _answer(

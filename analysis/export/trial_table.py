@@ -35,6 +35,7 @@ from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study.study_question import ONCE, StudyQuestion
 from protocol.study.touch import Touch
+from protocol.study.track import TrackTouch
 
 _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclusion"}
 """The columns of sessions that have the names of columns of trials."""
@@ -363,7 +364,8 @@ def plan_frame(planned: Iterable[Trial | PlannedTrial]) -> pd.DataFrame:
 
 def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
     touches = [
-        each if isinstance(each, Touch) else Touch.model_validate(each) for each in trial.touches
+        each if isinstance(each, Touch) else TrackTouch.model_validate(each)
+        for each in trial.touches
     ]
     of_touches = [column for column in COLUMNS if column.planned and column.per_touch]
     of_trial = [column for column in COLUMNS if column.planned and not column.per_touch]

@@ -28,7 +28,7 @@ from device.friction.scenes import Calibration
 from protocol.journal import events as journal
 from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample, TrackAnswer
 from protocol.study.touch import Touch
-from protocol.study.track import Track
+from protocol.study.track import Track, TrackTouch
 from protocol.study_file.loading import StudyError, parsed_study
 from protocol.tracks.procedure import Place, moved, start
 
@@ -393,4 +393,5 @@ def _track(study_text: str | None, name: str) -> Track | None:
 @lru_cache(maxsize=1024)
 def _touch(planned: tuple[tuple[str, Any], ...]) -> Touch:
     """Return the planned touch; a study has few different ones, each of which is validated once."""
-    return Touch.model_validate(dict(planned))
+    # Those of tracks may have a place of their own.
+    return (TrackTouch if "place_m" in dict(planned) else Touch).model_validate(dict(planned))

@@ -191,7 +191,9 @@ def _forces(found: Findings) -> blocks.Figure:
 def _places(found: Findings) -> blocks.Figure:
     """Return the measured place of each touch at a place, less the one that was asked for."""
     touches = found.loaded.touches.dropna(subset=["place_m"])
-    apart_m = touches["place_m"] - found.study.touch.smooth_place_m
+    usual_m = found.study.touch.smooth_place_m
+    asked_m = [each.own_place_m for each in touches["planned"]]
+    apart_m = touches["place_m"] - [usual_m if own_m is None else own_m for own_m in asked_m]
     return _strips(
         "places",
         "Places of the touches",

@@ -7,9 +7,9 @@ from tests.analysis.reports import ORIGIN, plain_report
 from tests.analysis.tracks import BOTH, SCORE, TRACKS, session
 
 
-def made(text: str) -> Report:
+def made(text: str, threshold: float = 40.0) -> Report:
     study = parsed_study(text)
-    chains = [session(text, f"P0{slot}", slot) for slot in (1, 2)]
+    chains = [session(text, f"P0{slot}", slot, threshold=threshold) for slot in (1, 2)]
     found = load_study_data(chains, rehearsals=False, rules=study.exclusions)
     return report("a study", found, study, ORIGIN)
 
@@ -46,3 +46,25 @@ def test_a_study_without_tracks_has_no_thresholds() -> None:
     assert found.thresholds is None
     assert "Thresholds" not in report_html(found)
     assert "thresholds" not in report_json(found)
+
+
+def test_touches_of_the_axis_place_have_places_of_their_own() -> None:
+    """A level of this axis is a place on the beam, which a touch elsewhere does not give."""
+    text = TRACKS.partition("[[track]]")[0] + PLACE
+    (person, _) = report_json(made(text, 0.008))["thresholds"]["people"]
+    assert 0.042 <= person["threshold"] <= 0.06
+    assert person["unit"] == "m"
+    assert person["db"] is None
+
+
+PLACE = """
+[[track]]
+name = "where"
+task = "two intervals"
+method = "constant"
+axis = "place"
+levels = { from = 0.042, to = 0.06, count = 6, spaced = "equal steps" }
+standard = { place = "smooth", voltage_v = 100, place_m = 0.0414 }
+comparison = { place = "smooth", voltage_v = 100 }
+trials = 72
+"""

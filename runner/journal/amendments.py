@@ -37,10 +37,16 @@ def exclude(
     Raise `BadInput` if there is none, or if it is excluded or withdrawn already.
     """
     log = _log(journal, clock, session)
-    planned, excluded = log.state.planned, log.state.excluded
+    left_out, excluded = log.state.not_needed, log.state.excluded
+    planned = log.state.planned | left_out
     if trial is not None and trial not in planned:
         span = f"trials {min(planned)} to {max(planned)}" if planned else "no trials"
         raise BadInput(f"{session} has no trial {trial}; it has {span}")
+    if trial in left_out:
+        raise BadInput(
+            f"trial {trial} of {session} was not made, because its track had ended; there is "
+            "nothing to exclude"
+        )
     if trial in excluded:
         raise BadInput(f"trial {trial} of {session} is already excluded: {excluded[trial]}")
     close_interrupted(log)

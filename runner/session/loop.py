@@ -49,10 +49,11 @@ def run(context: SessionContext) -> None:
 def _run_trials(context: SessionContext) -> None:
     prepare(context)
     read_pages(context, "session")
+    _leave_out(context)
     ask_due(context)
     block, last = None, None
     # Asked anew each time: a repeated or deferred trial stays pending, and the order may change.
-    while left := _needed(context):
+    while left := context.pending:
         # The journal's log grows with each event. It is copied between blocks only, because nobody
         # touches the beam then and nobody's reaction is timed.
         if block not in {None, left[0].block}:
@@ -62,14 +63,15 @@ def _run_trials(context: SessionContext) -> None:
         introduce(context, left[0], last)
         last = left[0]
         _run_trial(context, last)
+        # Before the questions, because a stop may end a block or the session.
+        _leave_out(context)
         ask_due(context)
 
 
-def _needed(context: SessionContext) -> list[Trial]:
-    """Return what is left to run, once the journal has which trials of tracks are not needed."""
+def _leave_out(context: SessionContext) -> None:
+    """Record which trials of tracks are not needed any more."""
     for stopped in ended(context.session, context.log.state):
         context.log.append(stopped)
-    return context.pending
 
 
 def _run_trial(context: SessionContext, trial: Trial) -> None:

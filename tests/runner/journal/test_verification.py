@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from protocol.errors import BadInput
 from protocol.journal.events import (
     DeviceArmed,
     Event,
@@ -17,6 +18,7 @@ from protocol.journal.events import (
     Withdrawn,
 )
 from runner.journal import store
+from runner.journal.amendments import exclude
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
@@ -336,6 +338,17 @@ def rewritten(journal: Journal, path: Path, seq: int, **changes: object) -> None
                 "UPDATE event SET payload = ?, payload_sha256 = ?, hash = ? WHERE seq = ?",
                 (body, digest, hashed, place),
             )
+
+
+def test_a_trial_that_a_stop_left_out_cannot_be_excluded(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        run(context(journal, FakeDevice(), FakeParticipant(), TRACKS))
+        (stop,) = [it.payload for it in journal.events("P01/1") if it.tag == "trials-not-needed"]
+        (name, *_), clock = stop["indices"], FakeClock()
+        with pytest.raises(BadInput, match=f"trial {name} of P01/1 was not made, because its"):
+            exclude(journal, clock, "P01/1", "a slip", name)
+        with pytest.raises(BadInput, match="has no trial 27; it has trials 0 to 26"):
+            exclude(journal, clock, "P01/1", "a slip", 27)
 
 
 @pytest.mark.parametrize(

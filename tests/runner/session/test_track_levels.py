@@ -91,7 +91,7 @@ class Naming(FakeParticipant):
 
     def poll(self) -> Response | None:
         match self.shown[-1]:
-            case Ask(question=question):
+            case Ask(question=question) if question.values:
                 assert self.made is not None
                 state = self.made.log.state
                 trial = self.made.session.plan.trials[state.trial or 0]
@@ -194,6 +194,22 @@ def test_a_stop_makes_the_other_trials_of_its_track_needless() -> None:
     # The operator sees how many there are now, not how many there might have been.
     view = made.operator.seen[-1]  # type: ignore[attr-defined]
     assert view.progress() == f"{len(state.answered)} of {len(state.answered)} trials"
+
+
+def test_a_stop_that_ends_a_block_and_the_session_leads_to_their_questions() -> None:
+    own = "".join(
+        f'[[question]]\nname = "own_{when}"\nkind = "number"\nwhen = "{when}"\nminimum = 0\n'
+        'maximum = 9\ntext = { en = "How many?", zh = "?" }\n'
+        for when in ("block", "after")
+    )
+    asking = Naming(
+        knows=lambda number: number % 2 == 1, answers={"own_block": "3", "own_after": "4"}
+    )
+    events = done(STAIRS.replace("track_block = 8", "track_block = 20") + own, asking)
+    tags = [event.tag for event in events]
+    assert tags.index("trials-not-needed") < tags.index("question-answered")
+    asked = [event.payload for event in events if event.tag == "question-answered"]
+    assert [(each["when"], each["answer"]) for each in asked] == [("block", 3), ("after", 4)]
 
 
 def test_a_track_that_reaches_its_last_trial_needs_all_catch_and_easy_trials() -> None:

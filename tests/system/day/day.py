@@ -299,7 +299,8 @@ class Day:
             )
         )
         self.refused_while_running(name, outcome)
-        self.may_fail(outcome, name in self.gone or (name, trial) in self.excluded_trials)
+        already = self.excluded_trials | self.lab.watch.left_out
+        self.may_fail(outcome, name in self.gone or (name, trial) in already)
         if outcome.code == 0:
             require(10, name not in self.gone, f"{name} is gone: {outcome.line}")
             self.excluded_trials.add((name, trial))

@@ -26,15 +26,15 @@ _LETTERS = {
     "watchdog-tested": "H",
     "rig-described": "D", "beam-mounted": "B", "resonance-measured": "M", "trial-started": "T",
     "touch-started": "S", "touch-recorded": "N", "touch-ended": "E", "answered": "W",
-    "trial-aborted": "X", "trial-deferred": "Y",
+    "trial-aborted": "X", "trial-deferred": "Y", "trials-not-needed": "K",
     "question-answered": "Q",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
     "trial-excluded": "x", "trial-included": "i", "session-excluded": "Z",
     "session-included": "z", "withdrawn": "G", "note": "",
 }  # fmt: skip
 _TRIAL = "T(?:(?:B?SN?E)+[WY]|(?:B?SN?E)*B?(?:SN?)?X)"
-_RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q)*U?)?F"
-_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q)*(?:U|T(?:B?SN?E)*B?(?:SN?)?)?)?"
+_RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q|K)*U?)?F"
+_BROKEN_OFF = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q|K)*(?:U|T(?:B?SN?E)*B?(?:SN?)?)?)?"
 _DECIDED = "(?:[xi]|Zz)*"
 _SESSION = re.compile(
     f"O(?:{_RUN})?{_DECIDED}(?:RP?(?:{_RUN})?{_DECIDED})*"
@@ -108,7 +108,9 @@ def _along_transitions(name: str, tags: list[str]) -> None:
     require(8, _SESSION.fullmatch(letters), f"{name}: {letters}")
 
 
-def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
+def _as_planned(  # noqa: C901 - a table
+    day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]
+) -> None:
     """Each trial once, in the order of the plan, in which only deferred trials move."""
     _asked_when_due(day, name, events)
     opened = events[0][1]
@@ -137,6 +139,10 @@ def _as_planned(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]])
         elif tag == "answered":
             require(2, payload["index"] not in answered, f"{name}: {payload['index']} twice")
             answered.add(payload["index"])
+        elif tag == "trials-not-needed":
+            rest = {each["index"] for each in trials if each["kind"] == "track"} - answered
+            require(9, set(payload["indices"]) == rest, f"{name}: {payload}, left are {rest}")
+            answered |= rest
     completed = any(tag == "session-completed" for tag, _ in events)
     left = set(kinds) - answered
     require(9, not (completed and left), f"{name} is complete without {left}")
@@ -178,6 +184,8 @@ def _asked_when_due(day: "Day", name: str, events: list[tuple[str, dict[str, Any
             about = noticed and payload["condition"] is not None
             told = len(payload.get("questions", ())) == about
             require(9, told, f"{name}: a question depends on what was noticed, {payload}")
+        elif tag == "trials-not-needed":
+            left.subtract(blocks[index] for index in payload["indices"])
         elif tag == "practice-renewed":
             left.update(blocks[index] for index in payload["indices"])
         elif tag == "question-answered":

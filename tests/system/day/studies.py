@@ -50,6 +50,7 @@ practise_again = "{again}"
 {questions}
 {factor}
 {groups}
+{track}
 [[opening]]
 kind = "baseline"
 touches = [{{place = "smooth", voltage_v = 0}}]
@@ -99,6 +100,21 @@ varies = "press"
 values = [1, 1.5]
 touches = "all"
 """
+_TRACK = """
+[[track]]
+name = "felt"
+task = "two intervals"
+method = "staircase"
+axis = "voltage"
+levels = { from = 10, to = 100, count = 11 }
+standard = { place = "smooth", voltage_v = 0 }
+comparison = { place = "smooth" }
+rule = "1 down 1 up"
+step_levels = [2, 1]
+trials = 4
+stop = { reversals = 2 }
+catch = 1
+"""
 _AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
 
 
@@ -128,6 +144,7 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         score_when=("agrees", "always", "noticed", "always")[kind],
         between=("", "hours_between = [0, 48]")[kind // 2],
         factor=("", "", _FACTOR, "")[kind],
+        track=("", _TRACK)[kind % 2],
         groups=("", _GROUPS)[kind // 2],
         assigned=("", 'assign_groups = "at random"')[kind // 2],
         drive=("frequency = 0.99", "frequency_hz = 24000")[kind % 2],

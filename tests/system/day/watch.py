@@ -99,6 +99,8 @@ class Watch:
     _wrong_from_s: float | None = None
     planned: dict[str, dict[int, PlannedTrial]] = field(default_factory=dict)
     """The trials of each session that was opened."""
+    left_out: set[tuple[str, int]] = field(default_factory=set)
+    """Those that the stop of a track made needless."""
     polled: bool = False
     """Whether a process lives that has armed the device."""
     armed: bool = False
@@ -146,7 +148,7 @@ class Watch:
         """Take note that a process begins or resumes a session."""
         self.polled, self._began_s = True, self.device.now_s()
 
-    def stored(self, session: str, tag: str, payload: str) -> None:  # noqa: C901 - a table
+    def stored(self, session: str, tag: str, payload: str) -> None:  # noqa: C901, PLR0912 - a table
         """Take note of an event that is in the journal now."""
         match tag:
             case "session-opened":
@@ -162,7 +164,14 @@ class Watch:
                 self._trial = self.planned[session][json.loads(payload)["index"]]
             case "touch-started":
                 assert self._trial is not None
-                touch = self._trial.touches[json.loads(payload)["touch"]]
+                started = json.loads(payload)
+                touch = self._trial.touches[started["touch"]]
+                if track := self._trial.track:
+                    compared = track.role != "catch" and started["touch"] + 1 == track.interval
+                    volts, levels = started["commanded"]["voltage_v"], self.study.track[0].values
+                    known = levels if compared else (touch["voltage_v"],)
+                    require(9, volts in known, f"{volts} V in a touch of a track, not of {known}")
+                    touch = {**touch, "voltage_v": volts}
                 if hertz := touch.get("frequency_hz"):  # it follows no resonance
                     touch = {**touch, "frequency": hertz / self.resonance_hz}
                 self.touch = Touch.model_construct(**{**_NOTHING, **touch})
@@ -172,6 +181,8 @@ class Watch:
                 if not self.faults_s:
                     self._as_planned(self.touch, json.loads(payload)["read_back"])
                 self.touch = None
+            case "trials-not-needed":
+                self.left_out |= {(session, index) for index in json.loads(payload)["indices"]}
             case "trial-aborted" | "device-off":
                 self.touch, self.searching = None, False
         if tag in {"device-armed", "session-completed"}:

@@ -1,7 +1,7 @@
 """What a study's tracks tell of virtual people: errors, coverage, trials spent, and differences.
 
-The people are those who rehearse the study: what they feel at a level is the friction predicted
-for the calibrated rig, multiplied by their skin, and they answer as `device.people.answering` says.
+The people are those who rehearse the study: they feel the friction of the calibrated rig where and as
+hard as they usually touch it, through their own skin, and answer as `device.people.answering` says.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,22 @@ from scipy.special import ndtr, ndtri
 from analysis.estimates import LEVEL, FloatArray, Json
 from analysis.power.diagnosands import Measured, ratio, share
 from analysis.statistics.signed_rank import doubled_midranks, p_of_ranks
-from device.friction.changes import friction_difference
-from device.friction.scenes import Calibration
-from device.people.person import People, Population, people_of, person_name
+from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration
+from device.people.answering import Course, fractions
+from device.people.person import (
+    BODY_HEIGHT_M,
+    Fingers,
+    People,
+    Population,
+    World,
+    felt_friction,
+    people_of,
+    person_name,
+)
 from device.tracks.expected import counted_answers
 from device.tracks.posterior import lattice
 from protocol.study.study import Study
+from protocol.study.touch import Touch, mark_of
 from protocol.study.track import GUESS_RATE, Track
 
 _AT_ONCE = 2_000
@@ -61,7 +71,7 @@ class TracksDiffer:
 def shares(study: Study, track: Track, people: People, rig: Calibration) -> FloatArray:
     """Return the chance that each person is right (or says yes) at a level, (levels, people).
 
-    Lapses are left out. Of two touches whose log friction a skin makes differ by c, a share
+    Lapses are left out. Of two touches whose log friction differs by c under the finger, a share
     Phi(c / (sqrt(2) s)) is named rightly, with the SD s of what is felt; yes is said where
     c + s z is beyond the criterion. For three touches the share is an integral over their noise.
     """
@@ -70,15 +80,15 @@ def shares(study: Study, track: Track, people: People, rig: Calibration) -> Floa
     solved: Sequence[float | None] = [None] * len(track.values)
     if track.axis == "contrast":
         solved = voltages(study, study.track.index(track), rig)[0]
-    standard = track.standard or track.comparison.model_copy(update={"voltage_v": 0.0})
-    smoother = np.array(
-        [
-            friction_difference(study, standard, track.at(level, volts), rig)
-            for level, volts in enumerate(solved)
-        ]
-    )
+    still = track.comparison.model_copy(update={"voltage_v": 0.0})
+    # Yes is said of a touch beside the beam at rest, which is remembered.
+    standard = still if track.intervals == 1 else track.standard or still
+    world = World(damping_ratio=rig.damping_ratio, gain=rig.gain)
+    before = _log_friction(study, standard, people, world)
+    levels = [track.at(level, volts) for level, volts in enumerate(solved)]
+    smoother = before - np.stack([_log_friction(study, it, people, world) for it in levels])
     found = track.found
-    felt = np.outer(-smoother if found == "rougher" else smoother, people.skin)
+    felt = -smoother if found == "rougher" else smoother
     noise = people.felt_noise
     if track.intervals == 1:
         less = ndtr((-felt - people.criterion_less) / noise)
@@ -88,6 +98,39 @@ def shares(study: Study, track: Track, people: People, rig: Calibration) -> Floa
     if track.intervals == 2:
         return np.asarray(ndtr(felt / (np.sqrt(2) * noise)))
     return _of_three(felt / noise, odd=found == "different")
+
+
+def _log_friction(study: Study, touch: Touch, people: People, world: World) -> FloatArray:
+    """Return the log friction that people feel in a touch, each where and as hard as usual."""
+    mark = mark_of(touch, study.touch)
+    parts = fractions(mark)
+    way = Course(
+        mark=mark,
+        force_n=mark.force_n * people.force_factor,
+        speed_factor=people.speed_factor,
+        offset_m=people.place_offset_m,
+    )
+    places_m = way.places_m(parts)
+
+    def each(values: FloatArray) -> FloatArray:
+        return np.repeat(values, len(parts))
+
+    beam = touch.beam or study.touch.beam
+    has_bodies = beam is None or study.beams[beam] > 0
+    fingers = Fingers(
+        place_m=places_m.ravel(),
+        force_n=each(way.force_n),
+        # A finger that rests is felt as one that moves a little.
+        speed_m_s=each(way.speed_m_s) if mark.slides else REFERENCE_SPEED_M_S,
+        voltage_v=np.full(places_m.size, touch.voltage_v * has_bodies),
+        body_height_m=BODY_HEIGHT_M,
+        skin=each(people.skin),
+        mu0=1.0,
+    )
+    model_hz = touch.frequency * world.resonance_hz
+    felt = np.log(felt_friction(world, fingers, model_hz, touch.direction))
+    by_person = felt.reshape(places_m.shape)
+    return np.asarray(by_person.mean(axis=1) if mark.slides else by_person[:, -1])
 
 
 def _of_three(felt: FloatArray, *, odd: bool) -> FloatArray:

@@ -18,6 +18,7 @@ from protocol.journal.shared_form import REGISTRATION_FILE, UNKNOWN_UTC
 from protocol.plan.plan import plan, slide_plan, slide_study
 from protocol.plan.trials import Plan, planned_trial
 from protocol.study.study import Study
+from protocol.study.track import Track
 from protocol.study_file.loading import parsed_study, text_digest
 
 FILE = REGISTRATION_FILE
@@ -255,15 +256,21 @@ def hypotheses_of(study: Study) -> dict[str, str]:
         found = hypotheses(
             study.conditions, study.groups, factors_of(study), catch_trials=catch_trials
         )
+    return found | hypotheses_of_tracks(study.track)
+
+
+def hypotheses_of_tracks(tracks: Iterable[Track]) -> dict[str, str]:
+    """Return the test of each hypothesis on thresholds, by its name."""
+    tracks = tuple(tracks)
     # On one axis: volts are not compared with metres.
-    pairs = ((a, b) for a, b in permutations(study.track, 2) if a.axis == b.axis)
-    found |= {
+    pairs = ((a, b) for a, b in permutations(tracks, 2) if a.axis == b.axis)
+    found = {
         threshold_of(a.name, b.name): "Wilcoxon's signed-rank test of the participants' log "
-        "thresholds, two-sided; p < .05 and a median ratio above 1"
+        "thresholds, two-sided; p < .05 and a geometric mean of the ratios above 1"
         for a, b in pairs
     }
     estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
-    return found | {threshold_of(track.name): estimated for track in study.track}
+    return found | {threshold_of(track.name): estimated for track in tracks}
 
 
 def hypotheses(

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import permutations
+from math import exp, log
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from analysis.report.results import (
     GROUPS,
     NOTICE,
     ORDERED,
+    THRESHOLDS,
     WHICH,
     omnibus_p,
     paragraphs,
@@ -27,7 +29,7 @@ from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
-from analysis.statistics.signed_rank import LARGEST_EXACT
+from analysis.statistics.signed_rank import LARGEST_EXACT, signed_rank
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
@@ -43,6 +45,8 @@ from protocol.registration.registration import (
     effect_of,
     factors_of,
     hypotheses,
+    hypotheses_of_tracks,
+    threshold_of,
 )
 
 # The settings of the analysis that a registration fixes beside the study file.
@@ -93,12 +97,14 @@ class NamedResult:
     found: str
     p: float | None
     supported: bool | None
+    estimated: bool = False
 
     @property
     def verdict(self) -> str:
         """Return the verdict in words."""
         if self.supported is None:
-            return "not known"
+            # Nothing is claimed of a single threshold.
+            return "estimated" if self.estimated else "not known"
         return "supported" if self.supported else "not supported"
 
 
@@ -110,9 +116,17 @@ def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
         if isinstance(computed, NotEstimable):
             computed = computed.reason, None, None
         told, p, supported = computed
+        by_name = {threshold_of(track.name) for track in found.study.track}
         primary = name == lock.registration.primary
         results.append(
-            NamedResult(name=name, primary=primary, found=told, p=p, supported=supported)
+            NamedResult(
+                name=name,
+                primary=primary,
+                found=told,
+                p=p,
+                supported=supported,
+                estimated=name in by_name,
+            )
         )
     # A registration names its primary hypothesis first.
     first, *others = results
@@ -144,7 +158,44 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEst
         return _order(found, lock.registration.law)
     if name.endswith(NOTICED):
         return _noticed(found, name.removesuffix(NOTICED).strip())
-    return _of_factors(found, name) or _of_groups(found, name) or _pair(found, name)
+    return (
+        _of_tracks(found, name)
+        or _of_factors(found, name)
+        or _of_groups(found, name)
+        or _pair(found, name)
+    )
+
+
+def _of_tracks(found: Findings, name: str) -> _Computed | NotEstimable | None:
+    """Return what was found of one threshold or of two; None where the name is of neither."""
+    made, tracks = found.thresholds, [track.name for track in found.study.track]
+    logs = {
+        track: {
+            each.participant: log(each.threshold)
+            for each in (made.people if made else ())
+            if each.track == track and each.threshold > 0
+        }
+        for track in tracks
+    }
+    for each in made.cohort if made else ():
+        if name == threshold_of(each.track):
+            if isinstance(each.threshold, NotEstimable):
+                return each.threshold
+            told = f"{number(each.threshold, 3)} {each.unit}".strip()
+            if not isinstance(each.threshold_interval, NotEstimable):
+                told += f", 95% CI {interval(each.threshold_interval, 3)}"
+            return told, None, None
+    for higher, lower in permutations(tracks, 2):
+        if name == threshold_of(higher, lower):
+            both = [who for who in logs[higher] if who in logs[lower]]
+            differences = np.array([logs[higher][who] - logs[lower][who] for who in both])
+            test = signed_rank(differences)
+            if isinstance(test, NotEstimable):
+                return test
+            ratio = exp(differences.mean())
+            told = f"ratio {number(ratio, 2)}, {p_equals(test.p)}"
+            return told, test.p, ratio > 1 and test.p < LEVEL
+    return NotEstimable("nobody has a threshold") if name in map(threshold_of, tracks) else None
 
 
 def _of_factors(found: Findings, name: str) -> _Computed | NotEstimable | None:
@@ -238,6 +289,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
     asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
     asked |= {name: NOTICE for name in names if name.endswith(NOTICED)}
+    asked |= dict.fromkeys(set(names) & set(hypotheses_of_tracks(found.study.track)), THRESHOLDS)
     asked |= dict.fromkeys(hypotheses((), (), factors_of(found.study)).keys() - asked, FACTORS)
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (

@@ -187,8 +187,10 @@ def participant_table(
     table = pd.DataFrame({"sessions": kinds.size(), "session_kinds": pd.Series(several)})
     if of_groups(sessions):
         table["group"] = sessions.groupby("subject")["group"].first()
-    said = trials.merge(sessions[[*keys, "subject"]], on=keys)
-    for name in (each.name for each in questions if each.when in ONCE):
+    asked = [each.name for each in questions if each.when in ONCE]
+    # Without the other columns, because a factor may be called "subject".
+    said = trials[[*keys, *asked]].merge(sessions[[*keys, "subject"]], on=keys)
+    for name in asked:
         given = said[["subject", name]].dropna().drop_duplicates().set_index("subject")[name]
         # One column cannot hold two answers, and none of them is the wrong one.
         if given.index.is_unique:

@@ -28,7 +28,6 @@ class TouchForces:
         position_m: shape (blocks,), right edge of the finger.
         tangential_n, normal_n: shape (blocks,).
         vector_n: shape (blocks,), amplitude of the vector of both forces.
-        block_s: length of a block.
         moved_s: how long the finger moved, as planned.
         noise_n2: variance that the sensor's noise gives a block's tangential force.
         tare_n2: variance of the tangential zero.
@@ -45,7 +44,6 @@ class TouchForces:
     tangential_n: FloatArray
     normal_n: FloatArray
     vector_n: FloatArray
-    block_s: float
     moved_s: float
     noise_n2: float
     tare_n2: float
@@ -140,7 +138,6 @@ def reduced(recording: Recording) -> TouchForces | NotEstimable:
     return TouchForces(
         t_s=(averaged(t_s[chosen]) - began_s)[counted],
         **{name: values[counted] for name, values in means.items()},
-        block_s=size / recording.rate_hz,
         moved_s=over_s - began_s,
         noise_n2=noise_n2 / size,
         tare_n2=noise_n2 / (TARE_S * recording.rate_hz),

@@ -108,8 +108,8 @@ def published_table(
     `@` is the guard of an exported name and no part of it. A condition that the friction model
     knows is called as the model calls it, whatever the case. A subject is a pseudonym.
 
-    `source` is what messages call the file, which may begin with a byte order mark; `keep_means` is
-    whether a column or row that is the mean of all others holds scores.
+    `source` is what messages call the file, which is comma-separated, with or without a byte order
+    mark; `keep_means` is whether a column or row that is the mean of all others holds scores.
 
     Raises:
         TableError: no header, too many rows or columns, a row of another length, a repeated name,

@@ -138,7 +138,8 @@ def universes(
 ) -> Universes:
     """Return the analyses of a study under all choices that differ in it.
 
-    `decided` has those of the recorded sessions that count, as the report takes them.
+    `decided` has those of the recorded sessions that count, as the report takes them; `rig` its
+    damping, gain and bodies.
     """
     left_out, whole = exclusions(recorded, decided, study.exclusions)
     # A published table is on the paper's scale, whatever that of the study in the folder.

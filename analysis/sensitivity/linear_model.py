@@ -44,15 +44,14 @@ class LineSums:
 class LinePosterior:
     """Log marginal likelihood and posterior of the lines, given variance components.
 
-    `log_likelihood` (points,) has the population's line integrated out, `profile` (points,) is at
-    the best population line. `means` (points, subjects, 2) and `covariances` (points, subjects,
-    2, 2) are of each subject's intercept and slope; `population` (points, 2) and
-    `population_covariance` (points, 2, 2) are the population's. Given that line, a subject's own is
-    `kept` @ it + a departure with `own_covariances`, independent between subjects.
+    `log_likelihood` (points,) has the population's line integrated out. `means` (points, subjects,
+    2) and `covariances` (points, subjects, 2, 2) are of each subject's intercept and slope;
+    `population` (points, 2) and `population_covariance` (points, 2, 2) are the population's. Given
+    that line, a subject's own is `kept` @ it + a departure with `own_covariances`, independent
+    between subjects.
     """
 
     log_likelihood: FloatArray
-    profile: FloatArray
     means: FloatArray
     covariances: FloatArray
     kept: FloatArray
@@ -135,7 +134,6 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
     profile = -(log_det + quadratic + sums.counts.sum() * np.log(2 * np.pi)) / 2
     return LinePosterior(
         log_likelihood=profile - np.linalg.slogdet(info)[1] / 2,
-        profile=profile,
         means=own + (keep @ population[:, None, :, None])[..., 0],
         covariances=shift + keep @ covariance[:, None] @ np.swapaxes(keep, -1, -2),
         kept=np.asarray(keep, dtype=np.float64),

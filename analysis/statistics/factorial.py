@@ -406,8 +406,8 @@ def latent_factorial(
     up to 0 over each factor. People differ in level, and, where cells were scored twice, in each
     cell; if they differ in the effect of a whole factor, errors here are too small.
 
-    `scores`, finite, `subject` and `cell` have shape (trials,); cells are positions among all
-    combinations of levels, of which the last factor is fastest.
+    `scores`, finite, `subject`, whole numbers, and `cell` have shape (trials,); cells are positions
+    among all combinations of levels, of which the last factor is fastest.
     """
     # The effect of the last level is minus the sum of the others.
     sums = {

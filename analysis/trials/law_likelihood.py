@@ -229,7 +229,7 @@ def law_likelihoods(
     """Return for each law how well its contrasts explain the ratings, by name.
 
     `contrasts` are by law, shape (trials,), under each participant's own settings; those of
-    `ratings` are not used.
+    `ratings` are not used. `scale` has the lowest and highest possible rating.
 
     Raises:
         ValueError: another number of contrasts than of trials.

@@ -5,11 +5,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Unpack
 
 from device.drivers.driver import defined_in
 from device.errors import DeviceError
-from device.friction.changes import LAW, RUNG
 from device.link.codec import text
+from device.simulator.client import Friction
 from device.simulator.faults import NAMES, Broken
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import DeviceClock, Instrument
@@ -163,13 +164,10 @@ def simulated_device(
     seed: int,
     wall_s: Callable[[], float] = time.monotonic,
     dialect: str = "board",
-    *,
-    law: str = LAW,
-    rung: str = RUNG,
-    damping_ratio: float | None = None,
+    **friction: Unpack[Friction],
 ) -> SimulatedDevice:
     """Return a device with a beam as in `SimulatedBeam`."""
-    instrument, beam = Instrument(), SimulatedBeam(seed, law, rung, damping_ratio)
+    instrument, beam = Instrument(), SimulatedBeam(seed, **friction)
     clock = DeviceClock(wall_s)
     spoken = dialects()[dialect](instrument, beam)
     gauge = GaugeModel(instrument, beam)

@@ -9,17 +9,17 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
+from typing import Unpack
 
 from device.drivers.driver import driver_of
 from device.drivers.limits import Limits
 from device.errors import DeviceError
-from device.friction.changes import LAW, RUNG
 from device.gauges.owner import GaugeDriver, GaugeOwner
 from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
-from device.simulator.client import BeamControl
+from device.simulator.client import BeamControl, Friction
 from device.simulator.device import SimulatedDevice, simulated_device
 from device.simulator.server import GaugeLine, Server
 
@@ -48,10 +48,7 @@ class InProcessDevice(BeamControl):
         dialect: str = "board",
         delay_s: Callable[[], float] = lambda: DELAY_S,
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
-        law: str = LAW,
-        rung: str = RUNG,
-        *,
-        damping_ratio: float | None = None,
+        **friction: Unpack[Friction],
     ) -> None:
         self._now_s = 0.0
         self.unbroken: Unbroken = nullcontext
@@ -59,9 +56,7 @@ class InProcessDevice(BeamControl):
         self._line, self._gauge_line = (
             _Line(*(_Pieces(self.now_s, delay_s, cuts) for _ in range(2))) for _ in range(2)
         )
-        self.inside: SimulatedDevice = simulated_device(
-            seed, self.now_s, dialect, law=law, rung=rung, damping_ratio=damping_ratio
-        )
+        self.inside: SimulatedDevice = simulated_device(seed, self.now_s, dialect, **friction)
         self._gauge = GaugeLine(self.inside, self._gauge_line)
         self._server = Server(self.inside, self._line, None, self.now_s, self._gauge)
         self.on_step: Callable[[], None] = lambda: None

@@ -10,7 +10,6 @@ from typing import Any, Unpack
 
 from device.drivers.driver import Driver, driver_for, driver_of
 from device.errors import LinkTimeout
-from device.friction.changes import LAW, RUNG
 from device.gauges.owner import gauges, open_gauge
 from device.link.link import HANDSHAKE_S, Link, open_link
 from device.link.port import described_ports
@@ -66,14 +65,7 @@ def stepped_rig(
     from device.simulator.in_process import InProcessDevice, InProcessHand, in_process_rig
 
     channel = force_channel or ForceChannel()
-    device = InProcessDevice(
-        seed,
-        settings.dialect,
-        delay_s=lambda: 0.0,
-        law=friction.get("law") or LAW,
-        rung=friction.get("rung") or RUNG,
-        damping_ratio=friction.get("damping"),
-    )
+    device = InProcessDevice(seed, settings.dialect, delay_s=lambda: 0.0, **friction)
     device.unbroken = stops_deferred
     gauge = gauges()[channel.gauge_dialect] if gauge_address(channel, SIMULATED) else None
     limits = device_limits(settings)

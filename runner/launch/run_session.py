@@ -311,9 +311,8 @@ def _virtual_truth(
     person = _person(request, before, group)
     if request.url != SIMULATED:
         return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
-    chosen = {"law": options.law, "rung": options.rung, "damping_ratio": options.damping}
-    given: dict[str, Any] = {name: each for name, each in chosen.items() if each is not None}
-    return truth_of(person, SimulatedBeam(request.seed, **given).world)
+    beam = SimulatedBeam(request.seed, options.law, options.rung, options.damping)
+    return truth_of(person, beam.world)
 
 
 def _person(request: Request, before: SessionState | None, group: str | None) -> Person:

@@ -77,7 +77,7 @@ def _run(
         kind="rehearsal",
     )
     seed = request.seed
-    device = InProcessDevice(seed, law=options.law or LAW, rung=options.rung or RUNG)
+    device = InProcessDevice(seed, law=options.law, rung=options.rung)
     rig = in_process_rig(device, device_limits(study.rig))
     clock = InProcessClock(datetime(2026, 1, 1, tzinfo=UTC), device, rig)
     with ExitStack() as stack:

@@ -2,17 +2,15 @@
 
 import os
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from runner.clock import WallClock
 from touchbeam.cli import options
 from touchbeam.cli.output import bars, named_quantity, print_json, quantity, say
-
-if TYPE_CHECKING:
-    from device.simulator.device import SimulatedDevice
 
 app = typer.Typer()
 device_commands = typer.Typer(help="List ports, identify the device, find its resonance.")
@@ -126,16 +124,11 @@ def simulate_device(
 
     Prints `ready URL` and ends when its host disconnects.
     """
-    from device.friction.changes import LAW, RUNG
     from device.simulator.device import simulated_device
     from device.simulator.server import simulate
 
-    def device() -> "SimulatedDevice":
-        return simulated_device(
-            seed, dialect=dialect, law=law or LAW, rung=rung or RUNG, damping_ratio=damping
-        )
-
-    simulate(wire, place, control, device, gauge=gauge, keep=keep, say=say)
+    make = partial(simulated_device, seed, dialect=dialect, law=law, rung=rung, damping=damping)
+    simulate(wire, place, control, make, gauge=gauge, keep=keep, say=say)
 
 
 @app.command()

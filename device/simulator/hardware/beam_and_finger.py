@@ -95,10 +95,11 @@ class SimulatedBeam:
     """
 
     seed: int
-    law: str = LAW
-    rung: str = RUNG
-    damping_ratio: float | None = None
-    """Of the beam; None: the seed moves it, too."""
+    law: str | None = None
+    rung: str | None = None
+    """None: those of the report."""
+    damping: float | None = None
+    """The beam's ratio; None: the seed moves it, too."""
     finger: Finger | None = None
     skin: Skin = field(default_factory=Skin)
     body_height_m: float = BODY_HEIGHT_M
@@ -123,16 +124,19 @@ class SimulatedBeam:
             damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
         # Replaced after the draws, so that the other hidden properties of the seed stay the same.
-        if self.damping_ratio is not None:
-            self.beam = replace(self.beam, damping_ratio=self.damping_ratio)
+        if self.damping is not None:
+            self.beam = replace(self.beam, damping_ratio=self.damping)
         self.sensor = ForceSensor.of(self.seed)
-        # Called for its error: an unknown law is refused now and not at the first touch.
-        law_by_name(self.law)
-        # The rung's own resonance is where the sensor at the tip shows it.
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
         self.world = World(
-            law=self.law, rung=self.rung, damping_ratio=self.beam.damping_ratio, gain=self.gain
+            law=self.law or LAW,
+            rung=self.rung or RUNG,
+            damping_ratio=self.beam.damping_ratio,
+            gain=self.gain,
         )
+        # Called for its error: an unknown law is refused now and not at the first touch.
+        law_by_name(self.world.law)
+        # The rung's own resonance is where the sensor at the tip shows it.
         self._model_hz_per_hz = self.world.resonance_hz / natural_frequency_hz(self.beam, MODE)
 
     def touch(
@@ -189,10 +193,12 @@ class SimulatedBeam:
         block = Finger(force_n=0.56, position_m=0.0, direction="right")
         places_m = np.linspace(0.0, self.beam.length_m, 4001)
         scene = self._scene(block, self.gain * 100.0, resonance_hz)
-        friction = friction_coefficient(scene, law=self.law, rung=self.rung, x_m=places_m)
+        friction = friction_coefficient(
+            scene, law=self.world.law, rung=self.world.rung, x_m=places_m
+        )
         return {
-            "law": self.law,
-            "rung": self.rung,
+            "law": self.world.law,
+            "rung": self.world.rung,
             "resonance_hz": resonance_hz,
             "damping_ratio": self.beam.damping_ratio,
             "gain": self.gain,

@@ -30,6 +30,7 @@ from tests.analysis.export.data_slips import (
     text_slips,
     tsv_rows,
 )
+from tests.analysis.export.test_factor_columns import ONCE, exported, session
 from tests.analysis.hostile_study import NAMES, Written, sessions, study_text
 
 VALIDATOR = str(Path(sys.executable).with_name("bids-validator-deno"))
@@ -133,8 +134,10 @@ def asking(*names: str) -> Dataset:
         (nasty(rehearsals=True), ["1", "2"]),
         (published("1", "a-b"), []),
         (asking("runs", "runs_answer", *sorted(set(ENTITIES) - TAKEN)), []),
+        (exported([session("P01", 1, 30)], ONCE.replace('"voltage"', '"subject"')), []),
+        (exported([session("P01", 1, 30)], ONCE.replace('"voltage"', '"=1+1"')), []),
     ],
-    ids=["two sessions", "published", "questions named as entities are"],
+    ids=["two sessions", "published", "questions as entities", "factor subject", "factor =1+1"],
 )
 def test_pybids_reads_the_export(data: Dataset, sessions: list[str], tmp_path: Path) -> None:
     layout = as_pybids_reads(written(bids_export(data), tmp_path / "bids"))
@@ -292,7 +295,7 @@ def test_participants_keep_their_pseudonyms_beside_labels_that_never_collide() -
 def test_the_group_stands_with_participants_and_trials_in_every_format(tmp_path: Path) -> None:
     group: dict[str, str] = {}
     chains = []
-    for first, *others in (session.events for session in sessions(study_text())):
+    for first, *others in (each.events for each in sessions(study_text())):
         who = str(first.payload.get("participant"))
         own = group.setdefault(who, "young" if len(group) % 2 else "=old")
         chains.append([replace(first, payload={**first.payload, "group": own}), *others])

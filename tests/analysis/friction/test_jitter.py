@@ -16,7 +16,6 @@ def touch(tangential_n: FloatArray, noise_n2: float = 0.0) -> TouchForces:
         tangential_n=tangential_n,
         normal_n=one,
         vector_n=np.hypot(tangential_n, one),
-        block_s=0.025,
         moved_s=0.025 * len(one),
         noise_n2=noise_n2,
         tare_n2=0.0,

@@ -44,7 +44,6 @@ def touch(
         tangential_n=tangential_n,
         normal_n=normal_n,
         vector_n=np.hypot(tangential_n, normal_n),
-        block_s=0.025,
         moved_s=2.0,
         noise_n2=0.0,
         tare_n2=0.0,

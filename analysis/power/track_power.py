@@ -1,7 +1,7 @@
 """What a study's tracks tell of virtual people: errors, coverage, trials spent, and differences.
 
-The people are those who rehearse the study: they feel the friction of the calibrated rig where and as
-hard as they usually touch it, through their own skin, and answer as `device.people.answering` says.
+The people are those who rehearse the study: they feel the friction of the calibrated rig where and
+as hard as they usually touch it, through their skin, and answer as `device.people.answering` says.
 """
 
 from collections.abc import Sequence

@@ -89,7 +89,8 @@ def shares(study: Study, track: Track, people: People, rig: Calibration) -> Floa
     smoother = before - np.stack([_log_friction(study, it, people, world) for it in levels])
     found = track.found
     felt = -smoother if found == "rougher" else smoother
-    noise = people.felt_noise
+    # Who tires feels less surely: counted half-way through the track.
+    noise = people.felt_noise * (1 + people.fatigue * track.trials / 2)
     if track.intervals == 1:
         less = ndtr((-felt - people.criterion_less) / noise)
         more = ndtr((felt - people.criterion) / noise)

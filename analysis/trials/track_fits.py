@@ -16,12 +16,15 @@ from analysis.statistics.intervals import mean_interval
 from analysis.thresholds.psychometric import Threshold, fitted
 from device.friction.changes import friction_difference
 from device.friction.scenes import Calibration
+from device.tracks.posterior import estimate
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, AXIS_UNITS, Track, decibels
-from protocol.tracks.procedure import reversal_mean
+from protocol.tracks.procedure import Answer, reversal_mean
 
 NOT_AS_INSTRUCTED = 0.1
 """A larger share of touches that were not as instructed gets a note."""
+_NEAR = 0.02
+"""Of all levels, in ratios: so near its end an interval is cut off there."""
 STUCK = 0.5
 """So does a larger share of the second half of the answers at an end of the levels."""
 
@@ -44,12 +47,13 @@ class PersonThreshold:
     """The threshold of a person in a track.
 
     Attributes:
-        threshold: in the unit of the axis, with its 95% interval.
+        threshold: median of the posterior that the track itself assumes, in the unit of the axis,
+            with its 95% interval: of thresholds within its levels, and of its slopes and rates.
         db: of a voltage, relative to 1 V or to that of the standard.
         contrast: of friction against the standard, predicted of the threshold: ln(mu / mu').
         weber: the Weber fraction, 1 - mu' / mu.
         reversal_mean: mean of the reversals made with the last step, another estimate.
-        fit: of the curve, whose threshold is a distance from the standard.
+        fit: of the curve, with wider priors; its threshold is a distance from the standard.
         points: distance from the standard, answers, and how many of them were right (yes).
         false_alarms: of yes or no, how often yes was said in catch trials, and their number.
         flags: what to look at before this is believed.
@@ -138,10 +142,10 @@ def _person(
     )
     side = 1 if track.values[-1] > track.reference else -1
 
-    def on_axis(distance: float) -> float:
-        return track.reference + side * distance
-
-    first, last = sorted(map(on_axis, fit.threshold_ci))
+    told = trials[trials["role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()]
+    answers = map(Answer, told["level"].astype(int), told["correct"].astype(bool))
+    made = estimate(track, answers)
+    first, last = made.threshold_ci
     chosen = trials[trials["role"].eq("level")]
     turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
     mean = None
@@ -149,8 +153,8 @@ def _person(
         mean = reversal_mean(track, tuple(chosen["level"][turned].astype(int)))
     voltage = track.axis == "voltage"
     against = track.reference or 1.0
-    ends = [on_axis(end) for end in fit.threshold_ci]
-    contrasts = [felt(level) for level in (on_axis(fit.threshold), *ends)]
+    ends = (first, last) if side > 0 else (last, first)
+    contrasts = [felt(level) for level in (made.threshold, *ends)]
     known = all(each is not None for each in contrasts)
     weber = [1 - np.exp(-each) for each in contrasts] if known else []
     catch = trials[trials["role"].eq("catch")]
@@ -159,9 +163,9 @@ def _person(
         participant=who,
         track=track.name,
         unit=AXIS_UNITS[track.axis],
-        threshold=on_axis(fit.threshold),
+        threshold=made.threshold,
         threshold_interval=(first, last),
-        db=_decibels(on_axis(fit.threshold) / against) if voltage else None,
+        db=_decibels(made.threshold / against) if voltage else None,
         db_interval=(_decibels(first / against), _decibels(last / against)) if voltage else None,
         contrast=contrasts[0] if known else None,
         contrast_interval=(contrasts[1], contrasts[2]) if known else None,
@@ -178,8 +182,20 @@ def _person(
             sessions=tuple(chosen["session"]),
         ),
         false_alarms=(yes, len(catch)) if track.intervals == 1 and len(catch) else None,
-        flags=(*fit.flags, *_flags(track, trials, touches)),
+        flags=(
+            *(flag for flag in fit.flags if "levels" not in flag),  # of its wider prior
+            *_at_an_end(track, [abs(end - track.reference) for end in ends]),
+            *_flags(track, trials, touches),
+        ),
     )
+
+
+def _at_an_end(track: Track, ends: Sequence[float]) -> Iterator[str]:
+    """Yield where the interval of a threshold ends at a level beyond which none was asked."""
+    distances = track.distances
+    for end, level, name in ((0, 0, "hardest"), (1, -1, "easiest")):
+        if abs(np.log(ends[end] / distances[level])) < _NEAR * np.log(distances[-1] / distances[0]):
+            yield f"may lie beyond the {name} level"
 
 
 def _decibels(ratio: float) -> float:

@@ -22,11 +22,13 @@ from protocol.study.track import Track
 MOST_PANELS = 12
 PANELS_A_ROW = 3
 METHOD = (
-    "A psychometric function of each person in each track, fitted to the answers at all levels, "
-    "with easy trials and, in yes or no, catch trials: the threshold of the highest posterior "
-    "density with its 95% credible interval, the slope of the curve and the lapse rate, all "
-    "estimated at once. The share that defines a threshold is that of somebody who does not "
-    "lapse. The mean of reversals estimates the level to which a staircase converges, which can "
+    "The threshold of each person in each track is the median of its posterior probability, with "
+    "its 95% credible interval: before, all thresholds within the levels are equally likely, in "
+    "ratios, and so are the slopes, lapse rates and false alarms that the study file gives. The "
+    "answers at all levels and of easy trials count. The share that defines a threshold is that of "
+    "somebody who does not lapse. The curve, its slope and its lapse rate are fitted beside it "
+    "with wider priors, as touchbeam fit does, in yes or no with catch trials. The mean of "
+    "reversals estimates the level to which a staircase converges, which can "
     "be that of another share. The Weber fraction (1 − μ′/μ) is the one that the model "
     "predicts at the threshold; it is not measured."
 )

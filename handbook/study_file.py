@@ -165,8 +165,8 @@ _TRACKS = """\
 On the axis `contrast` the voltage of each level is found from the predicted friction.
 Steps in dB are whole steps of the levels, else the nearest range of levels is named. Every level is
 checked against the limits of the rig, so that no method can ask for one beyond them. In yes or no,
-`correct` counts yes. **A study with tracks can be checked, but not run yet**, and it has at least
-one `[[condition]]`. [How to plan a threshold](how-to/threshold.md) shows what each choice gives.
+`correct` counts yes. A study with tracks needs no `[[condition]]`. [Measure a
+threshold](how-to/threshold.md) shows what each choice gives.
 """
 _TEXTS = """\
 The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the built-in texts;

@@ -1,6 +1,5 @@
 """What a track would ask after given answers, and its estimate of the threshold."""
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +60,7 @@ def asked_by(
         raise BadInput(str(problems[0]))
     order: Sequence[int] = ()
     if chosen.method == "constant":
-        order = constant_order(chosen, study.study.seed, "slot", 0)
+        order = constant_order(chosen, study.study.seed, 1, 0)  # of the first participant
     told = levels_of(chosen, [bool(answer) for answer in answers], order)
     if len(told) < len(answers):
         raise BadInput(
@@ -83,8 +82,8 @@ def asked_by(
 
 
 def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
-    """Return the threshold of a fit, and beside it the mean of reversals of a staircase."""
-    from analysis.thresholds.psychometric import fitted
+    """Return the threshold as a session tells it, and the mean of a staircase's reversals."""
+    from device.tracks.posterior import estimate
     from protocol.tracks.convergence import converges_at
     from protocol.tracks.procedure import place_after, reversal_mean, staircase
 
@@ -94,27 +93,11 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
         "threshold_at": round(track.share, 4),
     }
     if told:
-        # The curve is one of the distance from the standard, which is the level at a standard of 0.
-        distances = track.distances
-        fit = fitted(
-            [distances[answer.level] for answer in told],
-            [1] * len(told),
-            [int(answer.correct) for answer in told],
-            task=track.task,
-            shape=track.shape,
-            threshold_at=track.threshold_at,
-            span=(distances[0], distances[-1]),
-        )
-        side = 1 if track.values[-1] > track.reference else -1
-        ends = sorted(track.reference + side * end for end in fit.threshold_ci)
+        made = estimate(track, told)
         found |= {
-            "threshold": _finite(track.reference + side * fit.threshold),
-            "threshold_ci": [_finite(end) for end in ends],
-            "slope": _finite(fit.slope),
-            "slope_ci": [_finite(end) for end in fit.slope_ci],
-            "lapse": _finite(fit.lapse),
-            "lapse_ci": [_finite(end) for end in fit.lapse_ci],
-            "flags": list(fit.flags),
+            "threshold": made.threshold,
+            "threshold_ci": list(made.threshold_ci),
+            "interval_db": made.interval_db,
         }
     if track.method in {"staircase", "limits"}:
         turned_at = place_after(track, told).turned_at
@@ -123,7 +106,3 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
         if track.method == "staircase":
             found["reversal_mean_at"] = round(converges_at(staircase(track)), 4)
     return found
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

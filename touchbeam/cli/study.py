@@ -153,9 +153,7 @@ def track(
     if estimate["threshold"] is None:
         say(f"Threshold at {defined}: not determined by these answers")
     else:
-        low, high = (
-            "unbounded" if end is None else f"{end:.4g}" for end in estimate["threshold_ci"]
-        )
+        low, high = (f"{end:.4g}" for end in estimate["threshold_ci"])
         say(f"Threshold at {defined}: {estimate['threshold']:.4g}, 95% interval {low} to {high}")
     if (mean := estimate.get("reversal_mean")) is not None:
         at = estimate.get("reversal_mean_at")

@@ -121,7 +121,6 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
                 lambda each: f"{_short(each.threshold)}\N{NO-BREAK SPACE}{each.unit}".rstrip(),
             ),
             Column("95%", "threshold_interval", _ends),
-            Column("at a share of", "fit.threshold_at", _short),
             *[Column("dB", "db", _short)] * any_of("db"),
             *[Column("Weber fraction", "weber", _short)] * any_of("weber"),
             Column("slope", "fit.slope", _short),
@@ -133,9 +132,10 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
             Column("notes", lambda each: "; ".join(each.flags), kind="sentence"),
         ],
         name="thresholds-people",
-        caption="Threshold of each person in each track. dB: relative to the standard's voltage, "
-        "or to 1 V where that is 0. Slope: Weibull's exponent, or 1/SD of a normal curve. p of "
-        "the fit: how often answers of the fitted curve deviate from it as much as these. The "
+        caption="Threshold of each person in each track, at the share of the table above. dB: "
+        "relative to the standard's voltage, or to 1 V where that is 0. Slope: Weibull's exponent, "
+        "or 1/SD of a normal curve. p of the fit: how often answers of the "
+        "fitted curve deviate from it as much as these. The "
         "predicted contrasts and all intervals stand in report.json.",
     )
 

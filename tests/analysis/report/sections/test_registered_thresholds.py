@@ -1,0 +1,64 @@
+"""Registered hypotheses on thresholds: one that is above another, and one that is estimated."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from analysis.estimates import NotEstimable
+from analysis.kept import Kept
+from analysis.loading.study_data import load_study_data
+from analysis.report.findings import Findings
+from analysis.report.sections.registration import _of_tracks
+from analysis.trials.track_fits import thresholds
+from device.friction.scenes import NOMINAL
+from protocol.registration.registration import threshold_of
+from protocol.study_file.loading import parsed_study
+from tests.analysis.tracks import TRACKS, session
+
+QUEST, STAIRCASE = "smallest amplitude", "by a staircase"
+
+
+@pytest.fixture(scope="module")
+def found() -> Findings:
+    chains = [session(TRACKS, f"P{slot:02d}", slot, threshold=40.0) for slot in range(8)]
+    study = parsed_study(TRACKS)
+    data = load_study_data(chains, rehearsals=False)
+    same = thresholds(study, data, NOMINAL, Kept())
+    assert same is not None
+    people = [
+        replace(each, threshold=each.threshold * (2 if each.track == STAIRCASE else 1))
+        for each in same.people
+    ]
+    made: Any = SimpleNamespace(study=study, thresholds=replace(same, people=tuple(people)))
+    return cast(Findings, made)
+
+
+def test_thresholds_that_are_twice_as_large_are_above_the_others(found: Findings) -> None:
+    told = _of_tracks(found, threshold_of(STAIRCASE, QUEST))
+    assert isinstance(told, tuple)
+    said, p, supported = told
+    assert supported
+    assert p is not None
+    assert p < 0.05
+    assert said.startswith("ratio ")
+    contrary = _of_tracks(found, threshold_of(QUEST, STAIRCASE))
+    assert isinstance(contrary, tuple)
+    assert contrary[1:] == (p, False)
+
+
+def test_a_single_threshold_is_estimated_and_nothing_is_claimed(found: Findings) -> None:
+    told = _of_tracks(found, threshold_of(QUEST))
+    assert isinstance(told, tuple)
+    assert told[1:] == (None, None)
+    assert " V, 95% CI [" in told[0]
+
+
+def test_other_hypotheses_are_left_to_others_and_missing_thresholds_are_said(
+    found: Findings,
+) -> None:
+    assert _of_tracks(found, "conditions differ") is None
+    nobody = cast(Findings, SimpleNamespace(study=found.study, thresholds=None))
+    assert isinstance(_of_tracks(nobody, threshold_of(QUEST)), NotEstimable)
+    assert isinstance(_of_tracks(nobody, threshold_of(QUEST, STAIRCASE)), NotEstimable)

@@ -178,9 +178,10 @@ def joined(sessions: Sequence[Cohort]) -> Cohort:
     forces_n = beside("force_n")
     # Who touches less often in a session than others has no forces at its end.
     in_order = np.argsort(np.isnan(forces_n), axis=1, kind="stable")
-    names = ("kinds", "answered", "change", "reaction_s", "score", "score_reaction_s")
+    names = ("kinds", "change", "reaction_s", "score", "score_reaction_s")
     return replace(
         sessions[0],
+        answered=np.concatenate([each.answered for each in sessions], axis=1),
         force_n=np.take_along_axis(forces_n, in_order, axis=1),
         **{name: beside(name) for name in names},
     )

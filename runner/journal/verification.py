@@ -273,7 +273,7 @@ def _level_problem(opened: SessionOpened, events: Iterable[StoredEvent]) -> str:
         if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
             (under,) = terms_in([event])
         # Only tracks ask for numpy, and for the study as it was.
-        if event.tag != Answered.TAG or not event.payload.get("track") or under is None:
+        if event.tag != Answered.TAG or under is None or not any(it.track for it in under.trials):
             continue
         made = event.record
         assert isinstance(made, Answered)

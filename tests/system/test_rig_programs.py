@@ -23,7 +23,9 @@ pytestmark = pytest.mark.waits
 
 WATCHDOG_S = 0.5
 PROGRAM = """\
-import sys, time, touchbeam
+import signal, sys, time, touchbeam
+# A shell starts what runs beside it with Ctrl-C ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 url, folder, then = sys.argv[1:]
 rig = touchbeam.open_rig(folder, url, journal=folder)
 rig.drive(100, 24_221.37)

@@ -144,7 +144,7 @@ def power(
     place.write({"power.json": json_text(lasting).encode(), **figures(found)})
     record = power_record(found, *of_study)
     if as_json:
-        record["tracks"] = [each.record() for each in tracks]
+        record |= {"tracks": [each.record() for each in tracks]} if tracks else {}
         print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
         return
     _print(found, record, place.path)

@@ -1,13 +1,13 @@
 """The session loop: runs every pending trial and turns the device off however it ends."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime, timedelta
 
 from device.errors import OutputUnknown
 from protocol.errors import BadInput, WorkFailed
 from protocol.journal import events
-from protocol.journal.records import Compliance, PlannedTrial
+from protocol.journal.records import Compliance
 from protocol.journal.state import SessionState
 from protocol.plan.blocks import Stream
 from protocol.plan.plan import deferral
@@ -255,7 +255,7 @@ def require_resumable(
     if before.is_excluded or before.name in {"completed", "withdrawn"}:
         raise BadInput(f"{name} is already {before.shown_name}; {_instead(session)}")
     assert before.opened is not None, "session-opened is the first event of every session"
-    _require_same_trials(name, session, before.opened.trials)
+    _require_same_trials(name, session, before)
     _require_fresh(name, session, before.last_event_utc, now)
 
 
@@ -271,16 +271,25 @@ def _instead(session: Session) -> str:
     return "choose another participant or --session"
 
 
-def _require_same_trials(name: str, session: Session, opened: Sequence[PlannedTrial]) -> None:
+def _require_same_trials(name: str, session: Session, before: SessionState) -> None:
+    assert before.opened is not None, "the caller asked"
     # Answers are stored by number: under another plan they would belong to other trials.
-    planned, before = (
+    planned, opened = (
         [(trial.index, trial.kind, trial.condition, trial.track) for trial in trials]
-        for trials in (session.plan.trials, opened)
+        for trials in (session.plan.trials, before.opened.trials)
     )
-    if planned != before:
+    # So are the levels of tracks: on another grid the next level would not follow from them.
+    levels = {track.name: dict(enumerate(track.values)) for track in session.study.track}
+    moved = any(
+        told.level is not None and levels.get(told.name, {}).get(told.level) != told.value
+        for answers in before.tracks.values()
+        for told in answers
+    )
+    if moved or planned != opened:
         changed = "amended" if session.registration is None else "registered or amended"
+        what = "levels" if moved else "trials"
         raise BadInput(
-            f"{name} has different trials in the {changed} study; finish it as --session "
+            f"{name} has different {what} in the {changed} study; finish it as --session "
             f"{session.number + 1}"
         )
 

@@ -11,20 +11,22 @@ import pytest
 
 from device.friction.scenes import NOMINAL
 from device.tracks.next_level import levels_of
+from protocol.errors import BadInput
 from protocol.journal.events import Answered, StoredEvent, TouchStarted, TrialDeferred
 from protocol.journal.records import TrackAnswer
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study
 from protocol.tracks.procedure import constant_order
+from runner.journal.cohort import states
 from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
 from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing, Response
-from runner.session.loop import run
+from runner.session.loop import require_resumable, run
 from runner.session.session import SessionContext
 from runner.study.tracks import solved_volts
 from runner.window.preflight import foreseen
 from tests.protocol.studies import TRACKS
-from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
+from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
 from tests.runner.session.test_as_instructed import Slipping
 
 STAIRS = TRACKS.partition('[[track]]\nname = "felt"')[0]
@@ -411,3 +413,27 @@ def test_a_study_of_tracks_alone_completes_and_verifies(tmp_path: Path) -> None:
         (verdict,) = verdicts(journal)
         assert verdict.ok, verdict.line()
         assert verdict.trials_planned == verdict.trials_answered
+
+
+def test_a_session_is_not_resumed_at_other_levels(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, FakeDevice(), FakeParticipant(), SHORT)
+        asked = made.session.study.track[0]
+        answer = TrackAnswer(
+            name=asked.name,
+            role="level",
+            interval=None,
+            level=1,
+            value=asked.values[1],
+            correct=True,
+        )
+        before = states(journal)["P01/1"]
+        before.tracks[asked.name] = [answer]
+        now = FakeClock().utc()
+        require_resumable(journal, made.session, before, now)
+        before.tracks[asked.name] = [replace(answer, value=asked.values[1] * 1.1)]
+        with pytest.raises(BadInput, match="P01/1 has different levels in the amended study"):
+            require_resumable(journal, made.session, before, now)
+        before.tracks[asked.name] = [replace(answer, level=len(asked.values))]
+        with pytest.raises(BadInput, match="finish it as --session 2"):
+            require_resumable(journal, made.session, before, now)

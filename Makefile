@@ -42,9 +42,9 @@ check: $(READY)
 	nice $(BIN)/mypy
 	nice $(BIN)/lint-imports
 
-# The table at its end is also docs/benchmarks.md. Let the machine do nothing else meanwhile.
+# The table at its end is also docs/reference/benchmarks.md. Let the machine do nothing else meanwhile.
 bench: $(READY)
-	$(BIN)/pytest benchmarks --benchmark-only --page docs/benchmarks.md
+	$(BIN)/pytest benchmarks --benchmark-only --page docs/reference/benchmarks.md
 
 # Pictures of every page of the participant's window and of the console, for the documentation.
 pictures: $(READY)

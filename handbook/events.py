@@ -1,7 +1,4 @@
-"""The list of events in docs/journal.md, generated from their records.
-
-`python -m handbook.events` prints that section of the page.
-"""
+"""The page of the journal's events, generated from their records."""
 
 import json
 import re
@@ -16,18 +13,19 @@ from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
 from protocol.journal.records import VirtualTruth
 
 _INTRODUCTION = """\
-## Events
+# The journal's events
 
-`python -m handbook.events` writes this section from `protocol/journal/events.py`.
+This page is written from the program by `python -m handbook.reference`.
+[The journal](../journal.md) says which event is allowed when.
 
 A payload is a JSON object with the keys below; readers ignore others. `key?` may be null or absent,
 which is the same; an absent `key = value` has that value; all other keys are required.
 """
 
 _OF_A_PERSON = """
-All [parameters of a person](people.md#parameters), each a number. One that is absent is as in the
-column *one person*; without `criterion_less` it is `criterion`, without reaction times they are
-not known.
+All [parameters of a person](../people.md#parameters), each a number. One that is absent is as in
+the column *one person*; without `criterion_less` it is `criterion`, without reaction times they
+are not known.
 """
 _PLAIN: dict[Any, str] = {
     Any: "any value",
@@ -39,7 +37,7 @@ _PLAIN: dict[Any, str] = {
 
 
 def event_list() -> str:
-    """Return the section as Markdown."""
+    """Return the page as Markdown."""
     parts = (part for event in EVENTS for key in event.json_keys() for part in _records(key.type))
     headings: dict[type[JsonRecord], str] = {event: f"`{event.TAG}`" for event in EVENTS}
     headings |= {kind: _heading(kind) for kind in parts}
@@ -70,7 +68,7 @@ def _section(kind: type[JsonRecord], heading: str, said: dict[str, str]) -> str:
             rows.append(row)
         else:
             again.setdefault(where, []).append(f"`{key.name}`")
-    lines = [f"### {heading}", "", _meaning(kind)]
+    lines = [f"## {heading}", "", _meaning(kind)]
     if of_a_person:
         lines += _OF_A_PERSON.rstrip().splitlines()
     for where, names in again.items():
@@ -130,7 +128,3 @@ def _value(hint: Any) -> str:
         return f"list of {len(hint.__annotations__)} numbers"
     name = _heading(hint)
     return f"[{name.lower()}](#{name.lower().replace(' ', '-')})"
-
-
-if __name__ == "__main__":
-    print(event_list(), end="")

@@ -1,7 +1,7 @@
 """Reference pages written from the code: `python -m handbook.reference` writes them anew.
 
-Commands with their options, the Python package, the statistics with formula and source, and the
-faults that can be simulated.
+Commands with their options, the Python package, the statistics with formula and source, the
+faults that can be simulated, and the journal's events.
 """
 
 import inspect
@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import touchbeam
 from device.simulator.faults import FAULTS
 from handbook.build import ROOT
+from handbook.events import event_list
 from touchbeam.cli.app import app
 
 FOLDER = ROOT / "docs" / "reference"
@@ -194,6 +195,7 @@ def faults_page() -> str:
 PAGES: dict[str, Callable[[], str]] = {
     "commands.md": commands_page,
     "faults.md": faults_page,
+    "journal-events.md": event_list,
     "python-package.md": python_page,
     "statistics.md": statistics_page,
 }

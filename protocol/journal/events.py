@@ -1,7 +1,8 @@
 """The events of a journal: one record for each tag.
 
 This is the contract between the sessions that write a journal and everything that reads one. Tags
-and payload keys are written nowhere else; docs/journal.md is generated from this module.
+and payload keys are written nowhere else; docs/reference/journal-events.md is generated
+from this module.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -251,7 +252,7 @@ class Answered(Event):
     reaction_time_s: Annotated[tuple[float, ...], Key("time of each answer in turn, s", missing=())]
     traces: Annotated[
         tuple[Mapping[str, Any] | None, ...],
-        Key("how each answer came about, see [window.md](window.md)", missing=()),
+        Key("how each answer came about, see [the window](../window.md)", missing=()),
     ]
     judged: Annotated[
         tuple[records.Compliance, ...], Key("whether each touch was as instructed", missing=())

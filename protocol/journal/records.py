@@ -50,7 +50,10 @@ class PlannedTrial(JsonRecord):
     scored: Annotated[bool, Key("whether a score may be asked for", missing=False)]
     touches: Annotated[
         tuple[Mapping[str, Any], ...],
-        Key("its touches, with the keys of a touch in [study-file.md](study-file.md)", missing=()),
+        Key(
+            "its touches, with the keys of a touch in [the study file](../study-file.md)",
+            missing=(),
+        ),
     ]
     level: Annotated[float, Key("factor on its condition's amplitudes", missing=1.0)]
     opposite: Annotated[bool, Key("whether its touches come in the opposite order", missing=False)]
@@ -206,7 +209,9 @@ class QuestionAnswer(JsonRecord):
         Any, Key("a label's value, a list of them, a number or a text; null if it was skipped")
     ]
     reaction_time_s: Annotated[float, Key("from the question to the answer, s")]
-    trace: Annotated[Mapping[str, Any] | None, Key("how it was given, see [window.md](window.md)")]
+    trace: Annotated[
+        Mapping[str, Any] | None, Key("how it was given, see [the window](../window.md)")
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,7 +220,9 @@ class InstructionResponse(JsonRecord):
 
     answer: Annotated[str, Key("`ready`")]
     reaction_time_s: Annotated[float, Key("from the instruction to the answer, s")]
-    trace: Annotated[Mapping[str, Any] | None, Key("how it was given, see [window.md](window.md)")]
+    trace: Annotated[
+        Mapping[str, Any] | None, Key("how it was given, see [the window](../window.md)")
+    ]
 
 
 # What the force channel recorded during one touch: samples, their clock, and their digest.

@@ -23,7 +23,7 @@ which is the same; an absent `key = value` has that value; all other keys are re
 """
 
 _OF_A_PERSON = """
-All [parameters of a person](../people.md#parameters), each a number. One that is absent is as in
+All [parameters of a person](people-parameters.md), each a number. One that is absent is as in
 the column *one person*; without `criterion_less` it is `criterion`, without reaction times they
 are not known.
 """

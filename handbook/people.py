@@ -1,12 +1,12 @@
-"""The table of parameters in docs/people.md, written by `python -m handbook.people`."""
+"""The page of the parameters of virtual people, generated from their records."""
 
 from dataclasses import fields
 
 from device.people.person import DEFAULT, PARAMETERS, Distribution, Person
 
 
-def parameter_table() -> str:
-    """Return the parameters with unit, limits, default, default population and meaning; sources.
+def parameters_page() -> str:
+    """Return the page: unit, limits, default, default population and meaning; sources.
 
     A population's cell is empty where all its people are as the one person. What has no source is
     assumed.
@@ -17,6 +17,12 @@ def parameter_table() -> str:
             named.setdefault(source, []).append(f"`{name}`")
     return "\n".join(
         [
+            "# Parameters of virtual people",
+            "",
+            "This page is written from the program by `python -m handbook.reference`. Where "
+            "*population* is\nempty, all its people are as the one person. What has no source "
+            "below the table is assumed.",
+            "",
             "| parameter | unit | from, to | one person | population | meaning |",
             "|---|---|---|---|---|---|",
             *map(_row, PARAMETERS),
@@ -49,7 +55,3 @@ def _in_words(how: Distribution) -> str:
         for name, value in given
     ]
     return f"`{{ {', '.join(shown)} }}`"
-
-
-if __name__ == "__main__":
-    print(parameter_table())

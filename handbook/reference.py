@@ -1,7 +1,7 @@
 """Reference pages written from the code: `python -m handbook.reference` writes them anew.
 
 Commands with their options, the Python package, the statistics with formula and source, the
-faults that can be simulated, and the journal's events.
+faults that can be simulated, the journal's events, and the parameters of virtual people.
 """
 
 import inspect
@@ -18,6 +18,7 @@ import touchbeam
 from device.simulator.faults import FAULTS
 from handbook.build import ROOT
 from handbook.events import event_list
+from handbook.people import parameters_page
 from touchbeam.cli.app import app
 
 FOLDER = ROOT / "docs" / "reference"
@@ -196,6 +197,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "commands.md": commands_page,
     "faults.md": faults_page,
     "journal-events.md": event_list,
+    "people-parameters.md": parameters_page,
     "python-package.md": python_page,
     "statistics.md": statistics_page,
 }

@@ -12,16 +12,13 @@ class WallClock:
     """Real time."""
 
     def utc(self) -> datetime:
-        """Return the date and time, UTC."""
         return datetime.now(UTC)
 
     def monotonic_s(self) -> float:
-        """Return seconds since an arbitrary moment."""
         # Not the time of day, which the system may set back or forth in the middle of a touch.
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
         time.sleep(seconds)
 
 
@@ -46,11 +43,9 @@ class SteppedClock:
         """The step that is being made: when it began on the device's time, and its length, s."""
 
     def utc(self) -> datetime:
-        """Return the stepped date and time, UTC."""
         return self._start + timedelta(seconds=self.monotonic_s())
 
     def monotonic_s(self) -> float:
-        """Return the seconds stepped so far."""
         began_s, seconds = self._step
         return self._passed_s + (min(self._device_s() - began_s, seconds) if seconds else 0.0)
 

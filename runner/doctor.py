@@ -35,12 +35,10 @@ class Finding:
     missing: bool = False
 
     def line(self) -> str:
-        """Return one line for people to read."""
         mark = "FAIL" if not self.ok else "missing" if self.missing else "ok  "
         return f"{mark}  {self.what}: {self.value}" + (f" ({self.hint})" if self.hint else "")
 
     def record(self) -> dict[str, object]:
-        """Return the same for programs."""
         return asdict(self)
 
 

@@ -110,7 +110,6 @@ def connectors(listed: str) -> dict[Place, str]:
 
 
 def print_screens() -> None:
-    """Print the screens of the display as JSON."""
     # Without xrandr the screens are known by place and size alone.
     names = connectors(_printed(["xrandr", "--listmonitors"], _XRANDR_WITHIN_S))
     screens = [

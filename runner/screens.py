@@ -150,7 +150,6 @@ Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask
 
 
 def is_last(screen: Screen) -> bool:
-    """Return whether no screen follows."""
     return isinstance(screen, Notice) and screen.text in LAST_NOTICES
 
 

@@ -226,7 +226,6 @@ def _is_still(part: Path, copy: Path) -> bool:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection, kind: str = "DEFERRED") -> Iterator[None]:
-    """Run the body in one transaction."""
     connection.execute(f"BEGIN {kind}")
     with connection:
         yield

@@ -114,12 +114,10 @@ def _decoded(body: str) -> Any:
 
 
 def payload_text(event: StoredEvent) -> str:
-    """Return the payload of `event` as stored text."""
     return _PAYLOAD.encode(event.payload)
 
 
 def payload_digest(body: str, salt: bytes) -> str:
-    """Return the digest of the stored payload `body` and its salt."""
     # An edited journal may hold halves of characters, which must give a digest and no error.
     return hashlib.sha256(salt + body.encode("utf-8", "surrogatepass")).hexdigest()
 
@@ -230,7 +228,6 @@ class Journal:
             return names
 
     def events(self, session: str) -> list[StoredEvent]:
-        """Return the events of `session` in order."""
         with self._errors_explained("read"):
             rows = self._connection.execute(self._sql.chain, (session,))
             return [chain_link(row).event for row in rows]

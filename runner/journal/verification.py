@@ -81,12 +81,10 @@ class SessionVerdict:
         )
 
     def record(self) -> dict[str, Any]:
-        """Return the verdict for programs."""
         return {"ok": self.ok, **asdict(self)}
 
 
 def verdicts(journal: store.Journal) -> list[SessionVerdict]:
-    """Return a verdict on each chain of `journal`."""
     try:
         known = registrations(journal)
     except (store.JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
@@ -110,7 +108,6 @@ def _verdict(journal: store.Journal, name: str, known: "Registrations") -> Sessi
 
 
 def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
-    """Return the verdict on the chain of the session `name`."""
     named = parsed_name(name)
     state, planned, problem = _folded(chain)
     erased = state.name == "withdrawn"

@@ -230,7 +230,6 @@ def _asked(there: Sequence[ScreenPlace], say: Say) -> ScreenPlace:
 
 
 def choice_file() -> Path:
-    """Return where the choice is kept."""
     return state_folder() / "participant-screen.json"
 
 

@@ -95,12 +95,10 @@ class Request:
 
     @property
     def name(self) -> str:
-        """What people call the session."""
         return session_name(self.options.participant, self.options.number)
 
     @property
     def rehearsal(self) -> bool:
-        """Whether the session is a rehearsal."""
         return self.kind == "rehearsal"
 
     def chain(self, journal: Journal) -> str:

@@ -97,7 +97,6 @@ class OperatorKeys:
         return _TYPED.get(self._noting, "Note")
 
     def expect_answer(self) -> None:
-        """Treat the next line as an answer."""
         self._asked = True
         # What was typed before the question cannot answer it.
         self._answers.clear()
@@ -115,7 +114,6 @@ class OperatorKeys:
         self._answers.clear()
 
     def feed(self, characters: str) -> None:
-        """Process typed characters."""
         if self._confirming and not self._noting:
             characters = self._confirm(characters)
         # The letters in such a sequence would be taken for orders.
@@ -187,7 +185,6 @@ class OperatorKeys:
         return self._wishes.popleft() if self._wishes else None
 
     def answer(self) -> str | None:
-        """Return the answer, or None before it has been given."""
         return self._answers.popleft() if self._answers else None
 
     def _collect(self, character: str) -> None:
@@ -299,7 +296,6 @@ class PlainDisplay:
     _helped: bool = field(default=False, init=False)
 
     def show(self, frame: Frame) -> None:
-        """Print what has changed."""
         view = frame.view
         if self.shared:  # no label or figure of the drive may stand before the participant's eyes
             numbered = enumerate(view.plan, start=1)
@@ -362,7 +358,6 @@ class OperatorConsole:
     _page: tuple[str, float] = field(default=("", 0.0), init=False)
 
     def ask(self, text: str) -> None:
-        """Ask the operator; without an operator the answer is empty and immediate."""
         self._ask(text, self._keys.expect_answer)
 
     def _ask(self, text: str, expect: Callable[[], None]) -> None:
@@ -375,13 +370,11 @@ class OperatorConsole:
         self._redraw()
 
     def withdraw_question(self) -> None:
-        """Withdraw the open question: the session has moved on or has ended."""
         self._question = ""
         self._keys.expect_nothing()
         self._redraw()
 
     def answered(self) -> str | None:
-        """Return the answer once Enter has been pressed, None before."""
         self._listen()
         answer = self._keys.answer()
         if answer is not None:
@@ -390,32 +383,26 @@ class OperatorConsole:
         return answer
 
     def mount(self, beam: str) -> None:
-        """Ask the operator to mount `beam`; the output must be off."""
         # A simulated beam is changed before anybody is asked, because nobody's hands do it.
         self.swap(beam)
         self.confirm(f"The output is off. Mount the beam '{beam}', then press Enter.")
 
     def confirm(self, text: str) -> None:
-        """Ask the operator to do what `text` says and to press Enter."""
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
     def page(self, name: str) -> None:
-        """Show that the participant is on the page `name` from now on."""
         self._page = (name, time.monotonic())
         self._redraw()
 
     def recall(self, messages: Sequence[tuple[str, str]]) -> None:
-        """Keep messages from before an interruption in the log."""
         self._messages[:0] = messages
         self._recalled += len(messages)
 
     def order(self) -> Wanted | None:
-        """Return the next order, or None."""
         self._listen()
         return self._keys.order()
 
     def show(self, view: OperatorView) -> None:
-        """Show `view`; its warning stays among the messages."""
         self._view = view
         # Kept in the log, because the next view comes soon and has no warning.
         if view.warning:
@@ -423,7 +410,6 @@ class OperatorConsole:
         self._redraw()
 
     def pausing(self, wanted: bool) -> None:
-        """Show until further notice whether the session pauses before the next trial."""
         self._pausing = wanted
         unit = self._view.unit if self._view else "trial"
         self.notify(
@@ -436,7 +422,6 @@ class OperatorConsole:
         self.notify("the participant is calling you (Escape)")
 
     def notify(self, text: str) -> None:
-        """Add `text` to the messages."""
         self._add(text)
         self._redraw()
 

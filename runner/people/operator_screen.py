@@ -95,7 +95,6 @@ class LiveDisplay:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """All messages so far, each with its time of day."""
         return tuple(" ".join(entry) for entry in self._frame.messages) if self._frame else ()
 
     def _draw(self) -> None:
@@ -161,7 +160,6 @@ class Moment:
 
     @property
     def age_s(self) -> float:
-        """The age of the reading, s."""
         return self.now_s - self.reading.at_s if self.reading else 0.0
 
 

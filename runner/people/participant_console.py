@@ -98,7 +98,6 @@ class ConsoleParticipant(screens.Participant):
         return self.wording.texts
 
     def show(self, screen: screens.Screen) -> None:
-        """Print `screen`."""
         self._screen = screen
         # An answer cannot have been meant for a question that was not there yet.
         self.typed.forget()
@@ -108,11 +107,9 @@ class ConsoleParticipant(screens.Participant):
         self._shown_s = self.monotonic_s()
 
     def progress(self, number: int, total: int) -> None:
-        """Print which trial comes next."""
         self.say(self._texts["progress"].format(number=number, total=total))
 
     def poll(self) -> screens.Response | None:
-        """Return the answer to the current screen once it has been typed."""
         if self._screen is None or isinstance(
             self._screen, screens.Notice | screens.LeadIn | screens.Pacing
         ):

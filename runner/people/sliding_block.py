@@ -58,7 +58,6 @@ class SlidePlot:
     _high: float = field(default=-math.inf, init=False)
 
     def begin(self, drawing: Drawing) -> None:
-        """Begin to draw a pass."""
         self.drawing, self._points, self._last_s = drawing, [], 0.0
 
     def take(self, forces: Forces | None) -> None:
@@ -72,7 +71,6 @@ class SlidePlot:
         self._low, self._high = min(self._low, friction), max(self._high, friction)
 
     def summary(self) -> str:
-        """Return the pass in words."""
         if self.drawing is None or not self._points:
             return "no forces were measured: was the block on the beam?"
         values = [friction for _, friction in self._points]

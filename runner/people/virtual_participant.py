@@ -265,7 +265,6 @@ class UntouchedBeam:
         direction: str,
         speed_m_s: float = 0.0,  # noqa: ARG002 - it slides as fast as the study says
     ) -> float:
-        """Return the friction coefficient that a finger would feel there now."""
         said, resonance_hz = self._reading(), self._resonance_hz()
         # What is not driven feels as at rest.
         if said is None or not said.output or not resonance_hz:
@@ -329,16 +328,13 @@ class VirtualAtWindow(screens.Participant):
             self.window.press("ready", CLOSES_AFTER_S)
 
     def progress(self, number: int, total: int) -> None:
-        """Tell both which trial comes next."""
         self.window.progress(number, total)
         self.person.progress(number, total)
 
     def saved(self) -> None:
-        """Let the window say that the answer is saved."""
         self.window.saved()
 
     def felt(self, finger: screens.OwnFinger) -> None:
-        """Let the window show the finger."""
         self.window.felt(finger)
 
     def poll(self) -> screens.Response | None:

@@ -129,7 +129,6 @@ def answer_order(study: Study, slot: int, before: SessionState | None) -> Answer
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of touchbeam and Python."""
     return {"touchbeam": version("touchbeam"), "python": platform.python_version()}
 
 

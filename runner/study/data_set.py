@@ -141,7 +141,6 @@ def _reaction_times_s(event: events.Event) -> tuple[float, ...]:
 
 
 def import_data_set(folder: StudyFolder, data: DataSet) -> None:
-    """Create a study with the same sessions."""
     with (
         new_study(folder, data.study_text),
         open_journal(folder.journal) as journal,

@@ -95,12 +95,10 @@ class StudyFolder:
 
     @property
     def journal(self) -> Path:
-        """The journal of all sessions."""
         return self.path / "study.db"
 
     @property
     def report(self) -> Path:
-        """The default folder of reports."""
         return self.path / "report"
 
     def report_sections(self) -> tuple[str, ...] | None:

@@ -43,7 +43,6 @@ class KeptFiles:
         self._folder = folder
 
     def get(self, name: str) -> bytes | None:
-        """Return the content of that name, None if there is none."""
         path = self._folder / name
         try:
             with open(path, "rb", opener=_opened_itself) as file:
@@ -207,7 +206,6 @@ class PowerFolder:
 
     @property
     def path(self) -> Path:
-        """The folder of figures and numbers."""
         return self.study / "power"
 
     @property
@@ -230,5 +228,4 @@ class PowerFolder:
         write_files({f"{name}.npy": content}, self.chunks, study=self.study)
 
     def write(self, contents: Mapping[str, bytes]) -> None:
-        """Write figures and numbers."""
         write_files(contents, self.path, study=self.study)

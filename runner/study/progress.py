@@ -72,7 +72,6 @@ class Progress:
 
     @property
     def planned(self) -> int | None:
-        """The number of participants that the study plans."""
         return None if self.study is None else self.study.design.participants
 
     @property

@@ -33,7 +33,6 @@ class ShownTrack:
         return map(self.track.at, range(len(self.volts)), self.volts)
 
     def record(self) -> dict[str, Any]:
-        """Return it as plain JSON values."""
         track, share = self.track, self.converges_at
         return {
             "name": track.name,
@@ -56,7 +55,6 @@ class ShownTrack:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield it as lines of text."""
         track = self.track
         beside = [f"{many} {kind}" for kind in ("catch", "easy") if (many := getattr(track, kind))]
         yield f"Track       {track.name}: {track.task}, {track.method}, " + " + ".join(

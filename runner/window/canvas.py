@@ -84,7 +84,6 @@ class PsychopyCanvas:
         }
 
     def draw(self, page: elements.Page) -> None:
-        """Draw `page` into the back buffer."""
         for element in page:
             for stimulus in self.stimuli(element):
                 stimulus.draw()
@@ -122,7 +121,6 @@ class PsychopyCanvas:
         return image
 
     def flip(self) -> float:
-        """Show the back buffer; return the time of the flip, s on the monotonic clock."""
         self._window.flip(clearBuffer=True)
         flipped_s = time.monotonic()
         # Not at each frame, because it is a round trip to the X server.
@@ -132,7 +130,6 @@ class PsychopyCanvas:
         return flipped_s
 
     def inputs(self) -> list[tuple[float, elements.Input]]:
-        """Return the inputs since the last call, each with its time."""
         self._handle.dispatch_events()
         taken, self._inputs = self._inputs, []
         return taken
@@ -153,7 +150,6 @@ class PsychopyCanvas:
                 put("on_mouse_release", 0, 0, mouse.LEFT, 0)
 
     def close(self) -> None:
-        """Close the window."""
         self._window.close()
 
     def _dot(self, dot: elements.Dot) -> Any:

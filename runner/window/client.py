@@ -69,7 +69,6 @@ class WindowParticipant:
     is_at_end: bool = field(default=False, init=False)
 
     def show(self, screen: Screen) -> None:
-        """Send `screen`."""
         # A late answer to the page before is not taken for this one's.
         self._number += 1
         self._answer = self._shown_s = None
@@ -78,15 +77,12 @@ class WindowParticipant:
         self.peer.send(show_message(self._number, screen))
 
     def progress(self, number: int, total: int) -> None:
-        """Let the pages from the next one on say which trial this is."""
         self.peer.send({"progress": [number, total]})
 
     def saved(self) -> None:
-        """Let the page say that the answer to the last screen is saved."""
         self.peer.send({"saved": self._number})
 
     def felt(self, finger: OwnFinger) -> None:
-        """Let the page of the touch show the finger."""
         self.peer.send({"finger": vars(finger)})
 
     def press(self, answer: str, reaction_time_s: float) -> None:
@@ -126,7 +122,6 @@ class WindowParticipant:
                 time.sleep(_TICK_S)
 
     def is_there(self) -> bool:
-        """Return whether the window still works."""
         with suppress(WindowGone):
             self.poll()
             return True
@@ -191,7 +186,6 @@ class WindowProcess:
         threading.Thread(target=self._read, name="window", daemon=True).start()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Write `message` to the process; raises `WindowGone` if it has ended."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(line_of(message))
@@ -201,7 +195,6 @@ class WindowProcess:
             raise self._gone() from None
 
     def received(self) -> list[Mapping[str, Any]]:
-        """Return the messages since the last call; raises `WindowGone` once none will come."""
         messages: list[Mapping[str, Any]] = []
         while not self._messages.empty():
             message = self._messages.get()

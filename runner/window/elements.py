@@ -33,12 +33,10 @@ class Box:
     height: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Return whether the point lies inside."""
         return abs(x - self.x) <= self.width / 2 and abs(y - self.y) <= self.height / 2
 
     @property
     def corners(self) -> tuple[Point, ...]:
-        """The four corners, in order."""
         right, top = self.width / 2, self.height / 2
         signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
         return tuple((self.x + sx * right, self.y + sy * top) for sx, sy in signs)
@@ -184,7 +182,6 @@ def text_width(text: str, size: float) -> float:
 
 
 def text_height(lines: int, size: float) -> float:
-    """Return the height of `lines` lines."""
     return lines * size * LINE_HEIGHT
 
 
@@ -267,5 +264,4 @@ def missing_font(code: str, fonts: Sequence[str], package: str | None) -> str:
 
 
 def first_font(fonts: Sequence[str], there: Callable[[str], bool]) -> str | None:
-    """Return the first of `fonts` that is `there`, None if none is."""
     return next(filter(there, fonts), None)

@@ -58,13 +58,11 @@ def message_of(line: str) -> dict[str, Any]:
 
 
 def settings_message(settings: Settings) -> dict[str, Any]:
-    """Return `settings` as a message."""
     foreseen = [show_message(0, screen) for screen in settings.foreseen]
     return {**vars(settings), "wording": asdict(settings.wording), "foreseen": foreseen}
 
 
 def settings_of(message: Mapping[str, Any]) -> Settings:
-    """Return the settings in `message`."""
     # JSON knows lists only; the frozen records have tuples.
     wording = Wording(**{**message["wording"], "fonts": tuple(message["wording"]["fonts"])})
     foreseen = tuple(screen_of(show) for show in message["foreseen"])
@@ -102,7 +100,6 @@ def press_message(inputs: Iterable[Input]) -> dict[str, Any]:
 
 
 def inputs_of(message: Mapping[str, Any]) -> list[Input]:
-    """Return the inputs in a `press` message."""
     inputs: list[Input] = []
     for given in message["press"]:
         values = {key: value for key, value in given.items() if key != "input"}

@@ -173,7 +173,6 @@ _BANNER = Box(x=0, y=-273, width=780, height=50)
 
 
 def page(screen: screens.Screen, view: PageState, wording: Wording) -> Page:
-    """Return the page of `screen` in the state `view`."""
     texts = wording.texts
     around = () if screens.is_last(screen) else _around(screen, view, texts)
     return (*_page(screen, view, wording, texts), *_interval(screen, texts), *around)

@@ -86,7 +86,6 @@ _VIEWS = (
 
 
 def fits(text: Text) -> bool:
-    """Return whether all lines of `text` fit its box."""
     lines = wrapped(text.text, text.size, text.box.width)
     widest = max(text_width(line, text.size) for line in lines)
     return widest <= text.box.width and text_height(len(lines), text.size) <= text.box.height

@@ -64,7 +64,6 @@ class PageState:
 
 
 def hint(text: str, box: Box) -> Text:
-    """Return a text that helps."""
     return Text(text=text, box=box, size=HINT_SIZE, colour=FAINT)
 
 

@@ -42,7 +42,6 @@ class FrameTimes:
     shown_s: list[float] = field(default_factory=list, init=False)
 
     def add(self, t_s: float) -> None:
-        """Add a frame."""
         self.shown_s.append(t_s)
 
     def record(self) -> dict[str, Any]:
@@ -99,7 +98,6 @@ class ShownScreen:
             self.pending.take(given, since_s)
 
     def page(self, t_s: float, wording: Wording) -> Page:
-        """Return the page at `t_s`."""
         passed_s = t_s - self.frames.shown_s[0] if self.frames.shown_s else 0.0
         button: Button = "early" if passed_s < self.pending.earliest_s else "live"
         if self.pending.answer is not None:

@@ -1,9 +1,13 @@
 """The page on study files, written from their schema: `python -m handbook.study_file`."""
 
+import ast
 import json
 from collections.abc import Iterator, Mapping
+from inspect import getsource
+from itertools import pairwise
 from typing import Any
 
+from protocol.study.fields import Record
 from protocol.study.study import Study
 
 _Schema = Mapping[str, Any]
@@ -187,8 +191,37 @@ _REMARKS = {
 
 def study_file_page() -> str:
     """Return the page as Markdown."""
+    return "\n".join([_INTRODUCTION, *_sections(described_schema())])
+
+
+def described_schema() -> dict[str, Any]:
+    """Return the schema of study files, in which each key has its meaning."""
     schema = Study.model_json_schema()
-    return "\n".join([_INTRODUCTION, *_sections(schema)])
+    kinds = {kind.__name__: kind for kind in _records(Record)}
+    for name, record in {Study.__name__: schema, **schema["$defs"]}.items():
+        kind, entries = kinds[name], record["properties"]
+        for key, meaning in _meanings(kind).items():
+            entries[kind.model_fields[key].alias or key].setdefault("description", meaning)
+    return schema
+
+
+def _records(kind: type[Record]) -> Iterator[type[Record]]:
+    for own in kind.__subclasses__():
+        yield own
+        yield from _records(own)
+
+
+def _meanings(kind: type[Record]) -> dict[str, str]:
+    """Return what stands below the keys of a record, and of those that it is made of."""
+    found: dict[str, str] = {}
+    for record in (each for each in kind.__mro__ if issubclass(each, Record)):
+        (written,) = ast.parse(getsource(record)).body
+        assert isinstance(written, ast.ClassDef)
+        for key, said in pairwise(written.body):
+            match key, said:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
+                    found.setdefault(name, " ".join(text.split()))
+    return found
 
 
 def _sections(schema: _Schema) -> Iterator[str]:

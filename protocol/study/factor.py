@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError
 
-from protocol.study.fields import Count, Name, Record, setting
+from protocol.study.fields import Count, Name, Record
 from protocol.study.study_question import AskedIf
 from protocol.study.touch import Touch
 
@@ -58,15 +58,12 @@ class Factor(Record):
 
     name: Annotated[Name, Field(description="name in tables and reports")]
     varies: Annotated[Varied, Field(description="the key of a touch that it sets")]
-    values: tuple[_Value, ...] = Field(
-        min_length=2, max_length=MOST_CONDITIONS, description="what the key is set to"
-    )
-    touches: Literal["first", "last", "all"] = setting(
-        "last", "which touches of a condition it sets"
-    )
-    labels: tuple[Name, ...] = setting(
-        (), "names of the values, in their order; without them a name says the value and its unit"
-    )
+    values: tuple[_Value, ...] = Field(min_length=2, max_length=MOST_CONDITIONS)
+    """what the key is set to"""
+    touches: Literal["first", "last", "all"] = "last"
+    """which touches of a condition it sets"""
+    labels: tuple[Name, ...] = ()
+    """names of the values, in their order; without them a name says the value and its unit"""
 
     @field_validator("values")
     @classmethod
@@ -138,8 +135,6 @@ class Group(Record):
 
     name: Annotated[Name, Field(description="name in tables and reports")]
     size: Annotated[Count, Field(le=10_000, description="planned number of participants")]
-    when: AskedIf | None = setting(
-        None,
-        'for `assign_groups = "by an answer"`: the answer that leads into this group; a table as '
-        "`asked_if` of a question",
-    )
+    when: AskedIf | None = None
+    """for `assign_groups = "by an answer"`: the answer that leads into this group; a table as
+    `asked_if` of a question"""

@@ -90,6 +90,9 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
-def setting(default: Any, meaning: str, **limits: Any) -> Any:
-    """Return a key of a record that may be left out: its value then, its meaning, its limits."""
+def setting(default: Any, meaning: str | None = None, **limits: Any) -> Any:
+    """Return a key of a record that may be left out: its value then, its meaning, its limits.
+
+    A meaning that takes more than the line of the key stands below it; docs/study-file.md has both.
+    """
     return Field(default, description=meaning, **limits)

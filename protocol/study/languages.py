@@ -49,9 +49,8 @@ class Language(Record):
     """What participants read in one language, as its file has it."""
 
     name: Annotated[_Shown, Field(description="in English, for exported data")]
-    fonts: tuple[_Shown, ...] = Field(
-        min_length=1, description="families that show it; the first one there is taken"
-    )
+    fonts: tuple[_Shown, ...] = Field(min_length=1)
+    """families that show it; the first one there is taken"""
     font_package: _Shown | None = setting(None, "what brings the first font on Debian and Ubuntu")
     letters: Annotated[
         str,
@@ -59,10 +58,8 @@ class Language(Record):
         AfterValidator(require_printable),
         Field(description="letters that the keyboard on the screen shows beside those from a to z"),
     ] = ""
-    bands: dict[Name, Line] = Field(
-        default_factory=dict,
-        description="names of score bands, by their English names, where `[rating]` gives none",
-    )
+    bands: dict[Name, Line] = Field(default_factory=dict)
+    """names of score bands, by their English names, where `[rating]` gives none"""
     texts: Annotated[dict[Name, Line], Field(description="all texts, by the built-in keys")]
 
 

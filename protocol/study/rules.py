@@ -15,38 +15,26 @@ OperatorQuestion = Literal["skin state", "room temperature", "humidity", "cleani
 class SessionRules(Record):
     """What a session is read in, what it asks of the operator, and when it may be resumed."""
 
-    languages: tuple[KnownCode, ...] = setting(
-        ("en", "zh"), "languages in which every text for participants must be given", min_length=1
-    )
+    languages: tuple[KnownCode, ...] = setting(("en", "zh"), min_length=1)
+    """languages in which every text for participants must be given"""
     hand: Hand = setting("left", "the hand that touches; the texts name it")
-    finger: Finger = setting(
-        "index", "the finger of that hand, if one finger touches; the texts name it"
-    )
+    finger: Finger = "index"
+    """the finger of that hand, if one finger touches; the texts name it"""
     language: KnownCode = setting("en", "language of the texts unless `--language` names another")
-    answer_order: Literal["fixed", "counterbalanced"] = setting(
-        "fixed",
-        "`counterbalanced`: every other participant sees the answers of choices from last to first",
-    )
-    operator_asks: tuple[OperatorQuestion, ...] = setting(
-        (),
-        "what the operator notes before the first trial: the skin is dry, normal "
-        "or moist, the temperature 0 to 50 °C, the humidity 0 to 100%; Enter skips a question",
-    )
-    blind_operator: bool = setting(
-        False,
-        "hide conditions, levels, drives and answers from the operator until the "
-        "session ends; whether the output is on, alarms and limits stay",
-        strict=True,
-    )
-    consent_required: bool = setting(
-        False, "refuse a session without a reference to the consent", strict=True
-    )
-    resume_within_h: Positive = setting(
-        24.0, "an interrupted session older than this is not resumed", le=720
-    )
-    practise_again: Literal["never", "on resume"] = setting(
-        "never", "whether a resumed session practises"
-    )
+    answer_order: Literal["fixed", "counterbalanced"] = "fixed"
+    """`counterbalanced`: every other participant sees the answers of choices from last to first"""
+    operator_asks: tuple[OperatorQuestion, ...] = ()
+    """what the operator notes before the first trial: the skin is dry, normal or moist, the
+    temperature 0 to 50 °C, the humidity 0 to 100%; Enter skips a question"""
+    blind_operator: bool = setting(False, strict=True)
+    """hide conditions, levels, drives and answers from the operator until the session ends; whether
+    the output is on, alarms and limits stay"""
+    consent_required: bool = setting(False, strict=True)
+    """refuse a session without a reference to the consent"""
+    resume_within_h: Positive = setting(24.0, le=720)
+    """an interrupted session older than this is not resumed"""
+    practise_again: Literal["never", "on resume"] = "never"
+    """whether a resumed session practises"""
 
 
 class TouchRules(Record):
@@ -56,41 +44,27 @@ class TouchRules(Record):
     """
 
     # people do not press evenly
-    force_within: Positive = setting(
-        0.5, "largest deviation of the median force, relative to the instructed one", le=10
-    )
+    force_within: Positive = setting(0.5, le=10)
+    """largest deviation of the median force, relative to the instructed one"""
     # half the length of a finger's contact
-    place_within_m: Positive = setting(
-        0.005, "largest distance of the finger from the place to touch", le=0.1
-    )
-    path_within: Positive = setting(
-        0.5, "largest deviation of the distance slid, relative to the path", le=10
-    )
-    speed_within: Positive | None = setting(
-        None,
-        "largest deviation of the median speed of a slide, relative to the "
-        "mark's; not judged without this",
-        le=10,
-    )
-    retries: Whole = setting(
-        0,
-        "how often a trial comes again, later in its block, if one of its touches "
-        "was not as instructed; the last attempt counts in any case",
-        le=20,
-    )
-    feedback: Literal["never", "practice", "always"] = setting(
-        "never", "in which trials participants see their own force and movement"
-    )
-    practise_until: Whole = setting(
-        0,
-        "practice is repeated until this many of the last `practise_of` touches "
-        "were as instructed; 0: practice comes once",
-        le=100,
-    )
+    place_within_m: Positive = setting(0.005, le=0.1)
+    """largest distance of the finger from the place to touch"""
+    path_within: Positive = setting(0.5, le=10)
+    """largest deviation of the distance slid, relative to the path"""
+    speed_within: Positive | None = setting(None, le=10)
+    """largest deviation of the median speed of a slide, relative to the mark's; not judged without
+    this"""
+    retries: Whole = setting(0, le=20)
+    """how often a trial comes again, later in its block, if one of its touches was not as
+    instructed; the last attempt counts in any case"""
+    feedback: Literal["never", "practice", "always"] = "never"
+    """in which trials participants see their own force and movement"""
+    practise_until: Whole = setting(0, le=100)
+    """practice is repeated until this many of the last `practise_of` touches were as instructed; 0:
+    practice comes once"""
     practise_of: Count = setting(1, "see `practise_until`", le=100)
-    practice_rounds: Count = setting(
-        3, "largest number of times that practice comes, the first time included", le=20
-    )
+    practice_rounds: Count = setting(3, le=20)
+    """largest number of times that practice comes, the first time included"""
 
     @model_validator(mode="after")
     def _enough_touches_are_looked_at(self) -> Self:
@@ -105,18 +79,15 @@ class TouchRules(Record):
 class Exclusions(Record):
     """Rules that were settled beforehand; the report applies them and says whom they met."""
 
-    max_false_alarms: Share | None = setting(
-        None, "a participant who reports a change on a larger share of catch trials is left out"
-    )
-    max_missing_scores: Share | None = setting(
-        None, "a participant with a larger share of missing scores is left out"
-    )
+    max_false_alarms: Share | None = None
+    """a participant who reports a change on a larger share of catch trials is left out"""
+    max_missing_scores: Share | None = None
+    """a participant with a larger share of missing scores is left out"""
     # A limit of more than half a minute would leave out everybody: it is in ms.
     min_reaction_s: Positive | None = setting(None, "a trial answered sooner is left out", le=30)
     # Nobody answers within 0.1 s, and 600 s leave out nobody.
-    max_reaction_s: Positive | None = setting(
-        None, "a trial answered later is left out", ge=0.1, le=600
-    )
+    max_reaction_s: Positive | None = setting(None, ge=0.1, le=600)
+    """a trial answered later is left out"""
     min_trials: Count | None = setting(None, "a participant with fewer valid trials is left out")
 
     @model_validator(mode="after")
@@ -146,69 +117,46 @@ LongPause = Annotated[NotNegative, Field(le=3_600)]
 class Design(Record):
     """Which trials there are and how they are ordered over the cohort."""
 
-    order: Order = setting(
-        "williams",
-        "`williams`: balanced over the cohort; `blocks`: every block a random "
-        "order of all conditions; `random`: all trials shuffled, as many to a block as there "
-        "are conditions; `fixed`: as in the file",
-    )
-    repeats: Count = setting(
-        1, "how often a participant gets each condition, per session", le=MOST_REPEATS
-    )
-    max_alike_in_row: Count = setting(
-        2, "largest number of scored trials of one condition in a row"
-    )
-    practice_trials: Whole = setting(
-        0,
-        "number of trials before the first block, of conditions on the study's own "
-        "beam, at the last of their levels; never analysed",
-        le=20,
-    )
-    catch_trials: Whole = setting(
-        0,
-        "number of trials at 0 V among the others, in which nothing changes; of "
-        "any condition on the mounted beam, also the one that was just felt",
-        le=50,
-    )
+    order: Order = "williams"
+    """`williams`: balanced over the cohort; `blocks`: every block a random order of all conditions;
+    `random`: all trials shuffled, as many to a block as there are conditions; `fixed`: as in the
+    file"""
+    repeats: Count = setting(1, le=MOST_REPEATS)
+    """how often a participant gets each condition, per session"""
+    max_alike_in_row: Count = 2
+    """largest number of scored trials of one condition in a row"""
+    practice_trials: Whole = setting(0, le=20)
+    """number of trials before the first block, of conditions on the study's own beam, at the last
+    of their levels; never analysed"""
+    catch_trials: Whole = setting(0, le=50)
+    """number of trials at 0 V among the others, in which nothing changes; of any condition on the
+    mounted beam, also the one that was just felt"""
     catch_apart: Count = setting(1, "smallest number of other trials between two catch trials")
-    opposite_repeats: Whole = setting(
-        0,
-        "number of repeats of a condition in which the touches come in the "
-        "opposite order, so that the opposite answer is expected",
-    )
-    group_by_beam: Grouping = setting(
-        "no",
-        "whether trials with the same beam come together, within each block or "
-        "over the session; carry-over is then not balanced",
-    )
-    max_beam_swaps: Whole | None = setting(
-        None, "largest number per session; trials are grouped further if this is necessary"
-    )
+    opposite_repeats: Whole = 0
+    """number of repeats of a condition in which the touches come in the opposite order, so that the
+    opposite answer is expected"""
+    group_by_beam: Grouping = "no"
+    """whether trials with the same beam come together, within each block or over the session;
+    carry-over is then not balanced"""
+    max_beam_swaps: Whole | None = None
+    """largest number per session; trials are grouped further if this is necessary"""
     break_every_blocks: Whole = setting(0, "number of blocks between two breaks; 0: no break")
     break_s: LongPause = setting(60.0, "shortest duration of a break")
-    tracks: Literal["interleaved", "one after another"] = setting(
-        "interleaved",
-        "how the trials of several `[[track]]` follow each other, after those of the conditions; "
-        "interleaved: each comes once, in random order, before one comes again",
-    )
-    track_block: Count = setting(
-        40, "number of trials of tracks in a block, between which breaks and questions come", le=500
-    )
+    tracks: Literal["interleaved", "one after another"] = "interleaved"
+    """how the trials of several `[[track]]` follow each other, after those of the conditions;
+    interleaved: each comes once, in random order, before one comes again"""
+    track_block: Count = setting(40, le=500)
+    """number of trials of tracks in a block, between which breaks and questions come"""
     sessions: Count = setting(1, "number of sessions of each participant", le=50)
-    hours_between: tuple[NotNegative, Positive] | None = setting(
-        None,
-        "least and most hours from the end of a participant's session to the beginning of the "
-        "next; `run --override` lets one begin at another time",
-    )
-    participants: Count | None = setting(
-        None, "planned size of the cohort; by default that of all groups together", le=10_000
-    )
-    assign_groups: Literal["by the operator", "at random", "by an answer"] = setting(
-        "by the operator",
-        "who says to which `[[group]]` a participant belongs: the operator, with `run --group`; "
-        "chance, in blocks that hold every group in proportion to its size; or the answer to a "
-        "question that the operator is asked",
-    )
+    hours_between: tuple[NotNegative, Positive] | None = None
+    """least and most hours from the end of a participant's session to the beginning of the next;
+    `run --override` lets one begin at another time"""
+    participants: Count | None = setting(None, le=10_000)
+    """planned size of the cohort; by default that of all groups together"""
+    assign_groups: Literal["by the operator", "at random", "by an answer"] = "by the operator"
+    """who says to which `[[group]]` a participant belongs: the operator, with `run --group`;
+    chance, in blocks that hold every group in proportion to its size; or the answer to a question
+    that the operator is asked"""
 
     @model_validator(mode="after")
     def _some_hours_are_left(self) -> Self:
@@ -298,11 +246,9 @@ PAPERS_BANDS = {
 class Rating(Record):
     """When and on which scale the effect is scored, and how the scores are named."""
 
-    score_when: Literal["agrees", "noticed", "always"] = setting(
-        "agrees",
-        "ask for the score only if the answer agrees with the expectation, if it says that "
-        "anything changed, or always",
-    )
+    score_when: Literal["agrees", "noticed", "always"] = "agrees"
+    """ask for the score only if the answer agrees with the expectation, if it says that anything
+    changed, or always"""
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
     ticks: Literal["all", "bands", "ends"] = setting("all", "which scores are marked on the scale")
@@ -353,15 +299,9 @@ class Forecast(Record):
     `residual_sd` is that about each person's own line (27 df); the others are M2's medians.
     """
 
-    residual_sd: Positive = setting(
-        1.48, "SD of a score about the participant's own line, points", le=10
-    )
-    off_the_line_sd: NotNegative = setting(
-        1.8,
-        "SD between conditions of what they add for everybody beside the "
-        "predicted contrast, points",
-        le=10,
-    )
-    gain_sd: NotNegative = setting(
-        4.1, "SD of gains between people, points per unit of contrast", le=1000
-    )
+    residual_sd: Positive = setting(1.48, le=10)
+    """SD of a score about the participant's own line, points"""
+    off_the_line_sd: NotNegative = setting(1.8, le=10)
+    """SD between conditions of what they add for everybody beside the predicted contrast, points"""
+    gain_sd: NotNegative = setting(4.1, le=1000)
+    """SD of gains between people, points per unit of contrast"""

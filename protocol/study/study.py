@@ -31,11 +31,8 @@ class Item(Record):
 
     question: Question | None = setting(None, "what is asked after the last touch")
     expected: str | None = setting(None, "the answer that agrees with the expectation")
-    touches: tuple[Touch, ...] = Field(
-        min_length=1,
-        max_length=12,
-        description="the touches in their order; a table each, see below",
-    )
+    touches: tuple[Touch, ...] = Field(min_length=1, max_length=12)
+    """the touches in their order; a table each, see below"""
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
@@ -55,9 +52,8 @@ AnyItem = TypeVar("AnyItem", bound=Item)
 class Opening(Item):
     """A trial that every session begins with; it is not scored."""
 
-    kind: Literal["baseline", "signal"] = Field(
-        description="without a signal (0 V), or with the first one"
-    )
+    kind: Literal["baseline", "signal"]
+    """without a signal (0 V), or with the first one"""
 
 
 class Condition(Item):
@@ -79,13 +75,9 @@ class Condition(Item):
     name: Annotated[Name, Field(description="name in tables and reports")]
     question: Annotated[Question, Field(description="what is asked after the last touch")]
     expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
-    levels: tuple[Level, ...] = setting(
-        (1.0,),
-        "the repeats take these levels in random order; a level multiplies every "
-        "amplitude of its trial, so that predicted contrasts are spread",
-        min_length=1,
-        max_length=20,
-    )
+    levels: tuple[Level, ...] = setting((1.0,), min_length=1, max_length=20)
+    """the repeats take these levels in random order; a level multiplies every amplitude of its
+    trial, so that predicted contrasts are spread"""
 
 
 class Header(Record):
@@ -102,80 +94,55 @@ class Study(Record):
     study: Annotated[Header, Field(description="Which study this is.")]
     # Records are frozen, so that a default can be one record that all studies share.
     rig: Rig = setting(Rig(), "The device, and limits that no trial may exceed.")
-    force_channel: ForceChannel = setting(
-        ForceChannel(), "Forces and position, recorded at a high rate during each touch."
-    )
-    touch: TouchDefaults = setting(
-        TouchDefaults(), "How the finger touches unless a trial says otherwise."
-    )
-    beams: dict[Name, Spacing] = Field(
-        default_factory=dict,
-        description="Beams by name, each with the spacing of its ciliary bodies in m, "
-        "at most 0.05; 0 means none.",
-    )
-    slide: Slide = setting(
-        Slide(),
-        "The sliding experiment (paper, section 5.1), which `touchbeam slide` runs "
-        "without a participant.",
-    )
+    force_channel: ForceChannel = ForceChannel()
+    """Forces and position, recorded at a high rate during each touch."""
+    touch: TouchDefaults = TouchDefaults()
+    """How the finger touches unless a trial says otherwise."""
+    beams: dict[Name, Spacing] = Field(default_factory=dict)
+    """Beams by name, each with the spacing of its ciliary bodies in m, at most 0.05; 0 means
+    none."""
+    slide: Slide = Slide()
+    """The sliding experiment (paper, section 5.1), which `touchbeam slide` runs without a
+    participant."""
     design: rules.Design = setting(rules.Design(), "Which trials there are, and their order.")
-    timing: rules.Timing = setting(
-        rules.Timing(), "Pauses, and assumptions about how long people take."
-    )
+    timing: rules.Timing = rules.Timing()
+    """Pauses, and assumptions about how long people take."""
     rating: rules.Rating = setting(rules.Rating(), "When and how the effect is scored.")
-    forecast: rules.Forecast = setting(
-        rules.Forecast(),
-        "What `touchbeam check` assumes about ratings when it forecasts precision. "
-        "The numbers are for a scale of 0 to 10, also if the study has another one.",
-    )
-    session: rules.SessionRules = setting(
-        rules.SessionRules(), "How a session is conducted and resumed."
-    )
-    as_instructed: rules.TouchRules = setting(
-        rules.TouchRules(),
-        "When a touch was made as instructed, and what follows if it was not. A "
-        "rig without sensors of force and position judges no touch.",
-    )
-    exclusions: rules.Exclusions = setting(
-        rules.Exclusions(), "Rules, decided before the data, on who and what is left out."
-    )
-    publication: rules.Publication = setting(
-        rules.Publication(), "Facts for exported data that only the author knows."
-    )
+    forecast: rules.Forecast = rules.Forecast()
+    """What `touchbeam check` assumes about ratings when it forecasts precision. The numbers are for
+    a scale of 0 to 10, also if the study has another one."""
+    session: rules.SessionRules = rules.SessionRules()
+    """How a session is conducted and resumed."""
+    as_instructed: rules.TouchRules = rules.TouchRules()
+    """When a touch was made as instructed, and what follows if it was not. A rig without sensors of
+    force and position judges no touch."""
+    exclusions: rules.Exclusions = rules.Exclusions()
+    """Rules, decided before the data, on who and what is left out."""
+    publication: rules.Publication = rules.Publication()
+    """Facts for exported data that only the author knows."""
     # Any name will do for a key, because a touch may name one as its instruction. What is neither
     # that nor built in is refused by `text_checks`.
     texts: dict[KnownCode, dict[Name, Annotated[str, Field(min_length=1)]]] = Field(
         default_factory=dict, description="Texts that replace the built-in ones, per language."
     )
-    languages: dict[Code, Language] = Field(
-        default_factory=dict,
-        description="Languages of the study's own, before the built-in ones: each a file "
-        "`texts/CODE.toml` beside the study file.",
-    )
-    question: tuple[StudyQuestion, ...] = setting(
-        (), "Questions of the study's own, in the order of asking.", max_length=40
-    )
+    languages: dict[Code, Language] = Field(default_factory=dict)
+    """Languages of the study's own, before the built-in ones: each a file `texts/CODE.toml` beside
+    the study file."""
+    question: tuple[StudyQuestion, ...] = setting((), max_length=40)
+    """Questions of the study's own, in the order of asking."""
     page: tuple[InstructionPage, ...] = setting((), "Pages to read, in their order.", max_length=40)
-    pictures: dict[str, Line] = Field(
-        default_factory=dict,
-        description="Digests of the pictures (SHA-256), by name: `touchbeam` reads the files "
-        "and adds them to the study, so that a changed picture is a changed study.",
-    )
+    pictures: dict[str, Line] = Field(default_factory=dict)
+    """Digests of the pictures (SHA-256), by name: `touchbeam` reads the files and adds them to the
+    study, so that a changed picture is a changed study."""
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
-    group: tuple[Group, ...] = setting(
-        (), "Groups of participants, between whom results are compared.", max_length=12
-    )
-    factor: tuple[Factor, ...] = setting(
-        (), "What varies, and is crossed into conditions.", max_length=6
-    )
-    condition: tuple[Condition, ...] = setting(
-        (),
-        "What is changed, and scored; a study has conditions, tracks or both.",
-        max_length=MOST_CONDITIONS,
-    )
-    track: tuple[Track, ...] = setting(
-        (), "Thresholds: questions asked again and again, at levels chosen.", max_length=20
-    )
+    group: tuple[Group, ...] = setting((), max_length=12)
+    """Groups of participants, between whom results are compared."""
+    factor: tuple[Factor, ...] = setting((), max_length=6)
+    """What varies, and is crossed into conditions."""
+    condition: tuple[Condition, ...] = setting((), max_length=MOST_CONDITIONS)
+    """What is changed, and scored; a study has conditions, tracks or both."""
+    track: tuple[Track, ...] = setting((), max_length=20)
+    """Thresholds: questions asked again and again, at levels chosen."""
 
     @model_validator(mode="after")
     def _worked_out(self) -> Self:

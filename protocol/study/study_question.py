@@ -166,11 +166,9 @@ SCORE = "score"
 class AskedIf(Record):
     """The answer on which a question depends."""
 
-    question: Line = setting(
-        ...,
-        "a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, "
-        "`no`), `agrees` (`yes`, `no`) or `score`",
-    )
+    question: Line
+    """a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, `no`),
+    `agrees` (`yes`, `no`) or `score`"""
     answers: tuple[Name, ...] = setting((), "answers after which it is asked", alias="is")
     at_least: Place | None = setting(None, "smallest number after which it is asked")
     at_most: Place | None = setting(None, "largest number after which it is asked")
@@ -192,42 +190,31 @@ class StudyQuestion(Record):
     """A question of the study's own; its name becomes a column of exported data."""
 
     name: Identifier = Field(description="name in the data: small letters, digits and `_`")
-    kind: Kind = Field(
-        description="`choice`: one of the labels; `several`: any number of them; `scale`: "
-        "steps of a scale; `analogue`: a place on a line, 0 to 100 in steps of 0.1; `number`; "
-        "`text`"
-    )
-    when: When = setting(
-        "trial",
-        "`trial`: after the trials of conditions, also practice and catch trials; "
-        "`block`: after each block; `before` the first trial or `after` the last one; "
-        "`desk`: of the operator, before the first trial",
-    )
-    conditions: tuple[Name, ...] = setting(
-        (), 'for `when = "trial"`: only after trials of these; none: after all'
-    )
-    sessions: Literal["every", "first"] = setting(
-        "every", "whether it is asked in every session of a participant"
-    )
-    required: bool = setting(
-        True, "whether it must be answered; if not, it may be skipped", strict=True
-    )
-    asked_if: AskedIf | None = setting(
-        None, "only after this answer: a table, see below; always without it"
-    )
-    text: dict[KnownCode, _Shown] = Field(
-        default_factory=dict, description="the question, by the language's code"
-    )
+    kind: Kind
+    """`choice`: one of the labels; `several`: any number of them; `scale`: steps of a scale;
+    `analogue`: a place on a line, 0 to 100 in steps of 0.1; `number`; `text`"""
+    when: When = "trial"
+    """`trial`: after the trials of conditions, also practice and catch trials; `block`: after each
+    block; `before` the first trial or `after` the last one; `desk`: of the operator, before the
+    first trial"""
+    conditions: tuple[Name, ...] = ()
+    """for `when = "trial"`: only after trials of these; none: after all"""
+    sessions: Literal["every", "first"] = "every"
+    """whether it is asked in every session of a participant"""
+    required: bool = setting(True, strict=True)
+    """whether it must be answered; if not, it may be skipped"""
+    asked_if: AskedIf | None = None
+    """only after this answer: a table, see below; always without it"""
+    text: dict[KnownCode, _Shown] = Field(default_factory=dict)
+    """the question, by the language's code"""
     labels: tuple[Label, ...] = setting((), "answers, or labels of a scale; a table each")
     minimum: Place | None = setting(None, "lowest place on a `scale`, or smallest `number`")
     maximum: Place | None = setting(None, "highest place on a `scale`, or largest `number`")
-    step: Positive | None = setting(
-        None, "distance between places of a `scale`; by default 1", le=1e6
-    )
+    step: Positive | None = setting(None, le=1e6)
+    """distance between places of a `scale`; by default 1"""
     ticks: Literal["all", "labels", "ends"] = setting("all", "which places are marked on a `scale`")
-    decimals: Whole | None = setting(
-        None, "largest number of decimals of a `number`; by default 0", le=6
-    )
+    decimals: Whole | None = setting(None, le=6)
+    """largest number of decimals of a `number`; by default 0"""
     unit: _Shown | None = setting(None, "unit of a `number`, shown beside it and in exported data")
     max_length: Count | None = setting(None, "longest `text`, in characters; by default 60", le=200)
 
@@ -442,10 +429,8 @@ class InstructionPage(Record):
 
     before: Literal["session", "practice", "block"] = setting("session", "what the page introduces")
     block: Count | None = setting(None, "number of the block, from 1; none: every block")
-    text: dict[KnownCode, LongText] = Field(
-        default_factory=dict,
-        description="the text, by the language's code; a line feed begins a new line",
-    )
+    text: dict[KnownCode, LongText] = Field(default_factory=dict)
+    """the text, by the language's code; a line feed begins a new line"""
     picture: Filename | None = setting(None, "a PNG or JPEG file in the study's folder")
 
 

@@ -42,27 +42,20 @@ class TouchDefaults(Record):
     # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
     contact_m: Positive = setting(0.010, "length of beam under one finger", ge=0.001, le=0.1)
     # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
-    sliding_speed_m_s: Positive = setting(
-        0.04, "speed of the mark that paces the finger", ge=0.001, le=1
-    )
-    path_m: Way = setting(
-        (0.010, 0.081), "the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"
-    )
-    smooth_place_m: OnBeam = setting(
-        0.0414, "the place to touch without sliding, right edge of the finger"
-    )
+    sliding_speed_m_s: Positive = setting(0.04, ge=0.001, le=1)
+    """speed of the mark that paces the finger"""
+    path_m: Way = (0.010, 0.081)
+    """the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"""
+    smooth_place_m: OnBeam = 0.0414
+    """the place to touch without sliding, right edge of the finger"""
     hold_s: TouchTime = setting(2.0, "how long this place is touched")
     # The finger is put on the beam meanwhile; after a minute nobody remembers the instruction.
-    lead_in_s: NotNegative = setting(
-        3.0,
-        "how long the mark rests before a touch, with the first drive on; longer "
-        "if the soft start takes longer",
-        le=60,
-    )
+    lead_in_s: NotNegative = setting(3.0, le=60)
+    """how long the mark rests before a touch, with the first drive on; longer if the soft start
+    takes longer"""
     countdown: bool = setting(True, "whether 3, 2, 1 is shown during `lead_in_s`", strict=True)
-    beam: Name | None = setting(
-        None, "the beam that is mounted unless a touch names another one of `[beams]`"
-    )
+    beam: Name | None = None
+    """the beam that is mounted unless a touch names another one of `[beams]`"""
 
 
 class Touch(Record):
@@ -76,21 +69,18 @@ class Touch(Record):
     voltage_v: Annotated[NotNegative, Field(description="amplitude (peak) at the start")]
     ramp_to_v: NotNegative | None = setting(None, "amplitude (peak) at the end of a ramp")
     frequency: Relative = setting(1.0, "frequency of the drive, relative to the measured resonance")
-    frequency_hz: Hertz | None = setting(
-        None, "instead of `frequency`: a drive that does not follow the resonance"
-    )
+    frequency_hz: Hertz | None = None
+    """instead of `frequency`: a drive that does not follow the resonance"""
     sweep_to: Relative | None = setting(None, "frequency at the end of a sweep, likewise relative")
     sweep_to_hz: Hertz | None = setting(None, "instead of `sweep_to`")
     direction: Direction = setting("right", "direction of the sliding finger")
     coverage: Coverage = setting("local", "one finger, or several that cover the beam")
     press: Relative = setting(1.0, "touch force, relative to `touch.force_n`; above 1 is harder")
     beam: Name | None = setting(None, "one of `[beams]`; the operator mounts it first")
-    duration_s: TouchTime | None = setting(
-        None, "instead of `touch.hold_s` or the time the path takes"
-    )
-    instruction: Name | None = setting(
-        None, "key of the text that replaces the built-in instruction"
-    )
+    duration_s: TouchTime | None = None
+    """instead of `touch.hold_s` or the time the path takes"""
+    instruction: Name | None = None
+    """key of the text that replaces the built-in instruction"""
 
     @property
     def end_voltage_v(self) -> float:
@@ -249,34 +239,23 @@ class Slide(Record):
     voltage_v: Positive = setting(100.0, "amplitude (peak) of every driven pass")
     # Friction at 23,200 Hz, the paper's only drive, hardly depends on the damping: a fit needs
     # passes on both sides of the resonance.
-    frequencies: tuple[Relative, ...] = setting(
-        _AROUND_RESONANCE,
-        "frequencies of the drives, relative to the measured resonance",
-        max_length=50,
-    )
-    frequencies_hz: tuple[Hertz, ...] = setting(
-        (23_200.0,), "fixed frequencies of further drives, in Hz", max_length=50
-    )
-    references: Whole = setting(
-        3, "how often the block is drawn without a drive (0 V), spread from first to last", le=50
-    )
-    repeats: Count = setting(
-        1, "how often each driven pass is made; all come once before one comes again", le=20
-    )
-    directions: tuple[Direction, ...] = setting(
-        ("right",), "directions of the block", min_length=1, max_length=2
-    )
+    frequencies: tuple[Relative, ...] = setting(_AROUND_RESONANCE, max_length=50)
+    """frequencies of the drives, relative to the measured resonance"""
+    frequencies_hz: tuple[Hertz, ...] = setting((23_200.0,), max_length=50)
+    """fixed frequencies of further drives, in Hz"""
+    references: Whole = setting(3, le=50)
+    """how often the block is drawn without a drive (0 V), spread from first to last"""
+    repeats: Count = setting(1, le=20)
+    """how often each driven pass is made; all come once before one comes again"""
+    directions: tuple[Direction, ...] = setting(("right",), min_length=1, max_length=2)
+    """directions of the block"""
     # A hand keeps no lower speed, and at 1 m/s a pass is over at once.
     speeds_m_s: tuple[Annotated[Positive, Field(ge=0.001, le=1)], ...] = setting(
         (0.005,), "speeds of the mark that paces the block", min_length=1, max_length=10
     )
-    paths_m: tuple[Way, ...] = setting(
-        ((0.010, 0.081),),
-        "where the block is drawn (its right edge, clamp at 0): the whole way, or "
-        "parts around places of interest",
-        min_length=1,
-        max_length=20,
-    )
+    paths_m: tuple[Way, ...] = setting(((0.010, 0.081),), min_length=1, max_length=20)
+    """where the block is drawn (its right edge, clamp at 0): the whole way, or parts around places
+    of interest"""
     beam: Name | None = setting(None, "one of `[beams]`, instead of `touch.beam`")
 
     @model_validator(mode="after")

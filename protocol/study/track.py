@@ -32,9 +32,8 @@ class TrackTouch(Touch):
     """A touch of a track: one as elsewhere, at a voltage or a place that the axis may fill in."""
 
     voltage_v: NotNegative = setting(0.0, "amplitude (peak)")
-    place_m: OnBeam | None = setting(
-        None, "on the axis `place`: where the beam is touched, instead of `touch.smooth_place_m`"
-    )
+    place_m: OnBeam | None = None
+    """on the axis `place`: where the beam is touched, instead of `touch.smooth_place_m`"""
 
     @property
     def own_place_m(self) -> float | None:
@@ -48,12 +47,10 @@ class Levels(Record):
     first: NotNegative | None = setting(None, "one end", alias="from")
     last: NotNegative | None = setting(None, "the other end", alias="to")
     count: Count | None = setting(None, "number of levels, both ends included", le=MOST_LEVELS)
-    spaced: Literal["equal ratios", "equal steps"] = setting(
-        "equal ratios", "between neighbours; equal ratios are equal steps in dB"
-    )
-    listed: tuple[NotNegative, ...] = setting(
-        (), "each level, instead of a range", alias="values", max_length=MOST_LEVELS
-    )
+    spaced: Literal["equal ratios", "equal steps"] = "equal ratios"
+    """between neighbours; equal ratios are equal steps in dB"""
+    listed: tuple[NotNegative, ...] = setting((), alias="values", max_length=MOST_LEVELS)
+    """each level, instead of a range"""
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -87,9 +84,8 @@ class Stop(Record):
     """When a track ends before its last trial: as soon as one of these is reached."""
 
     reversals: Count | None = setting(None, "this many reversals, of a staircase or of limits")
-    interval_db: Positive | None = setting(
-        None, "a 95% interval of the threshold that is no wider than this"
-    )
+    interval_db: Positive | None = None
+    """a 95% interval of the threshold that is no wider than this"""
 
 
 Steps = tuple[Positive, ...]
@@ -103,97 +99,58 @@ class Track(Record):
     """
 
     name: Annotated[Name, Field(description="name in tables and reports")]
-    task: Annotated[
-        Task,
-        Field(
-            description="find the interval with the comparison among two, the different one among "
-            "three, or say whether it was felt"
-        ),
-    ]
+    task: Task
+    """find the interval with the comparison among two, the different one among three, or say
+    whether it was felt"""
     method: Annotated[Method, Field(description="what chooses the level of the next trial")]
-    axis: Annotated[
-        Axis,
-        Field(
-            description="what the levels are: V; a frequency relative to the resonance; the "
-            "contrast of friction against the standard that is predicted for the calibrated rig; "
-            "m on the beam"
-        ),
-    ]
+    axis: Axis
+    """what the levels are: V; a frequency relative to the resonance; the contrast of friction
+    against the standard that is predicted for the calibrated rig; m on the beam"""
     levels: Annotated[Levels, Field(description="all levels there are; see below")]
-    standard: TrackTouch | None = setting(
-        None, "the touch that the comparison is told from; in yes or no, that without a stimulus"
-    )
-    comparison: Annotated[
-        TrackTouch, Field(description="the touch at a level: the axis fills in the missing key")
-    ]
-    trials: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=MOST_TRIALS,
-            strict=True,
-            description="largest number of trials at levels that the method chooses",
-        ),
-    ]
-    find: Find | None = setting(
-        None,
-        "what participants are asked for: which touch was it, or in yes or no, was it so; by "
-        "default `smoother` in two intervals, else `different`",
-    )
+    standard: TrackTouch | None = None
+    """the touch that the comparison is told from; in yes or no, that without a stimulus"""
+    comparison: TrackTouch
+    """the touch at a level: the axis fills in the missing key"""
+    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS, strict=True)]
+    """largest number of trials at levels that the method chooses"""
+    find: Find | None = None
+    """what participants are asked for: which touch was it, or in yes or no, was it so; by default
+    `smoother` in two intervals, else `different`"""
     stop: Stop | None = setting(None, "when the track ends sooner; see below")
-    catch: Whole = setting(
-        0, "trials beside these with the standard in every interval, for false alarms", le=100
-    )
+    catch: Whole = setting(0, le=100)
+    """trials beside these with the standard in every interval, for false alarms"""
     easy: Whole = setting(0, "trials beside these at the easiest level, for lapses", le=100)
-    feedback: bool = setting(
-        False, "whether participants read if they were right, after each trial", strict=True
-    )
-    threshold_at: Share | None = setting(
-        None,
-        "the share correct (or of yes) that defines the threshold, of somebody without lapses; by "
-        "default half-way from chance to 1: 0.75, 0.667 or 0.5",
-    )
-    start: NotNegative | None = setting(
-        None, "first level of a staircase, the easiest by default; one of the levels"
-    )
-    rule: Annotated[str, Field(pattern=r"^[1-9] down [1-9] up$")] | None = setting(
-        None,
-        'of a staircase: `"3 down 1 up"` is harder after 3 correct answers and easier after an '
-        "error",
-    )
-    step_db: Steps = setting(
-        (),
-        "steps of a staircase in dB, the next one after each reversal and the last one to the end",
-        max_length=20,
-    )
-    step_levels: tuple[Count, ...] = setting(
-        (), "instead of `step_db`: steps as numbers of levels", max_length=20
-    )
-    up_step_db: Steps = setting(
-        (), "weighted: the steps towards easier levels, if they are others", max_length=20
-    )
+    feedback: bool = setting(False, strict=True)
+    """whether participants read if they were right, after each trial"""
+    threshold_at: Share | None = None
+    """the share correct (or of yes) that defines the threshold, of somebody without lapses; by
+    default half-way from chance to 1: 0.75, 0.667 or 0.5"""
+    start: NotNegative | None = None
+    """first level of a staircase, the easiest by default; one of the levels"""
+    rule: Annotated[str, Field(pattern=r"^[1-9] down [1-9] up$")] | None = None
+    """of a staircase: `"3 down 1 up"` is harder after 3 correct answers and easier after an
+    error"""
+    step_db: Steps = setting((), max_length=20)
+    """steps of a staircase in dB, the next one after each reversal and the last one to the end"""
+    step_levels: tuple[Count, ...] = setting((), max_length=20)
+    """instead of `step_db`: steps as numbers of levels"""
+    up_step_db: Steps = setting((), max_length=20)
+    """weighted: the steps towards easier levels, if they are others"""
     up_step_levels: tuple[Count, ...] = setting((), "likewise as numbers of levels", max_length=20)
-    streak: Literal["consecutive", "cumulative"] = setting(
-        "consecutive", "cumulative: an error does not reset the count of correct answers"
-    )
-    first_reversal: Literal["by the rule", "1 down 1 up"] = setting(
-        "by the rule", "how a staircase moves until its first reversal"
-    )
-    slope: Range | None = setting(
-        None,
-        "of the curve, from least to most: Weibull's exponent, 1 to 5 by default, or of `normal` "
-        "the inverse of its SD in units of the axis",
-    )
+    streak: Literal["consecutive", "cumulative"] = "consecutive"
+    """cumulative: an error does not reset the count of correct answers"""
+    first_reversal: Literal["by the rule", "1 down 1 up"] = "by the rule"
+    """how a staircase moves until its first reversal"""
+    slope: Range | None = None
+    """of the curve, from least to most: Weibull's exponent, 1 to 5 by default, or of `normal` the
+    inverse of its SD in units of the axis"""
     lapse: Range = setting((0.0, 0.08), "of the lapse rate, from least to most")
-    false_alarms: Range = setting(
-        (0.02, 0.4),
-        "of yes or no: the share of yes without a stimulus, from least to most, that QUEST+ and "
-        "the estimate reckon with",
-    )
+    false_alarms: Range = (0.02, 0.4)
+    """of yes or no: the share of yes without a stimulus, from least to most, that QUEST+ and the
+    estimate reckon with"""
     shape: Shape = setting("weibull", "of the curve that QUEST+ and the estimate assume")
-    mercy: Whole = setting(
-        0, "of QUEST+: for this many trials after an error no level is harder than that one", le=20
-    )
+    mercy: Whole = setting(0, le=20)
+    """of QUEST+: for this many trials after an error no level is harder than that one"""
 
     @property
     def found(self) -> Find:

@@ -78,7 +78,6 @@ class Limits:
     amplifier: Amplifier = field(default_factory=Amplifier)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Setpoint(CommandedDrive):
     """A drive that can be checked against the limits of a rig."""
 

@@ -8,17 +8,20 @@ from this module.
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 from protocol.journal import records
-from protocol.journal.json_record import JsonRecord, Key, absent
+from protocol.journal.json_record import JsonRecord, absent, key, sparse
 
 
-@dataclass(frozen=True, kw_only=True)
 class Event(JsonRecord):
     """Something that happened; its fields are the keys of its payload."""
 
     TAG: ClassVar[str]
+
+    def __init_subclass__(cls, tag: str) -> None:
+        super().__init_subclass__()
+        cls.TAG = tag
 
 
 SLIDE = "slide"
@@ -29,414 +32,288 @@ NOBODY = frozenset({SLIDE, SCRIPT})
 """Stand for the participant where there is none: no report, export or slot counts them."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionOpened(Event):
+class SessionOpened(Event, tag="session-opened"):
     """A session begins: its participant and the whole plan."""
 
-    TAG: ClassVar = "session-opened"
     REQUIRED: ClassVar = frozenset({"participant", "session", "kind", "conditions", "trials"})
     """The keys that every reader of a session needs."""
 
-    participant: Annotated[
-        str, Key("pseudonym of the participant; `slide` or `script` where there is none")
-    ]
-    session: Annotated[int, Key("number of the session, from 1", missing=1)]
-    kind: Annotated[str, Key("`participant`, `rehearsal`, `slide` or `script`")]
-    study: Annotated[str, Key("name of the study", missing="")]
-    slot: Annotated[int | None, Key("place in the counterbalanced order, from 0", missing=None)]
-    sequence: Annotated[tuple[str, ...], Key("conditions in the order of the plan", missing=())]
-    conditions: Annotated[tuple[str, ...], Key("conditions in the order of the study file")]
-    study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
-    study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
-    trials: Annotated[tuple[records.PlannedTrial, ...], Key("all planned trials", missing=())]
-    language: Annotated[str | None, Key("code of the participant's language", missing=None)]
-    consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
-    seed: Annotated[
-        int | None, Key("of the simulated device and the virtual participant", missing=None)
-    ]
+    participant: str = key("pseudonym of the participant; `slide` or `script` where there is none")
+    session: int = key("number of the session, from 1", missing=1)
+    kind: str = key("`participant`, `rehearsal`, `slide` or `script`")
+    study: str = key("name of the study", missing="")
+    slot: int | None = key("place in the counterbalanced order, from 0", missing=None)
+    sequence: tuple[str, ...] = key("conditions in the order of the plan", missing=())
+    conditions: tuple[str, ...] = key("conditions in the order of the study file")
+    study_sha256: str | None = key("digest of the study file", missing=None)
+    study_text: str | None = key("the study file, with its own languages", missing=None)
+    trials: tuple[records.PlannedTrial, ...] = key("all planned trials", missing=())
+    language: str | None = key("code of the participant's language", missing=None)
+    consent: str | None = key("reference of the signed consent, if any", missing=None)
+    seed: int | None = key("of the simulated device and the virtual participant", missing=None)
     virtual: records.VirtualTruth | None = absent(
         None, "the true parameters, if the participant is virtual"
     )
-    versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
-    group: str | None = absent(
-        None, "name of the participant's group, if the study has groups", sparse=True
-    )
-    override: str | None = absent(
-        None, "why it began before or after it was due, if it did", sparse=True
-    )
+    versions: Mapping[str, str] = key("of touchbeam and Python", missing={})
+    group: str | None = sparse("name of the participant's group, if the study has groups")
+    override: str | None = sparse("why it began before or after it was due, if it did")
     answer_order: str = absent("forward", "of the answers to choose from: `forward` or `reversed`")
-    registration: str | None = absent(
-        None, "digest of the registration that seeds the plan, if any", sparse=True
-    )
-    calibration: records.RigCalibration | None = absent(
-        None, "the rig's calibration in force, if there is one", sparse=True
+    registration: str | None = sparse("digest of the registration that seeds the plan, if any")
+    calibration: records.RigCalibration | None = sparse(
+        "the rig's calibration in force, if there is one"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionResumed(Event):
+class SessionResumed(Event, tag="session-resumed"):
     """An interrupted session continues; everything that may have changed is recorded again."""
 
-    TAG: ClassVar = "session-resumed"
-
-    study_sha256: Annotated[str | None, Key("digest of the study file", missing=None)]
-    study_text: Annotated[str | None, Key("the study file, with its own languages", missing=None)]
-    trials: Annotated[
-        tuple[records.PlannedTrial, ...], Key("all trials as planned under it", missing=())
-    ]
-    language: Annotated[str | None, Key("code of the participant's language", missing=None)]
-    consent: Annotated[str | None, Key("reference of the signed consent, if any", missing=None)]
-    seed: Annotated[
-        int | None, Key("of the simulated device and the virtual participant", missing=None)
-    ]
+    study_sha256: str | None = key("digest of the study file", missing=None)
+    study_text: str | None = key("the study file, with its own languages", missing=None)
+    trials: tuple[records.PlannedTrial, ...] = key("all trials as planned under it", missing=())
+    language: str | None = key("code of the participant's language", missing=None)
+    consent: str | None = key("reference of the signed consent, if any", missing=None)
+    seed: int | None = key("of the simulated device and the virtual participant", missing=None)
     virtual: records.VirtualTruth | None = absent(
         None, "the true parameters, if the participant is virtual"
     )
-    versions: Annotated[Mapping[str, str], Key("of touchbeam and Python", missing={})]
-    registration: str | None = absent(
-        None, "digest of the registration that seeds the plan, if any", sparse=True
-    )
-    calibration: records.RigCalibration | None = absent(
-        None, "the rig's calibration in force, if there is one", sparse=True
+    versions: Mapping[str, str] = key("of touchbeam and Python", missing={})
+    registration: str | None = sparse("digest of the registration that seeds the plan, if any")
+    calibration: records.RigCalibration | None = sparse(
+        "the rig's calibration in force, if there is one"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PracticeRenewed(Event):
+class PracticeRenewed(Event, tag="practice-renewed"):
     """Practice is repeated, after an interruption or too few touches as instructed."""
 
-    TAG: ClassVar = "practice-renewed"
-
-    indices: Annotated[tuple[int, ...], Key("numbers of the practice trials")]
+    indices: tuple[int, ...] = key("numbers of the practice trials")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeviceArmed(records.Identity, Event):
+class DeviceArmed(records.Identity, Event, tag="device-armed"):
     """The device has identified itself, its limits are set, and its output is off."""
 
-    TAG: ClassVar = "device-armed"
 
-
-@dataclass(frozen=True, kw_only=True)
-class WatchdogTested(Event):
+class WatchdogTested(Event, tag="watchdog-tested"):
     """The device heard nothing for longer than its watchdog's time, with its output on at 0 V."""
 
-    TAG: ClassVar = "watchdog-tested"
-
-    tripped: Annotated[bool, Key("whether it turned its output off")]
-    idn: Annotated[str, Key("answer of the device to `*IDN?`")]
-    address: Annotated[str, Key("where it was reached: `sim`, a serial port or a URL")]
+    tripped: bool = key("whether it turned its output off")
+    idn: str = key("answer of the device to `*IDN?`")
+    address: str = key("where it was reached: `sim`, a serial port or a URL")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigDescribed(Event):
+class RigDescribed(Event, tag="rig-described"):
     """The operator has answered the study's questions about the rig."""
 
-    TAG: ClassVar = "rig-described"
-
-    answers: Annotated[
-        Mapping[str, str],
-        Key("answer to each question, such as skin state, room temperature, cleaning", missing={}),
-    ]
+    answers: Mapping[str, str] = key(
+        "answer to each question, such as skin state, room temperature, cleaning", missing={}
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
-class BeamMounted(Event):
+class BeamMounted(Event, tag="beam-mounted"):
     """The operator has mounted a beam, with the output off."""
 
-    TAG: ClassVar = "beam-mounted"
-
-    beam: Annotated[str, Key("its name")]
+    beam: str = key("its name")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResonanceMeasured(Event):
+class ResonanceMeasured(Event, tag="resonance-measured"):
     """The beam's resonance has been measured."""
 
-    TAG: ClassVar = "resonance-measured"
-
-    frequency_hz: Annotated[float, Key("frequency of the peak, Hz")]
-    tip_m_per_v: Annotated[float, Key("amplitude of the beam's tip at the peak, m per V")]
+    frequency_hz: float = key("frequency of the peak, Hz")
+    tip_m_per_v: float = key("amplitude of the beam's tip at the peak, m per V")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialStarted(Event):
+class TrialStarted(Event, tag="trial-started"):
     """A trial begins, for the first time or again."""
 
-    TAG: ClassVar = "trial-started"
-
-    index: Annotated[int, Key("number of the trial")]
-    kind: Annotated[str, Key("its kind, as planned")]
+    index: int = key("number of the trial")
+    kind: str = key("its kind, as planned")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TouchStarted(Event):
+class TouchStarted(Event, tag="touch-started"):
     """A touch begins; written before the output is switched on."""
 
-    TAG: ClassVar = "touch-started"
-
-    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
-    commanded: Annotated[records.CommandedDrive, Key("the drive at its beginning")]
-    instruction: Annotated[
-        records.InstructionResponse | None, Key("how the participant got ready", missing=None)
-    ]
+    touch: int = key("number of the touch in its trial, from 0")
+    commanded: records.CommandedDrive = key("the drive at its beginning")
+    instruction: records.InstructionResponse | None = key(
+        "how the participant got ready", missing=None
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TouchRecorded(records.Recording, Event):
+class TouchRecorded(records.Recording, Event, tag="touch-recorded"):
     """What the force channel recorded; written after the output is off, before `touch-ended`."""
 
-    TAG: ClassVar = "touch-recorded"
-
-    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
+    touch: int = key("number of the touch in its trial, from 0")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TouchEnded(Event):
+class TouchEnded(Event, tag="touch-ended"):
     """A touch is over; written after the output is off."""
 
-    TAG: ClassVar = "touch-ended"
-
-    touch: Annotated[int, Key("number of the touch in its trial, from 0")]
-    read_back: Annotated[
-        tuple[records.ReadBack, ...],
-        Key(
-            "read-back of the device at start and end, and five times a second in between if "
-            "amplitude or frequency change",
-            missing=(),
-        ),
-    ]
-    trace: Annotated[
-        tuple[records.TraceSample, ...],
-        Key("device time (s), force (N) and position (m) of the finger", missing=()),
-    ]
-    judged: Annotated[
-        records.Compliance, Key("whether it was as instructed", missing=records.NOT_JUDGED)
-    ]
+    touch: int = key("number of the touch in its trial, from 0")
+    read_back: tuple[records.ReadBack, ...] = key(
+        "read-back of the device at start and end, and five times a second in between if "
+        "amplitude or frequency change",
+        missing=(),
+    )
+    trace: tuple[records.TraceSample, ...] = key(
+        "device time (s), force (N) and position (m) of the finger", missing=()
+    )
+    judged: records.Compliance = key("whether it was as instructed", missing=records.NOT_JUDGED)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveStarted(Event):
+class DriveStarted(Event, tag="drive-started"):
     """A program of one's own drives the rig; written before the setpoint is sent."""
 
-    TAG: ClassVar = "drive-started"
-
-    commanded: Annotated[records.CommandedDrive, Key("the drive")]
+    commanded: records.CommandedDrive = key("the drive")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveEnded(Event):
+class DriveEnded(Event, tag="drive-ended"):
     """The program has turned the output off."""
 
-    TAG: ClassVar = "drive-ended"
-
-    read_back: Annotated[
-        tuple[records.ReadBack, ...], Key("what the device said since the output went on")
-    ]
+    read_back: tuple[records.ReadBack, ...] = key("what the device said since the output went on")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Answered(Event):
+class Answered(Event, tag="answered"):
     """A trial is over and its questions are answered."""
 
-    TAG: ClassVar = "answered"
-
-    index: Annotated[int, Key("number of the trial")]
-    kind: Annotated[str, Key("its kind, as planned")]
-    condition: Annotated[str | None, Key("name of its condition, if it has one")]
-    change: Annotated[str | None, Key("the answer, null if there was no question", missing=None)]
-    agrees: Annotated[bool | None, Key("whether it is the expected answer", missing=None)]
-    score: Annotated[int | None, Key("the score, null if none was given")]
-    level: Annotated[float, Key("level of the trial, as planned", missing=1.0)]
-    opposite: Annotated[bool, Key("whether its touches came in the opposite order", missing=False)]
-    reaction_time_s: Annotated[tuple[float, ...], Key("time of each answer in turn, s", missing=())]
-    traces: Annotated[
-        tuple[Mapping[str, Any] | None, ...],
-        Key("how each answer came about, see [the window](../window.md)", missing=()),
-    ]
-    judged: Annotated[
-        tuple[records.Compliance, ...], Key("whether each touch was as instructed", missing=())
-    ]
+    index: int = key("number of the trial")
+    kind: str = key("its kind, as planned")
+    condition: str | None = key("name of its condition, if it has one")
+    change: str | None = key("the answer, null if there was no question", missing=None)
+    agrees: bool | None = key("whether it is the expected answer", missing=None)
+    score: int | None = key("the score, null if none was given")
+    level: float = key("level of the trial, as planned", missing=1.0)
+    opposite: bool = key("whether its touches came in the opposite order", missing=False)
+    reaction_time_s: tuple[float, ...] = key("time of each answer in turn, s", missing=())
+    traces: tuple[Mapping[str, Any] | None, ...] = key(
+        "how each answer came about, see [the window](../window.md)", missing=()
+    )
+    judged: tuple[records.Compliance, ...] = key("whether each touch was as instructed", missing=())
     questions: tuple[records.QuestionAnswer, ...] = absent(
         (), "the answers to the study's own questions after the trial"
     )
-    track: records.TrackAnswer | None = absent(
-        None, "of a track: its level, and whether the answer was right", sparse=True
+    track: records.TrackAnswer | None = sparse(
+        "of a track: its level, and whether the answer was right"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class QuestionAnswered(records.QuestionAnswer, Event):
+class QuestionAnswered(records.QuestionAnswer, Event, tag="question-answered"):
     """A question of the study's own is answered, or the operator corrects an answer."""
 
-    TAG: ClassVar = "question-answered"
-
-    when: Annotated[str, Key("`desk`, `before`, `block` or `after`")]
+    when: str = key("`desk`, `before`, `block` or `after`")
     block: int | None = absent(None, "number of the block just over, if any")
-    note: str | None = absent(
-        None, "why the operator corrected the answer after the session began", sparse=True
-    )
+    note: str | None = sparse("why the operator corrected the answer after the session began")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialAborted(Event):
+class TrialAborted(Event, tag="trial-aborted"):
     """A trial ended before it was answered; it will be repeated."""
 
-    TAG: ClassVar = "trial-aborted"
-
-    index: Annotated[int, Key("number of the trial")]
-    why: Annotated[str, Key("why", missing="")]
+    index: int = key("number of the trial")
+    why: str = key("why", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialDeferred(Event):
+class TrialDeferred(Event, tag="trial-deferred"):
     """A touch was not as instructed: the trial ended before its question and comes again."""
 
-    TAG: ClassVar = "trial-deferred"
-
-    index: Annotated[int, Key("number of the trial")]
-    missed: Annotated[
-        tuple[str, ...], Key("what was not as instructed: `force`, `place`, `speed`", missing=())
-    ]
-    after: Annotated[int, Key("number of the trial after which it comes; its own one: at once")]
+    index: int = key("number of the trial")
+    missed: tuple[str, ...] = key(
+        "what was not as instructed: `force`, `place`, `speed`", missing=()
+    )
+    after: int = key("number of the trial after which it comes; its own one: at once")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialsNotNeeded(Event):
+class TrialsNotNeeded(Event, tag="trials-not-needed"):
     """A track has reached its stop: what is left of its trials is not run."""
 
-    TAG: ClassVar = "trials-not-needed"
-
-    track: Annotated[str, Key("name of the track")]
-    indices: Annotated[tuple[int, ...], Key("numbers of the trials")]
+    track: str = key("name of the track")
+    indices: tuple[int, ...] = key("numbers of the trials")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Paused(Event):
+class Paused(Event, tag="paused"):
     """A pause requested by the operator begins."""
 
-    TAG: ClassVar = "paused"
 
-
-@dataclass(frozen=True, kw_only=True)
-class Unpaused(Event):
+class Unpaused(Event, tag="unpaused"):
     """The pause is over."""
 
-    TAG: ClassVar = "unpaused"
 
-
-@dataclass(frozen=True, kw_only=True)
-class NoteTaken(Event):
+class NoteTaken(Event, tag="note"):
     """The operator has made a note."""
 
-    TAG: ClassVar = "note"
-
-    text: Annotated[str, Key("what the operator typed", missing="")]
+    text: str = key("what the operator typed", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeviceOff(Event):
+class DeviceOff(Event, tag="device-off"):
     """The device is no longer armed."""
 
-    TAG: ClassVar = "device-off"
-
-    confirmed: Annotated[bool, Key("whether the output was read back as off")]
-    why: Annotated[str, Key("why it was turned off", missing="")]
+    confirmed: bool = key("whether the output was read back as off")
+    why: str = key("why it was turned off", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionCompleted(Event):
+class SessionCompleted(Event, tag="session-completed"):
     """Every planned trial is answered."""
 
-    TAG: ClassVar = "session-completed"
 
-
-@dataclass(frozen=True, kw_only=True)
-class TrialExcluded(Event):
+class TrialExcluded(Event, tag="trial-excluded"):
     """A trial is excluded from the analysis."""
 
-    TAG: ClassVar = "trial-excluded"
-
-    index: Annotated[int, Key("number of the trial")]
-    reason: Annotated[str, Key("why", missing="")]
+    index: int = key("number of the trial")
+    reason: str = key("why", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrialIncluded(Event):
+class TrialIncluded(Event, tag="trial-included"):
     """A trial's exclusion is taken back."""
 
-    TAG: ClassVar = "trial-included"
-
-    index: Annotated[int, Key("number of the trial")]
-    reason: Annotated[str, Key("why", missing="")]
+    index: int = key("number of the trial")
+    reason: str = key("why", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionExcluded(Event):
+class SessionExcluded(Event, tag="session-excluded"):
     """The whole session is excluded from the analysis."""
 
-    TAG: ClassVar = "session-excluded"
-
-    reason: Annotated[str, Key("why", missing="")]
+    reason: str = key("why", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SessionIncluded(Event):
+class SessionIncluded(Event, tag="session-included"):
     """The session's exclusion is taken back."""
 
-    TAG: ClassVar = "session-included"
-
-    reason: Annotated[str, Key("why", missing="")]
+    reason: str = key("why", missing="")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Withdrawn(Event):
+class Withdrawn(Event, tag="withdrawn"):
     """The participant has withdrawn: the payloads of all their sessions are erased."""
 
-    TAG: ClassVar = "withdrawn"
 
-
-@dataclass(frozen=True, kw_only=True)
-class StudyAmended(Event):
+class StudyAmended(Event, tag="study-amended"):
     """A changed study file is accepted; recorded in the chain `@study`."""
 
-    TAG: ClassVar = "study-amended"
-
-    study_sha256: Annotated[str, Key("digest of the changed file")]
-    reason: Annotated[str, Key("why", missing="")]
-    breaks: str | None = absent(
-        None, "digest of the registration whose lock it breaks, if any", sparse=True
-    )
+    study_sha256: str = key("digest of the changed file")
+    reason: str = key("why", missing="")
+    breaks: str | None = sparse("digest of the registration whose lock it breaks, if any")
 
 
-@dataclass(frozen=True, kw_only=True)
-class StudyRegistered(Event):
+class StudyRegistered(Event, tag="study-registered"):
     """Plan and analysis are locked; recorded in the chain `@study`."""
 
-    TAG: ClassVar = "study-registered"
-
-    registration: Annotated[str, Key("digest of the registration")]
-    study_sha256: Annotated[str, Key("digest of the study file")]
-    text: Annotated[str, Key("the file `registration.toml`")]
+    registration: str = key("digest of the registration")
+    study_sha256: str = key("digest of the study file")
+    text: str = key("the file `registration.toml`")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScoresImported(Event):
+class ScoresImported(Event, tag="scores-imported"):
     """A subject of a published table: the only event of its session."""
 
-    TAG: ClassVar = "scores-imported"
     kind: ClassVar = "published"
     slot: ClassVar = None
     group: ClassVar[str | None] = None
     trials: ClassVar[tuple[records.PlannedTrial, ...]] = ()
     """Constants in place of the fields of `SessionOpened`, since the table says nothing of them."""
 
-    participant: Annotated[str, Key("the subject's name in the table")]
-    session: Annotated[int, Key("number of the session", missing=1)]
-    conditions: Annotated[tuple[str, ...], Key("conditions in the order of the table")]
-    scores: Annotated[Mapping[str, float | None], Key("score of each condition, null if missing")]
-    source: Annotated[str | None, Key("name of the file", missing=None)]
-    source_sha256: Annotated[str | None, Key("digest of the file", missing=None)]
+    participant: str = key("the subject's name in the table")
+    session: int = key("number of the session", missing=1)
+    conditions: tuple[str, ...] = key("conditions in the order of the table")
+    scores: Mapping[str, float | None] = key("score of each condition, null if missing")
+    source: str | None = key("name of the file", missing=None)
+    source_sha256: str | None = key("digest of the file", missing=None)
 
 
 Opening = SessionOpened | ScoresImported

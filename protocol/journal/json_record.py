@@ -1,11 +1,21 @@
 """Records stored in a journal as JSON: their keys, and how each is read and written."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from functools import cache
 from itertools import starmap
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, NamedTuple, Self, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    ClassVar,
+    Final,
+    NamedTuple,
+    Self,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 _REQUIRED: Final = object()
 # No quantity of a study is as large. NaN and infinity fail the comparison, too.
@@ -31,9 +41,19 @@ class Key:
         return self.missing is _REQUIRED
 
 
-def absent(value: Any, meaning: str, *, sparse: bool = False) -> Any:
+def key(meaning: str, missing: Any = _REQUIRED) -> Any:
+    """Return a field that whoever makes the record must give."""
+    return field(metadata={"key": Key(meaning, missing)})
+
+
+def absent(value: Any, meaning: str) -> Any:
     """Return a field that is `value` by default, and where an earlier build did not write it."""
-    return field(default=value, metadata={"key": Key(meaning, missing=value, sparse=sparse)})
+    return field(default=value, metadata={"key": Key(meaning, missing=value)})
+
+
+def sparse(meaning: str) -> Any:
+    """Return a field that is None by default, and is then not written."""
+    return field(default=None, metadata={"key": Key(meaning, missing=None, sparse=True)})
 
 
 class KeyOf(NamedTuple):
@@ -45,14 +65,18 @@ class KeyOf(NamedTuple):
     read: _Reader
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
 class JsonRecord:
-    """A frozen dataclass whose fields are the keys of a JSON object.
+    """The keys of a JSON object: each class of it is a frozen dataclass by itself.
 
-    Every field is annotated as `Annotated[type, Key(...)]`, or has `absent(...)` as its default.
-    The type determines how the JSON value is read: as another record, a named tuple, a tuple of any
-    of these, or a plain value.
+    Every field is `key(...)`, `absent(...)` or `sparse(...)`. Its type determines how the JSON
+    value is read: as another record, a named tuple, a tuple of any of these, or a plain value.
     """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
 
     def to_json(self) -> dict[str, Any]:
         """Return the record as a JSON object of dicts, lists and plain values."""
@@ -105,14 +129,11 @@ class JsonRecord:
     @cache
     def json_keys(cls) -> tuple[KeyOf, ...]:
         """Return the keys of the object in the order in which they are written."""
-        hints = get_type_hints(cls, include_extras=True)
-        later = {each.name: each.metadata["key"] for each in fields(cls) if "key" in each.metadata}
-        described = [
-            (name, hint, later[name]) if name in later else (name, *get_args(hint))
-            for name, hint in hints.items()
-            if name in later or get_origin(hint) is Annotated
-        ]
-        return tuple(KeyOf(name, kind, key, _reader(kind)) for name, kind, key in described)
+        kinds = get_type_hints(cls)
+        return tuple(
+            KeyOf(each.name, kinds[each.name], each.metadata["key"], _reader(kinds[each.name]))
+            for each in fields(cls)
+        )
 
 
 def is_optional(hint: Any) -> bool:

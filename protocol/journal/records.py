@@ -3,67 +3,51 @@
 import zlib
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
-from dataclasses import dataclass
 from hashlib import sha256
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
-from protocol.journal.json_record import JsonRecord, Key, absent
+from protocol.journal.json_record import JsonRecord, absent, key, sparse
 
 
-@dataclass(frozen=True, kw_only=True)
 class PlannedTrack(JsonRecord):
     """What a trial of a track is for. Its level follows from the answers before it."""
 
-    name: Annotated[str, Key("name of the track")]
-    role: Annotated[
-        str, Key("`level`: the method chooses it; `easy`: the easiest one; `catch`: none")
-    ]
-    interval: Annotated[
-        int | None, Key("which touch is the comparison, from 1; null if none is, or in yes or no")
-    ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackAnswer(PlannedTrack):
-    """The level that a trial of a track was made at, and whether its answer was right."""
-
-    level: Annotated[int | None, Key("number of the level, 0 the hardest; null in a catch trial")]
-    value: Annotated[float | None, Key("the level in the unit of the axis, likewise")]
-    correct: Annotated[
-        bool | None,
-        Key("whether the answer was right, in yes or no whether it was yes; null if none is right"),
-    ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannedTrial(JsonRecord):
-    """A trial as planned, with its touches."""
-
-    index: Annotated[int, Key("number of the trial in its session, from 0")]
-    block: Annotated[int, Key("number of its block, 0 before the first one", missing=0)]
-    kind: Annotated[
-        str, Key("`baseline`, `signal`, `practice`, `trial`, `catch`, `track` or `pass`")
-    ]
-    condition: Annotated[str | None, Key("name of its condition, if it has one; drive of a pass")]
-    question: Annotated[str | None, Key("the question after it, if any", missing=None)]
-    expected: Annotated[str | None, Key("the answer that the study expects", missing=None)]
-    scored: Annotated[bool, Key("whether a score may be asked for", missing=False)]
-    touches: Annotated[
-        tuple[Mapping[str, Any], ...],
-        Key(
-            "its touches, with the keys of a touch in [the study file](../study-file.md)",
-            missing=(),
-        ),
-    ]
-    level: Annotated[float, Key("factor on its condition's amplitudes", missing=1.0)]
-    opposite: Annotated[bool, Key("whether its touches come in the opposite order", missing=False)]
-    break_s: Annotated[float, Key("shortest break before it, s", missing=0.0)]
-    track: PlannedTrack | None = absent(
-        None, "of a track: what it is for; its touches have no level yet", sparse=True
+    name: str = key("name of the track")
+    role: str = key("`level`: the method chooses it; `easy`: the easiest one; `catch`: none")
+    interval: int | None = key(
+        "which touch is the comparison, from 1; null if none is, or in yes or no"
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+class TrackAnswer(PlannedTrack):
+    """The level that a trial of a track was made at, and whether its answer was right."""
+
+    level: int | None = key("number of the level, 0 the hardest; null in a catch trial")
+    value: float | None = key("the level in the unit of the axis, likewise")
+    correct: bool | None = key(
+        "whether the answer was right, in yes or no whether it was yes; null if none is right"
+    )
+
+
+class PlannedTrial(JsonRecord):
+    """A trial as planned, with its touches."""
+
+    index: int = key("number of the trial in its session, from 0")
+    block: int = key("number of its block, 0 before the first one", missing=0)
+    kind: str = key("`baseline`, `signal`, `practice`, `trial`, `catch`, `track` or `pass`")
+    condition: str | None = key("name of its condition, if it has one; drive of a pass")
+    question: str | None = key("the question after it, if any", missing=None)
+    expected: str | None = key("the answer that the study expects", missing=None)
+    scored: bool = key("whether a score may be asked for", missing=False)
+    touches: tuple[Mapping[str, Any], ...] = key(
+        "its touches, with the keys of a touch in [the study file](../study-file.md)", missing=()
+    )
+    level: float = key("factor on its condition's amplitudes", missing=1.0)
+    opposite: bool = key("whether its touches come in the opposite order", missing=False)
+    break_s: float = key("shortest break before it, s", missing=0.0)
+    track: PlannedTrack | None = sparse("of a track: what it is for; its touches have no level yet")
+
+
 class VirtualTruth(JsonRecord):
     """Parameters of a virtual participant and of the simulated beam that it touches.
 
@@ -71,13 +55,13 @@ class VirtualTruth(JsonRecord):
     the paper's scale of 0 to 10.
     """
 
-    bias: Annotated[float, Key("its score of no change")]
-    gain: Annotated[float, Key("score points per unit of felt change")]
-    felt_noise: Annotated[float, Key("SD of the noise of a felt change")]
-    criterion: Annotated[float, Key("a smaller felt change is answered as no change")]
-    rating_noise: Annotated[float, Key("SD of the noise of a score, points")]
-    law: Annotated[str, Key("law of the simulated beam's friction")]
-    rung: Annotated[str, Key("rung of the simulated beam's motion")]
+    bias: float = key("its score of no change")
+    gain: float = key("score points per unit of felt change")
+    felt_noise: float = key("SD of the noise of a felt change")
+    criterion: float = key("a smaller felt change is answered as no change")
+    rating_noise: float = key("SD of the noise of a score, points")
+    law: str = key("law of the simulated beam's friction")
+    rung: str = key("rung of the simulated beam's motion")
     force_factor: float = absent(1.0, "force of its finger, relative to the instructed one")
     speed_factor: float = absent(1.0, "its speed, relative to the mark's")
     place_offset_m: float = absent(0.0, "how far right of the mark its finger begins, m")
@@ -119,45 +103,41 @@ class VirtualTruth(JsonRecord):
         return self.gain * self.skin
 
 
-@dataclass(frozen=True, kw_only=True)
 class RigCalibration(JsonRecord):
     """What predictions take of the rig, as a sliding experiment determined it."""
 
-    damping_ratio: Annotated[float, Key("damping ratio of the beam")]
-    gain: Annotated[float, Key("volts at the beam per volt of the drive")]
-    body_height_m: Annotated[float, Key("height of the ciliary bodies, m")]
-    resonance_hz: Annotated[float | None, Key("resonance, Hz; null if not determined")]
-    origin: Annotated[str, Key("session and digest of the calibration")]
+    damping_ratio: float = key("damping ratio of the beam")
+    gain: float = key("volts at the beam per volt of the drive")
+    body_height_m: float = key("height of the ciliary bodies, m")
+    resonance_hz: float | None = key("resonance, Hz; null if not determined")
+    origin: str = key("session and digest of the calibration")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Identity(JsonRecord):
     """The device's identity, boot count and clock, and remarks for the operator."""
 
-    idn: Annotated[str, Key("its answer to `*IDN?`")]
-    boot: Annotated[int | None, Key("number of times it has booted, if it counts", missing=None)]
-    device_time_s: Annotated[float | None, Key("its own clock, s", missing=None)]
+    idn: str = key("its answer to `*IDN?`")
+    boot: int | None = key("number of times it has booted, if it counts", missing=None)
+    device_time_s: float | None = key("its own clock, s", missing=None)
     dialect: str = absent("board", "its command dialect")
     cleared_errors: tuple[str, ...] = absent((), "earlier errors, cleared from its error queue")
     remarks: tuple[str, ...] = absent((), "remarks for the operator")
 
 
-@dataclass(frozen=True, kw_only=True)
 class CommandedDrive(JsonRecord):
     """The drive to which the device is set."""
 
-    voltage_v: Annotated[float, Key("amplitude (peak), V")]
-    frequency_hz: Annotated[float, Key("frequency, Hz")]
-    ramp_v_per_s: Annotated[float, Key("rate at which the amplitude ramps, V/s")]
+    voltage_v: float = key("amplitude (peak), V")
+    frequency_hz: float = key("frequency, Hz")
+    ramp_v_per_s: float = key("rate at which the amplitude ramps, V/s")
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReadBack(JsonRecord):
     """The drive, monitor and sensor readings that the device reports, as far as it has them."""
 
-    output: Annotated[bool, Key("whether the output is on")]
-    voltage_v: Annotated[float, Key("amplitude (peak), V")]
-    frequency_hz: Annotated[float, Key("frequency, Hz")]
+    output: bool = key("whether the output is on")
+    voltage_v: float = key("amplitude (peak), V")
+    frequency_hz: float = key("frequency, Hz")
     monitor_v: float | None = absent(None, "measured by the monitor, V")
     force_n: float | None = absent(None, "force of the finger, N")
     position_m: float | None = absent(None, "position of the finger, m")
@@ -176,13 +156,12 @@ LIFTED_N = 0.02
 """Force below which a sample counts as not touching; about the noise of a force sensor."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Compliance(JsonRecord):
     """Whether a touch was as instructed, if the rig detected a finger at all."""
 
-    force_n: Annotated[float | None, Key("median force of the finger, N", missing=None)]
-    force_ok: Annotated[bool | None, Key("whether the force was as instructed", missing=None)]
-    place_ok: Annotated[bool | None, Key("whether the finger was where it should be", missing=None)]
+    force_n: float | None = key("median force of the finger, N", missing=None)
+    force_ok: bool | None = key("whether the force was as instructed", missing=None)
+    place_ok: bool | None = key("whether the finger was where it should be", missing=None)
     speed_ok: bool | None = absent(None, "whether it slid as fast as instructed, if judged")
 
     @property
@@ -200,29 +179,21 @@ class Compliance(JsonRecord):
 NOT_JUDGED = Compliance(force_n=None, force_ok=None, place_ok=None)
 
 
-@dataclass(frozen=True, kw_only=True)
 class QuestionAnswer(JsonRecord):
     """The answer to a question of the study's own."""
 
-    name: Annotated[str, Key("name of the question")]
-    answer: Annotated[
-        Any, Key("a label's value, a list of them, a number or a text; null if it was skipped")
-    ]
-    reaction_time_s: Annotated[float, Key("from the question to the answer, s")]
-    trace: Annotated[
-        Mapping[str, Any] | None, Key("how it was given, see [the window](../window.md)")
-    ]
+    name: str = key("name of the question")
+    answer: Any = key("a label's value, a list of them, a number or a text; null if it was skipped")
+    reaction_time_s: float = key("from the question to the answer, s")
+    trace: Mapping[str, Any] | None = key("how it was given, see [the window](../window.md)")
 
 
-@dataclass(frozen=True, kw_only=True)
 class InstructionResponse(JsonRecord):
     """How the participant got ready for a touch."""
 
-    answer: Annotated[str, Key("`ready`")]
-    reaction_time_s: Annotated[float, Key("from the instruction to the answer, s")]
-    trace: Annotated[
-        Mapping[str, Any] | None, Key("how it was given, see [the window](../window.md)")
-    ]
+    answer: str = key("`ready`")
+    reaction_time_s: float = key("from the instruction to the answer, s")
+    trace: Mapping[str, Any] | None = key("how it was given, see [the window](../window.md)")
 
 
 # What the force channel recorded during one touch: samples, their clock, and their digest.
@@ -244,43 +215,34 @@ class DamagedSamplesError(Exception):
     """Samples that are not those that were recorded."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Recording(JsonRecord):
     """The samples of one touch, all channels at one rate, on the clock of their source."""
 
-    source: Annotated[str, Key("what measured: `board`, or the dialect of the gauge")]
-    rate_hz: Annotated[float, Key("samples per second and channel")]
-    first_s: Annotated[float, Key("time of the first sample on the source's own clock, s")]
-    count: Annotated[int, Key("samples per channel")]
-    scale: Annotated[
-        tuple[float, ...],
-        Key("size of one count: tangential force (N), normal force (N), position (m)"),
-    ]
-    clock_offset_s: Annotated[float, Key("the session's clock minus the source's, s")]
-    clock_error_s: Annotated[
-        float, Key("largest error of that, by the shortest round trips at beginning and end, s")
-    ]
-    moved_s: Annotated[
-        tuple[float, ...],
-        Key("when the mark began to move and when the touch was over, on the session's clock, s"),
-    ]
-    tare_n: Annotated[
-        tuple[float, ...] | None,
-        Key(
-            "mean tangential and normal force just before, with nothing on the beam, N; null if "
-            "something was",
-            missing=None,
-        ),
-    ]
-    saturated: Annotated[int, Key("samples in which a channel was at its limit", missing=0)]
-    sha256: Annotated[str, Key("digest of the samples before compression")]
-    samples: Annotated[
-        str,
-        Key(
-            "16-bit counts, least byte first: all of tangential force, of normal force, of "
-            "position; compressed with zlib, in base64"
-        ),
-    ]
+    source: str = key("what measured: `board`, or the dialect of the gauge")
+    rate_hz: float = key("samples per second and channel")
+    first_s: float = key("time of the first sample on the source's own clock, s")
+    count: int = key("samples per channel")
+    scale: tuple[float, ...] = key(
+        "size of one count: tangential force (N), normal force (N), position (m)"
+    )
+    clock_offset_s: float = key("the session's clock minus the source's, s")
+    clock_error_s: float = key(
+        "largest error of that, by the shortest round trips at beginning and end, s"
+    )
+    moved_s: tuple[float, ...] = key(
+        "when the mark began to move and when the touch was over, on the session's clock, s"
+    )
+    tare_n: tuple[float, ...] | None = key(
+        "mean tangential and normal force just before, with nothing on the beam, N; null if "
+        "something was",
+        missing=None,
+    )
+    saturated: int = key("samples in which a channel was at its limit", missing=0)
+    sha256: str = key("digest of the samples before compression")
+    samples: str = key(
+        "16-bit counts, least byte first: all of tangential force, of normal force, of "
+        "position; compressed with zlib, in base64"
+    )
 
     @classmethod
     def packed(cls, counts: bytes, **known: object) -> Self:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from typer.core import TyperGroup
 from typer.testing import CliRunner
 
 import touchbeam
@@ -67,10 +68,11 @@ def commands_page() -> str:
 
 def _commands(command: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """Yield the words of each command below this one."""
-    for name, child in getattr(command, "commands", {}).items():
-        yield from _commands(child, (*path, name))
-    if not hasattr(command, "commands"):
+    if not isinstance(command, TyperGroup):
         yield path
+        return
+    for name in command.list_commands(None):  # type: ignore[arg-type] # no command is run
+        yield from _commands(command.get_command(None, name), (*path, name))  # type: ignore[arg-type]
 
 
 def _help_of(path: tuple[str, ...]) -> str:

@@ -1,17 +1,69 @@
 """The application: all commands, and errors as one line."""
 
+import inspect
 import os
 import sys
-from typing import Annotated
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from runner.signals import signals_raise
-from touchbeam.cli import device, journal, power, results, sharing, slide, study
 from touchbeam.cli.output import WORK_FAILED, complain_of, say, warnings_in_lines
+
+_MODULES = ("study", "slide", "sharing", "results", "power", "journal", "device")
+"""Where the commands are, in the order in which help lists them."""
+
+
+class _OnDemand(TyperGroup):
+    """All commands, of which the one that is called is imported and built alone.
+
+    Reading the parameters of all would take longer than the rest of `--help`.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - typer's own has it
+        """Return the names of all commands, in the order of help."""
+        return [name for name, _, _ in _all_commands()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return the command of that name; None if there is none."""
+        for name, _, alone in _all_commands():
+            if name == cmd_name:
+                return typer.main.get_command(alone)
+        self.commands.update(_in_brief())  # typer suggests those whose names are nearly alike
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of commands, which needs the first sentence of each alone."""
+        TyperGroup(commands=_in_brief()).format_commands(ctx, formatter)
+
+
+def _all_commands() -> Iterator[tuple[str, Any, typer.Typer]]:
+    """Yield name, description and application of each, whose module is imported when it comes."""
+    for module in _MODULES:
+        part: Any = import_module(f"touchbeam.cli.{module}").app
+        for command in part.registered_commands:
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            alone.registered_commands = [command]
+            yield command.name or command.callback.__name__, command, alone
+        for group in part.registered_groups:
+            yield group.name, group.typer_instance.info, group.typer_instance
+
+
+def _in_brief() -> dict[str, Any]:
+    return {
+        name: TyperCommand(
+            name, help=info.help or inspect.getdoc(info.callback), hidden=info.hidden
+        )
+        for name, info, _ in _all_commands()
+    }
+
 
 app = typer.Typer(
     name="touchbeam",
+    cls=_OnDemand,
     help="Psychophysics experiments on touch devices whose friction is changed by vibration.",
     epilog="Every command takes --debug, which shows the traceback of an error.",
     rich_markup_mode=None,
@@ -37,10 +89,6 @@ def _common(
     ] = False,
 ) -> None:
     pass
-
-
-for commands in (study, slide, sharing, results, power, journal, device):
-    app.add_typer(commands.app)
 
 
 def main() -> None:

@@ -13,7 +13,12 @@ from touchbeam.cli import options
 from touchbeam.cli.output import bars, named_quantity, print_json, quantity, say
 
 app = typer.Typer()
-device_commands = typer.Typer(help="List ports, identify the device, find its resonance.")
+device_commands = typer.Typer(
+    name="device",
+    help="List ports, identify the device, find its resonance.",
+    add_completion=False,
+    rich_markup_mode=None,
+)
 app.add_typer(device_commands, name="device")
 
 

@@ -19,7 +19,6 @@ from touchbeam.cli.output import (
     require_confirmation,
     say,
 )
-from touchbeam.cli.results import write_report
 
 app = typer.Typer()
 
@@ -41,6 +40,7 @@ def demo(
     from protocol.study_file.loading import template
     from runner.launch.rehearsal import rehearse_cohort
     from runner.study.folder import new_study, numbered
+    from touchbeam.cli.results import write_report
 
     population = SENSITIVE if people is None else options.people_in_file(people)
     folder = options.study_folder(out or numbered(Path("demo")))

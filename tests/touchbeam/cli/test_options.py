@@ -72,8 +72,26 @@ def test_an_unknown_choice_is_refused_with_the_known_ones(
 
 
 def test_the_list_of_commands_loads_nothing_heavy() -> None:
-    program = "import sys, touchbeam.cli.app; print(*{name.split('.')[0] for name in sys.modules})"
+    program = (
+        "import sys; from touchbeam.cli.app import app; app(['--help'], standalone_mode=False); "
+        "print('loaded:', *{name.split('.')[0] for name in sys.modules})"
+    )
     loaded = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert not HEAVY & set(loaded.stdout.split())
+    assert "withdraw" in loaded.stdout
+    listed = loaded.stdout.rpartition("loaded:")[2].split()
+    assert not HEAVY & set(listed)
+
+
+def test_a_command_is_built_without_the_modules_of_others() -> None:
+    program = (
+        "import sys, typer; from touchbeam.cli.app import app; "
+        "typer.main.get_command(app).get_command(None, 'check'); "
+        "print(*(name for name in sys.modules if name.startswith('touchbeam.cli.')))"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "touchbeam.cli.study" in loaded.stdout
+    assert "touchbeam.cli.results" not in loaded.stdout

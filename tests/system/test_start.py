@@ -14,11 +14,10 @@ RUN = ("run", "study", "--participant", "P01", "--ratings", "virtual", "--pace",
 @pytest.mark.parametrize(
     ("command", "unneeded"),
     [
-        (("--help",), ("pandas",)),
         (("check", "study"), ("pandas", "numpy.ma.", "sqlite3")),
         (RUN, ("pandas",)),
     ],
-    ids=["--help", "check", "run"],
+    ids=["check", "run"],
 )
 def test_what_a_command_needs_not_is_not_loaded(
     command: tuple[str, ...],
@@ -36,16 +35,3 @@ def test_what_a_command_needs_not_is_not_loaded(
     ).stderr
     assert "touchbeam.cli" in loaded
     assert not [name for name in unneeded if name in loaded]
-
-
-def test_help_loads_no_numbers_and_no_workers() -> None:
-    loaded = subprocess.run(
-        [sys.executable, "-X", "importtime", TOUCHBEAM, "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stderr
-    assert "touchbeam.cli.power" in loaded
-    assert not [
-        name for name in ("numpy", "joblib", "threadpoolctl", "distributed") if name in loaded
-    ]

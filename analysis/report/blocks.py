@@ -265,6 +265,11 @@ class Section:
     data: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
 
+    def keeping(self, keep: Kept) -> "Section":
+        """Return the section with figures that are drawn where `keep` has none like them."""
+        of = (replace(it, keep=keep) if isinstance(it, Figure) else it for it in self.blocks)
+        return replace(self, blocks=list(of))
+
     @property
     def figures(self) -> list[Figure]:
         """Figures of the section, drawn or not."""

@@ -13,6 +13,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
+from analysis.trials.contrasts import ScoredTrials
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
 
@@ -24,41 +25,6 @@ MOST_PEOPLE = 60
 CURVE_POINTS = 101
 HEADLINE, SIMPLE = "M2", "M1 (simple comparison)"
 """Names of the models in figures and tables."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Raincloud:
-    """Scores by condition: all scores for the clouds, and lines for some of the subjects."""
-
-    table: ScoreTable
-    scale: Scale
-    lines: FloatArray
-    means: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scatter:
-    """Ratings against predicted contrasts, with the group's expected ratings by model.
-
-    `curves` are at the contrasts `at`.
-    """
-
-    ratings: Ratings
-    scale: Scale
-    of: int
-    at: FloatArray
-    curves: dict[str, FloatArray]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Course:
-    """Mean score, standard error (NaN for a single score) and count by place in the session."""
-
-    places: IntArray
-    scale: Scale
-    means: FloatArray
-    errors: FloatArray
-    counts: IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,17 +44,6 @@ class ByLevel:
     expected: FloatArray | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class People:
-    """Scores of each trial of the subjects shown, by condition, and the means of all subjects."""
-
-    conditions: tuple[str, ...]
-    scores: Mapping[str, tuple[FloatArray, ...]]
-    means: FloatArray
-    scale: Scale
-    of: int
-
-
 def thinned(count: int, most: int) -> IntArray:
     """Return at most `most` of `count` positions, evenly spaced.
 
@@ -99,31 +54,18 @@ def thinned(count: int, most: int) -> IntArray:
     return np.arange(count) if count <= most else np.arange(most) * count // most
 
 
-def raincloud(found: Findings) -> Raincloud:
-    """Return all scores, and the lines of at most `MOST_LINES` subjects."""
-    table, means = found.loaded.table, found.table.main.table4.column_means
-    lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
-    return Raincloud(table=table, scale=found.scale, lines=lines, means=means)
-
-
-def scatter(found: Findings) -> Scatter | None:
-    """Return ratings and contrasts, or None if no rated trial has a prediction."""
-    given = found.trials.scored.ratings.given
-    count = len(given.rating)
-    if not count:
-        return None
-    # `where` takes a mask rather than positions.
-    chosen = np.isin(np.arange(count), thinned(count, MOST_POINTS))
+def model_curves(found: Findings) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return contrasts of rated trials, and the group's expected ratings there by model."""
+    contrast = found.trials.scored.ratings.given.contrast
     # Only where there are data: the models promise nothing beyond.
-    at = np.linspace(given.contrast.min(), given.contrast.max(), CURVE_POINTS)
+    at = np.linspace(contrast.min(), contrast.max(), CURVE_POINTS)
     curves, m1, m2 = {}, found.trials.m1, found.trials.m2
     if isinstance(m2, OrdinalSensitivity):
         curves[HEADLINE] = m2.expected_ratings(at)
     if isinstance(m1, LinearSensitivity):
         bias, gain = m1.lines.middle
         curves[SIMPLE] = bias + gain * at
-    ratings = given.where(chosen)
-    return Scatter(ratings=ratings, scale=found.scale, of=count, at=at, curves=curves)
+    return at, curves
 
 
 def gains(trials: TrialStatistics) -> dict[str, Lines]:
@@ -137,20 +79,17 @@ def drawn_subjects(lines: Lines) -> list[SubjectLine]:
     return [lines.subjects[place] for place in thinned(len(lines.subjects), MOST_INTERVALS)]
 
 
-def course(found: Findings) -> Course | None:
-    """Return the scores by place in the session, or None if the places are unknown."""
-    scored = found.trials.scored
+def course(scored: ScoredTrials) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Return places in the session that are known, and mean, standard error and count of scores."""
     ratings = scored.every
     known = (scored.place > 0) & ~np.isnan(ratings.rating)
-    if not known.any():
-        return None
     places, which = np.unique(scored.place[known], return_inverse=True)
     counts = np.bincount(which)
     means = np.bincount(which, weights=ratings.rating[known]) / counts
     squares = np.bincount(which, weights=(ratings.rating[known] - means[which]) ** 2)
     # A place with a single score has no standard error.
     errors = np.sqrt(squares / np.where(counts > 1, counts - 1, np.nan) / counts)
-    return Course(places=places, scale=found.scale, means=means, errors=errors, counts=counts)
+    return places, means, errors, counts
 
 
 def levels(found: Findings) -> tuple[ByLevel, ...]:
@@ -187,11 +126,11 @@ def levels(found: Findings) -> tuple[ByLevel, ...]:
     return tuple(made)
 
 
-def people(found: Findings) -> People:
-    """Return all subjects, or of more than `MOST_PEOPLE` the most extreme ones.
+def people(found: Findings) -> dict[str, tuple[FloatArray, ...]]:
+    """Return scores by condition of all subjects, or of too many those of the most extreme ones.
 
-    Extreme are the two with the lowest and with the highest means, and those with the smallest
-    and with the largest spread of their scores.
+    Beyond `MOST_PEOPLE` these are the two with the lowest and with the highest means, and those
+    with the smallest and with the largest spread of their scores.
     """
     table = found.loaded.table
     scored = found.loaded.scored.dropna(subset=["score"])
@@ -200,18 +139,12 @@ def people(found: Findings) -> People:
         for key, own in scored.groupby(["participant", "condition"])["score"]
     }
     empty = np.array([])
-    return People(
-        conditions=table.conditions,
-        scores={
-            table.subjects[row]: tuple(
-                cells.get((table.subjects[row], name), empty) for name in table.conditions
-            )
-            for row in _shown_people(table)
-        },
-        means=found.table.main.table4.column_means,
-        scale=found.scale,
-        of=len(table.subjects),
-    )
+    return {
+        table.subjects[row]: tuple(
+            cells.get((table.subjects[row], name), empty) for name in table.conditions
+        )
+        for row in _shown_people(table)
+    }
 
 
 def _shown_people(table: ScoreTable) -> list[int]:
@@ -229,30 +162,35 @@ def _shown_people(table: ScoreTable) -> list[int]:
 # Figures of the models: ratings against contrasts, sensitivities, and predictive checks.
 
 
-def scatter_figure(data: Scatter, words: plot.Words) -> plot.Drawing:
-    """Return ratings against predicted contrasts, with a marker and colour per condition."""
+def scatter_figure(
+    ratings: Ratings,
+    scale: Scale,
+    at: FloatArray,
+    curves: Mapping[str, FloatArray],
+    words: plot.Words,
+) -> plot.Drawing:
+    """Return ratings against predicted contrasts, and the models' curves at the contrasts `at`."""
 
     def draw(axes: plot.Axes) -> None:
-        ratings = data.ratings
         labels = plot.labels_of(ratings.conditions, "condition")
         for place in np.unique(ratings.condition):
             own = ratings.condition == place
             axes.plot(
                 ratings.contrast[own],
-                ratings.rating[own] + plot.jitter(int(own.sum()), data.scale),
+                ratings.rating[own] + plot.jitter(int(own.sum()), scale),
                 linestyle="none",
                 **plot.marked(int(place)),
                 alpha=0.7,
                 label=labels[place],
             )
-        for model, curve in data.curves.items():
+        for model, curve in curves.items():
             dashes = "-" if model == HEADLINE else "--"
-            axes.plot(data.at, curve, color="black", linestyle=dashes, label=f"group, {model}")
-        axes.set(ylim=plot.limits(data.scale), ylabel=f"rating, {data.scale}")
+            axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
+        axes.set(ylim=plot.limits(scale), ylabel=f"rating, {scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
 
-    shown = len(np.unique(data.ratings.condition))
+    shown = len(np.unique(ratings.condition))
     return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (shown + 2) / 2)
 
 
@@ -328,19 +266,21 @@ _CLOUD_SD = 0.04
 """Standard deviation of the clouds' density kernel, as a share of the scale."""
 
 
-def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
-    """Return score densities by condition, with a line per subject and means as diamonds."""
-    labels = plot.labels_of(data.table.conditions, "condition")
+def raincloud_figure(
+    table: ScoreTable, lines: FloatArray, means: FloatArray, scale: Scale, words: plot.Words
+) -> plot.Drawing:
+    """Return score densities by condition, with `lines` of subjects and means as diamonds."""
+    labels = plot.labels_of(table.conditions, "condition")
     # Names that are not cut need room below.
     below_in = 0.08 * max(0, max(map(len, labels)) - 16)
 
     def draw(axes: plot.Axes) -> None:
-        places = np.arange(len(data.table.conditions))
-        for place, column in zip(places, data.table.scores.T, strict=True):
-            _cloud(axes, float(place), column[~np.isnan(column)], data.scale)
+        places = np.arange(len(table.conditions))
+        for place, column in zip(places, table.scores.T, strict=True):
+            _cloud(axes, float(place), column[~np.isnan(column)], scale)
         axes.plot(
             places,
-            data.lines.T + plot.jitter(len(data.lines), data.scale),
+            lines.T + plot.jitter(len(lines), scale),
             color=plot.GREY,
             marker="o",
             markersize=plot.marker(0.6),
@@ -349,7 +289,7 @@ def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
         )
         axes.plot(
             places,
-            data.means,
+            means,
             "D",
             color=plot.COLOURS[1],
             markersize=plot.marker(1.7),
@@ -358,7 +298,7 @@ def raincloud_figure(data: Raincloud, words: plot.Words) -> plot.Drawing:
             label="mean",
         )
         plot.name_places(axes, labels)
-        axes.set(ylim=plot.limits(data.scale), ylabel=f"score, {data.scale}", xlabel="condition")
+        axes.set(ylim=plot.limits(scale), ylabel=f"score, {scale}", xlabel="condition")
         axes.legend(loc="lower left", frameon=False)
 
     return plot.drawing(words, draw, plot.HEIGHT_IN + below_in)
@@ -387,51 +327,48 @@ def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> N
     axes.plot([place - 0.06], [middle], "_", color="black", markersize=plot.marker(1.8))
 
 
-def course_figure(data: Course, words: plot.Words) -> plot.Drawing:
+def course_figure(
+    places: IntArray, means: FloatArray, errors: FloatArray, scale: Scale, words: plot.Words
+) -> plot.Drawing:
     """Return mean scores by place in the session, with their standard errors."""
 
     def draw(axes: plot.Axes) -> None:
-        errors = np.nan_to_num(data.errors)  # a single score has no bar
-        axes.errorbar(data.places, data.means, yerr=errors, fmt="o-", color=plot.COLOURS[0])
-        axes.set_ylabel(f"mean score ± standard error, {data.scale}")
+        bars = np.nan_to_num(errors)  # a single score has none
+        axes.errorbar(places, means, yerr=bars, fmt="o-", color=plot.COLOURS[0])
+        axes.set_ylabel(f"mean score ± standard error, {scale}")
         axes.locator_params(axis="x", integer=True)
         axes.set_xlabel("place among the session's scored trials")
 
     return plot.drawing(words, draw)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FactorMeans:
-    """Means by level of a factor, and of another one if there are two, with halves of intervals.
+def factor_figure(
+    factors: Mapping[str, tuple[str, ...]],
+    means: FloatArray,
+    halves: FloatArray,
+    scale: Scale,
+    words: plot.Words,
+) -> plot.Drawing:
+    """Return mean scores by level of a factor, with a line for each level of another one.
 
-    `means` and `halves` have shape (levels of the first factor, levels of the second or 1).
+    `factors` are one or two with their levels; `means`, and `halves` of their intervals, have
+    shape (levels of the first factor, levels of the second or 1).
     """
-
-    factors: tuple[str, ...]
-    levels: tuple[tuple[str, ...], ...]
-    means: FloatArray
-    halves: FloatArray
-    scale: Scale
-
-
-def factor_figure(data: FactorMeans, words: plot.Words) -> plot.Drawing:
-    """Return mean scores by level of a factor, with a line for each level of the other."""
-    lines = data.means.shape[1]
-    names = plot.labels_of(data.levels[-1], data.factors[-1]) if lines > 1 else [""]
+    lines, (first, *_, last) = means.shape[1], [*factors, *factors]
+    names = plot.labels_of(factors[last], last) if lines > 1 else [""]
 
     def draw(axes: plot.Axes) -> None:
-        places = np.arange(len(data.means))
-        for number, (name, means, halves) in enumerate(
-            zip(names, data.means.T, data.halves.T, strict=True)
-        ):
+        places = np.arange(len(means))
+        of_lines = zip(names, means.T, halves.T, strict=True)
+        for number, (name, middle, half) in enumerate(of_lines):
             # Beside one another, so that no interval covers another one.
             at = places + (0.4 / lines) * (number - (lines - 1) / 2)
-            axes.errorbar(at, means, yerr=halves, linewidth=1, **plot.marked(number), label=name)
-        plot.name_places(axes, plot.labels_of(data.levels[0], data.factors[0]))
-        axes.set(xlabel=data.factors[0], ylabel=f"mean score, {data.scale}")
+            axes.errorbar(at, middle, yerr=half, linewidth=1, **plot.marked(number), label=name)
+        plot.name_places(axes, plot.labels_of(factors[first], first))
+        axes.set(xlabel=first, ylabel=f"mean score, {scale}")
         axes.margins(y=0.08)
         if lines > 1:
-            plot.name_series(axes, data.factors[-1])
+            plot.name_series(axes, last)
 
     return plot.drawing(words, draw, plot.HEIGHT_IN + plot.legend_in(names))
 
@@ -483,28 +420,34 @@ def noticed_figure(
     return plot.drawing(words, draw, plot.HEIGHT_IN + more)
 
 
-def people_figure(data: People, words: plot.Words) -> plot.Drawing:
+def people_figure(
+    conditions: tuple[str, ...],
+    scores: Mapping[str, Sequence[FloatArray]],
+    means: FloatArray,
+    scale: Scale,
+    words: plot.Words,
+) -> plot.Drawing:
     """Return a small panel for each participant: scores by condition, and the group's means."""
 
     def draw(grid: Sequence[plot.Axes]) -> None:
-        places = np.arange(len(data.conditions))
-        for axes, (subject, scores) in zip(grid, data.scores.items(), strict=False):
-            axes.plot(places, data.means, color=plot.GREY, linewidth=0.8)
-            for place, own in enumerate(scores):
+        places = np.arange(len(conditions))
+        for axes, (subject, trials) in zip(grid, scores.items(), strict=False):
+            axes.plot(places, means, color=plot.GREY, linewidth=0.8)
+            for place, own in enumerate(trials):
                 axes.plot(
                     np.full(len(own), place), own, plot.MARKERS[0], color=plot.COLOURS[0], alpha=0.6
                 )
             axes.set_title(plot.labels_of((subject,), "subject")[0], fontsize="small", pad=2)
-            axes.set_ylim(plot.limits(data.scale))
-        for axes in grid[len(data.scores) :]:
+            axes.set_ylim(plot.limits(scale))
+        for axes in grid[len(scores) :]:
             axes.set_axis_off()
         size = "medium" if count <= FEW_NAMES else "x-small"
         for axes in grid:
             axes.set_xticks(places, names, rotation=90, fontsize=size)
 
-    count, names = len(data.conditions), plot.labels_of(data.conditions, "condition")
-    columns = min(len(data.scores), 6, max(1, NAMES_IN_A_ROW // count))
-    rows = -(-len(data.scores) // columns)
+    count, names = len(conditions), plot.labels_of(conditions, "condition")
+    columns = min(len(scores), 6, max(1, NAMES_IN_A_ROW // count))
+    rows = -(-len(scores) // columns)
     return plot.grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)
 
 

@@ -46,7 +46,7 @@ class Report(Findings):
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """All sections, shown or not; if they are wanted `alone`, those shown and `ALWAYS`."""
-        return tuple(SECTIONS[name](self) for name in self.needed)
+        return tuple(SECTIONS[name](self).keeping(self.keep) for name in self.needed)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -77,7 +77,7 @@ class Report(Findings):
         """Sections with at least what stands among the results."""
         own = {section.name: section for section in self.sections}
         return tuple(
-            own.get(name) or Section(name=name, title="", blocks=front(self))
+            own.get(name) or Section(name=name, title="", blocks=front(self)).keeping(self.keep)
             for name, front in FRONTS.items()
             if self._has(name)
         )

@@ -25,7 +25,6 @@ from analysis.report.blocks import (
 )
 from analysis.report.figure_data import (
     MOST_INTERVALS,
-    FactorMeans,
     factor_figure,
     noticed_figure,
     thinned,
@@ -69,7 +68,7 @@ def detection(found: Findings) -> Section:
         name="detection",
         title=NOTICING,
         blocks=[
-            _noticed_by_condition(found, conditions, whole, parts),
+            _noticed_by_condition(conditions, whole, parts),
             _each_person(parts["subjects"]),
             _scores_line(found),
         ],
@@ -206,7 +205,7 @@ def _scores_line(found: Findings) -> str:
 
 
 def _noticed_by_condition(
-    found: Findings, conditions: Sequence[Detected], whole: Detected, parts: _NoticedParts
+    conditions: Sequence[Detected], whole: Detected, parts: _NoticedParts
 ) -> Figure:
     """Return shares by condition, and by level or by group where there are several."""
     series: dict[str, dict[str, Rate]] = {}
@@ -239,7 +238,6 @@ def _noticed_by_condition(
         caption="Share of trials on which a change in either direction was reported, with 95% "
         f"intervals; on catch trials nothing changed.{of_all(len(drawn), len(names), 'shares')}",
         draw=partial(noticed_figure, drawn, ends),
-        keep=found.keep,
         table=_noticed_table([*conditions, whole, *parts["levels"], *parts["groups"]]),
     )
 
@@ -389,20 +387,13 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
     if not names:
         return Figure(name="groups")
     means, halves = np.moveaxis(np.array(cells), 2, 0)
-    data = FactorMeans(
-        factors=("condition", "group"),
-        levels=(tuple(table.conditions[c] for c in shown), tuple(names)),
-        means=means,
-        halves=halves,
-        scale=found.scale,
-    )
+    factors = {"condition": tuple(table.conditions[c] for c in shown), "group": tuple(names)}
     return Figure(
         name="groups",
         title="Scores by group",
         caption="Mean scores of participants by condition and group, with the 95% interval (t) of "
         f"each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
-        draw=partial(factor_figure, data),
-        keep=found.keep,
+        draw=partial(factor_figure, factors, means, halves, found.scale),
     )
 
 
@@ -564,22 +555,15 @@ def _figures(found: Findings) -> Iterator[Figure]:
         of = every if crossed is None or SESSION in shown else crossed
         if of is None or len(of.complete) < 2:
             continue
-        means, halves = cell_intervals(of, *shown)
-        data = FactorMeans(
-            factors=tuple(shown),
-            levels=tuple(of.factors[each] for each in shown),
-            means=means.reshape(len(of.factors[name]), -1),
-            halves=halves.reshape(len(of.factors[name]), -1),
-            scale=found.scale,
-        )
+        factors, levels = {each: of.factors[each] for each in shown}, len(of.factors[name])
+        means, halves = (each.reshape(levels, -1) for each in cell_intervals(of, *shown))
         by = f" and {beside}" * (len(shown) > 1)
         yield Figure(
             name=f"factor-{place}",
             title=f"Scores by {name}",
             caption=f"Mean scores by {name}{by}, over the other factors, with 95% intervals that "
             "leave out differences between people's levels (Cousineau and Morey).",
-            draw=partial(factor_figure, data),
-            keep=found.keep,
+            draw=partial(factor_figure, factors, means, halves, found.scale),
         )
 
 

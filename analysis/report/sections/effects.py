@@ -26,7 +26,13 @@ from analysis.report.blocks import (
     p_cell,
     spread_columns,
 )
-from analysis.report.figure_data import people, people_figure, raincloud, raincloud_figure
+from analysis.report.figure_data import (
+    MOST_LINES,
+    people,
+    people_figure,
+    raincloud_figure,
+    thinned,
+)
 from analysis.report.findings import Findings
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
 from analysis.statistics.intervals import COVERAGE, DESIGN
@@ -111,17 +117,17 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
 
 
 def _scores_figure(found: Findings) -> Figure:
-    data = raincloud(found)
-    drawn = of_all(len(data.lines), len(data.table.subjects), "subjects' lines")
+    table, means = found.loaded.table, found.table.main.table4.column_means
+    lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
+    drawn = of_all(len(lines), len(table.subjects), "subjects' lines")
     return Figure(
         name="scores",
         title="Scores by condition",
         caption="Scores by condition. Lines with circles show subjects, clouds the density of "
         "eight scores or more, bars the interquartile range with the median, and diamonds the "
         f"means.{drawn}",
-        draw=partial(raincloud_figure, data),
-        keep=found.keep,
-        table=_quartile_table(data.table),
+        draw=partial(raincloud_figure, table, lines, means, found.scale),
+        table=_quartile_table(table),
         front=True,
     )
 
@@ -332,22 +338,22 @@ def _subject_table(table: TableStatistics) -> Table | None:
 
 
 def _people_figure(found: Findings) -> Figure:
-    data = people(found)
-    if not data.scores:
+    scores, table = people(found), found.loaded.table
+    if not scores:
         return Figure(name="people")
     some = (
-        f" Of {data.of} subjects, those with the lowest and the highest means and the smallest and "
-        "the largest spread are drawn; the trials of all are listed below."
-        if len(data.scores) < data.of
+        f" Of {len(table.subjects)} subjects, those with the lowest and the highest means and the "
+        "smallest and the largest spread are drawn; the trials of all are listed below."
+        if len(scores) < len(table.subjects)
         else ""
     )
+    means = found.table.main.table4.column_means
     return Figure(
         name="people",
         title="Every subject",
         caption="Scores of each subject's trials by condition (points), and the mean of all "
         f"subjects (grey line).{some}",
-        draw=partial(people_figure, data),
-        keep=found.keep,
+        draw=partial(people_figure, table.conditions, scores, means, found.scale),
     )
 
 

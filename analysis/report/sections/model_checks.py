@@ -6,7 +6,6 @@ from functools import partial
 from types import SimpleNamespace
 
 from analysis.estimates import LEVEL, Json, NotEstimable, plain
-from analysis.kept import Kept
 from analysis.report.as_json import unknown
 from analysis.report.blocks import Block, Column, Figure, Section, Table, estimate, p_cell
 from analysis.report.figure_data import predictive_figure
@@ -34,7 +33,7 @@ def predictive(found: Findings) -> Section:
             "Each model simulates the study with parameters drawn from its posterior. A model "
             "whose simulated studies differ from the real one is not shown. The rule, set in "
             f"advance, is p < {LEVEL:g} for any of its statistics after Holm's correction.",
-            *(_check_figure(model, check, found.keep) for model, check in checks.items()),
+            *(_check_figure(model, check) for model, check in checks.items()),
         ],
         data={
             "predictive_checks": {
@@ -47,7 +46,7 @@ def predictive(found: Findings) -> Section:
     )
 
 
-def _check_figure(model: str, check: PredictiveCheck | NotEstimable, keep: Kept) -> Figure:
+def _check_figure(model: str, check: PredictiveCheck | NotEstimable) -> Figure:
     if isinstance(check, NotEstimable):
         instead = f"{model} has no check: {check.reason}."
         return Figure(name=f"predictive-{model.lower()}", instead=instead)
@@ -57,7 +56,6 @@ def _check_figure(model: str, check: PredictiveCheck | NotEstimable, keep: Kept)
         caption=f"Distance of the study from what {model} expects (diamonds), and of studies that "
         "the model itself simulates (median and 95% interval), relative to their median.",
         draw=partial(predictive_figure, check.statistics),
-        keep=keep,
         table=_check_table(model, check),
     )
 

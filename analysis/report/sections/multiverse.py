@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.kept import Kept
 from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
 from analysis.multiverse.universes import Choice
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table
@@ -120,19 +119,19 @@ def section(found: Findings) -> Section:
         title="Other choices of analysis",
         blocks=[Figure(name=f"{MULTIVERSE}-{name}") for name in NAMES]
         if made is None
-        else _blocks(made, found.keep),
+        else _blocks(made),
         data={} if made is None else {MULTIVERSE: made.as_json()},
     )
 
 
-def _blocks(made: Multiverse, keep: Kept) -> list[Block]:
+def _blocks(made: Multiverse) -> list[Block]:
     alone = [f"{choice.capitalize()}: {why}." for choice, why in made.single.items()]
     return [
         _INTRODUCTION,
         Items(heading="Choices that make no difference in this study", lines=alone),
         Items(heading="Claims", lines=[in_words(curve) for curve in made.curves]),
         _pair_table(made.pairs) if any(pair.analyses > 1 for pair in made.pairs) else None,
-        *(_figure(curve, keep) for curve in made.curves),
+        *map(_figure, made.curves),
     ]
 
 
@@ -189,7 +188,7 @@ def _pair_table(pairs: tuple[PairTally, ...]) -> Table:
     )
 
 
-def _figure(curve: Curve, keep: Kept) -> Figure:
+def _figure(curve: Curve) -> Figure:
     name = f"{MULTIVERSE}-{curve.claim.id}"
     if not curve.options:
         return Figure(name=name)
@@ -202,7 +201,6 @@ def _figure(curve: Curve, keep: Kept) -> Figure:
         f"effect to the largest. Above: {curve.claim.effect}.{bars} Below: squares mark the "
         f"options that each analysis took.{own}",
         draw=partial(specification_figure, curve),
-        keep=keep,
         table=_option_table(name, curve),
     )
 

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from functools import partial
 
+import numpy as np
+
 from analysis.estimates import NotEstimable, plain
 from analysis.report import figure_data
 from analysis.report.as_json import law_json
@@ -62,19 +64,22 @@ _LINES = {
 
 
 def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
-    data = figure_data.scatter(found)
-    if data is None:
+    given = found.trials.scored.ratings.given
+    count = len(given.rating)
+    if not count:
         instead = "No rated trial has a prediction, so there is no figure."
         return Figure(name="model", instead=instead, table=table)
+    # `where` takes a mask rather than positions.
+    chosen = np.isin(np.arange(count), figure_data.thinned(count, figure_data.MOST_POINTS))
+    ratings, (at, curves) = given.where(chosen), figure_data.model_curves(found)
     return Figure(
         name="model",
         title="Ratings against the model",
         caption="Ratings against the contrast that the friction model predicts for each trial. "
         "Shape and colour mark the condition; equal ratings are offset slightly. "
-        f"{''.join(_LINES[model] for model in data.curves)}"
-        f"{SKIN_IN_SHORT}{of_all(len(data.ratings.rating), data.of, 'ratings')}",
-        draw=partial(figure_data.scatter_figure, data),
-        keep=found.keep,
+        f"{''.join(_LINES[model] for model in curves)}"
+        f"{SKIN_IN_SHORT}{of_all(len(ratings.rating), count, 'ratings')}",
+        draw=partial(figure_data.scatter_figure, ratings, found.scale, at, curves),
         table=table,
         front=True,
     )
@@ -91,7 +96,6 @@ def _levels_figure(found: Findings) -> Figure:
         "large ones means with standard errors. The line is the mean rating that M2 expects of "
         "the group's average subject at the predicted contrasts.",
         draw=partial(figure_data.levels_figure, data, found.scale),
-        keep=found.keep,
         table=Table(
             name="levels",
             caption="Numbers shown in the figure: mean score by level.",

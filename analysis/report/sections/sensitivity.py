@@ -148,7 +148,6 @@ def _gains_figure(trials: TrialStatistics) -> Figure:
         caption="Sensitivity of each subject with its 95% interval; dashed lines show the group, "
         f"if there are several subjects. {wording.SKIN_IN_SHORT}{_drawn(lines)}",
         draw=partial(figure_data.gains_figure, models),
-        keep=trials.keep,
         table=_gains_table(model, lines),
     )
 
@@ -168,7 +167,6 @@ def _relative_figure(trials: TrialStatistics) -> Figure:
         "the mean gain of the subjects (dashed), with its 95% interval. "
         f"{wording.SKIN_IN_SHORT}{_drawn(lines)}",
         draw=partial(figure_data.relative_gains_figure, lines),
-        keep=trials.keep,
         front=True,
     )
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json, NotEstimable, plain
-from analysis.kept import Kept
 from analysis.loading.study_data import StudyData, rules_in_words
 from analysis.report import blocks, figure_data
 from analysis.report.as_json import unknown, with_reasons
@@ -129,17 +128,16 @@ def _catch_line(answers: Discrimination | NotEstimable) -> str:
 
 
 def _course_figure(found: Findings) -> blocks.Figure:
-    data = figure_data.course(found)
-    if data is None:
+    places, means, errors, counts = figure_data.course(found.trials.scored)
+    if not len(places):
         return blocks.Figure(name="course")
     return blocks.Figure(
         name="course",
         title="Scores over the session",
         caption="Mean score with standard error, by the trial's place in the session.",
-        draw=partial(figure_data.course_figure, data),
-        keep=found.keep,
+        draw=partial(figure_data.course_figure, places, means, errors, found.scale),
         table=blocks.Table.over(
-            zip(data.places, data.means, data.errors, data.counts, strict=True),
+            zip(places, means, errors, counts, strict=True),
             [
                 blocks.Column("place", itemgetter(0)),
                 blocks.Column("mean score", itemgetter(1), 2),
@@ -164,7 +162,6 @@ def _reaction_times(found: Findings) -> blocks.Figure:
             for name in found.study.conditions
         },
         ("reaction time, s", "condition"),
-        found.keep,
         # Reaction times are skewed to the right: on a linear axis a few slow ones would take all
         # the room.
         logarithmic=True,
@@ -183,7 +180,6 @@ def _forces(found: Findings) -> blocks.Figure:
         # In the steps in which the model takes force, so that the figure shows what is analysed.
         _by_subject(found, (made / FORCE_STEP).round() * FORCE_STEP, touches),
         ("force, made / asked", "subject"),
-        found.keep,
         asked=1.0,
     )
 
@@ -201,7 +197,6 @@ def _places(found: Findings) -> blocks.Figure:
         f"{1e3 * PLACE_STEP_M:g} mm, by subject; bars show medians.",
         _by_subject(found, (apart_m / PLACE_STEP_M).round() * PLACE_STEP_M * 1e3, touches),
         ("place, made − asked, mm", "subject"),
-        found.keep,
         asked=0.0,
     )
 
@@ -222,7 +217,6 @@ def _strips(
     caption: str,
     groups: Mapping[str, Any],
     axes: tuple[str, str],
-    keep: Kept,
     **style: Any,
 ) -> blocks.Figure:
     """Return the figure of values in groups, with a table; none without values."""
@@ -243,7 +237,7 @@ def _strips(
         caption=f"Numbers shown in the figure: {axis}.",
     )
     caption += of_all(count, of, "points")
-    return blocks.Figure(name=name, title=title, caption=caption, draw=draw, keep=keep, table=table)
+    return blocks.Figure(name=name, title=title, caption=caption, draw=draw, table=table)
 
 
 def _catch_table(catch: CatchAnswers) -> blocks.Table:

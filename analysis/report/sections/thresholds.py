@@ -50,7 +50,7 @@ def section(found: Findings) -> Section:
             *(
                 figure
                 for number, (name, people) in enumerate(drawn.items(), start=1)
-                for figure in _figures(found, found.study.track_of(name), people, number)
+                for figure in _figures(found.study.track_of(name), people, number)
             ),
         ],
         data={
@@ -144,9 +144,7 @@ def _counted(of: tuple[int, int] | None) -> str:
     return MISSING if of is None else f"{of[0]} of {of[1]}"
 
 
-def _figures(
-    found: Findings, track: Track, people: Sequence[PersonThreshold], number: int
-) -> Iterator[Figure]:
+def _figures(track: Track, people: Sequence[PersonThreshold], number: int) -> Iterator[Figure]:
     """Yield the levels over the answers and the psychometric functions of a track."""
     known = [each for each in people if each.course.values]
     shown = [known[place] for place in thinned(len(known), MOST_PANELS)]
@@ -161,7 +159,6 @@ def _figures(
         caption=f"Levels of {track.name} over the answers, right (filled) or wrong{rings}. The "
         f"dashed line is the fitted threshold ({share}).{more}",
         draw=partial(_levels_figure, track, shown),
-        keep=found.keep,
     )
     yield Figure(
         name=f"psychometric-{number}",
@@ -170,7 +167,6 @@ def _figures(
         f"{track.name}; the area of a point is the number of answers. The curve is the fit, the "
         f"bar the 95% interval of the threshold ({share}).{more}",
         draw=partial(_curves_figure, track, shown),
-        keep=found.keep,
     )
 
 

@@ -7,10 +7,6 @@ import pytest
 
 from analysis.report.drawing import FORMATS, Words, marked
 from analysis.report.figure_data import (
-    FactorMeans,
-    People,
-    Raincloud,
-    Scatter,
     factor_figure,
     noticed_figure,
     people_figure,
@@ -33,8 +29,8 @@ def cloud(highest: float) -> list[float]:
     """Return the first cloud's outline for scores on a scale from 0 to `highest`."""
     table = imported(np.tile(SCORES, (2, 1)) * highest / 10).table
     scale = Scale(0, highest)
-    data = Raincloud(table=table, scale=scale, lines=table.scores, means=table.scores.mean(axis=0))
-    svg = raincloud_figure(data, Words(name="scores", title="", description="")).svg
+    words, scores = Words(name="scores", title="", description=""), table.scores
+    svg = raincloud_figure(table, scores, scores.mean(axis=0), scale, words).svg
     _, _, rest = svg.partition('id="scores-FillBetweenPolyCollection_1"')
     outline = re.search(r' d="([^"]*)"', rest)
     assert outline is not None
@@ -54,7 +50,7 @@ def test_many_conditions_have_room(count: int) -> None:
     table, scale = imported(scores, names=names).table, Scale(0, 10)
     words = Words(name="scores", title="", description="")
     means = table.scores.mean(axis=0)
-    raincloud_figure(Raincloud(table=table, scale=scale, lines=table.scores, means=means), words)
+    raincloud_figure(table, table.scores, means, scale, words)
     ratings = Ratings(
         subjects=table.subjects,
         conditions=names,
@@ -64,8 +60,7 @@ def test_many_conditions_have_room(count: int) -> None:
         rating=table.scores.ravel(),
     )
     at = np.array([0.0, 1.0])
-    data = Scatter(ratings=ratings, scale=scale, of=4, at=at, curves={"M2": at, "M1": 2 * at})
-    svg = scatter_figure(data, words).svg
+    svg = scatter_figure(ratings, scale, at, {"M2": at, "M1": 2 * at}, words).svg
     assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count
 
 
@@ -82,8 +77,8 @@ def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -
     names = tuple(f"condition {number}" for number in range(count))
     means = np.full(count, 5.0)
     scores = {f"P{who}": tuple(np.array([5.0]) for _ in names) for who in range(12)}
-    data = People(conditions=names, scores=scores, means=means, scale=Scale(0, 10), of=12)
-    svg = people_figure(data, Words(name="people", title="", description="")).svg
+    words = Words(name="people", title="", description="")
+    svg = people_figure(names, scores, means, Scale(0, 10), words).svg
     names_at = re.findall(r"translate\(([\d.]+) [\d.]+\) rotate\(-90\)", svg)
     places = sorted({float(x) for x in names_at})
     assert min(np.diff(places)) > 9  # pt
@@ -92,18 +87,13 @@ def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -
 def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
     """A layout without room would be a warning, which is an error here."""
     name = "begins as all of them, and goes on"
-    scores = FactorMeans(
-        factors=("condition", "group"),
-        levels=tuple(tuple(f"{name} {number}" for number in range(many)) for many in (30, 6)),
-        means=np.full((30, 6), 5.0),
-        halves=np.ones((30, 6)),
-        scale=Scale(0, 10),
-    )
+    factors = {
+        factor: tuple(f"{name} {number}" for number in range(many))
+        for factor, many in {"condition": 30, "group": 6}.items()
+    }
     words = Words(name="groups", title="Groups", description="")
-    assert f"{name} 29<" in factor_figure(scores, words).svg
+    means = factor_figure(factors, np.full((30, 6), 5.0), np.ones((30, 6)), Scale(0, 10), words)
+    assert f"{name} 29<" in means.svg
     shares = {f"{name} {number}": np.full((30, 3), 0.5) for number in range(6)}
-    for drawn in (
-        factor_figure(scores, words),
-        noticed_figure(scores.levels[0], shares, words),
-    ):
+    for drawn in (means, noticed_figure(factors["condition"], shares, words)):
         assert set(drawn.files()) == set(FORMATS)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.estimates import NotEstimable
-from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, people, scatter
+from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, model_curves, people
 from analysis.report.sections import predictions
 from analysis.statistics.summary import TableStatistics
 from tests.analysis.reports import imported, plain_report, study_report, with_m2
@@ -26,7 +26,7 @@ def test_conditions_with_several_levels_are_drawn_against_them() -> None:
 def test_each_subject_has_a_panel_with_all_scores() -> None:
     found = people(study_report())
     scored = study_report().loaded.scored.dropna(subset=["score"])
-    shown = sum(len(own) for scores in found.scores.values() for own in scores)
+    shown = sum(len(own) for scores in found.values() for own in scores)
     assert shown == len(scored)
 
 
@@ -36,10 +36,9 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     loaded = imported(scores)
     table = TableStatistics(tables=loaded.readings())
     found = people(replace(plain_report(), loaded=loaded, table=table))
-    assert found.of == 70
-    assert MOST_PEOPLE < 70
-    assert {"P00", "P05", "P069"} <= found.scores.keys()
-    assert len(found.scores) <= 8
+    assert MOST_PEOPLE < len(scores) == 70
+    assert {"P00", "P05", "P069"} <= found.keys()
+    assert len(found) <= 8
     assert loaded.table.subjects[0] == "P00"
 
 
@@ -52,6 +51,5 @@ def test_the_caption_names_the_curves_that_are_drawn() -> None:
         assert (solid in figure.caption, dashed in figure.caption) == (named, True)
         assert figure.drawing is not None
         assert any(b"stroke-dasharray" in file for file in figure.drawing.files().values())
-        data = scatter(found)
-        assert data is not None
-        assert (HEADLINE in data.curves, SIMPLE in data.curves) == (named, True)
+        _, curves = model_curves(found)
+        assert (HEADLINE in curves, SIMPLE in curves) == (named, True)

@@ -9,6 +9,7 @@ import weakref
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from numbers import Real
 from pathlib import Path
 from typing import Self
@@ -30,13 +31,7 @@ from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chains_of, parsed_name, session_name
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
-from runner.launch.device_access import (
-    SessionRig,
-    rig_locks,
-    session_rig,
-    stepped_rig,
-    touchbeam_command,
-)
+from runner.launch import device_access
 from runner.launch.locks import session_lock
 from runner.session.session import versions
 from runner.session.waiting import TICK_S
@@ -86,13 +81,10 @@ def open_rig(
     calibration = None if folder is None else kept_calibration(folder.path)
     with ExitStack() as stack:
         stack.enter_context(_ended_by_signals())
-        stack.enter_context(rig_locks(device, channel))
-        if device == SIMULATED and not real_time:
-            opening = stepped_rig(settings, seed, calibration, channel)
-        else:
-            command = touchbeam_command()
-            opening = session_rig(device, settings, command, seed, calibration, channel)
-        rig = stack.enter_context(opening)
+        stack.enter_context(device_access.rig_locks(device, channel))
+        stepped, session = device_access.stepped_rig, partial(device_access.session_rig, device)
+        opening = stepped if device == SIMULATED and not real_time else session
+        rig = stack.enter_context(opening(settings, seed, calibration, channel))
         # The rig before the journal: if no device answers, no session is opened.
         identity, log = rig.device.arm(), None
         if journal is not None:
@@ -117,7 +109,7 @@ class OpenRig:
 
     def __init__(
         self,
-        rig: SessionRig,
+        rig: device_access.SessionRig,
         settings: RigSettings,
         rate_hz: int | None,
         kept: "_Kept",

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -82,7 +82,6 @@ def stepped_rig(
 def session_rig(
     url: str,
     settings: RigSettings,
-    touchbeam: Sequence[str],
     seed: int,
     calibration: Resonance | None = None,
     force_channel: ForceChannel | None = None,
@@ -90,9 +89,9 @@ def session_rig(
 ) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
-    The driver enforces the limits in `settings`. The command `touchbeam` starts a simulated device,
-    whose hidden properties follow from `seed` and `friction`. The gauge of `force_channel` is
-    opened, too; a device that cannot measure its resonance has that of the `calibration`. Raise
+    The driver enforces the limits in `settings`. A simulated device is a process of its own, whose
+    hidden properties follow from `seed` and `friction`. The gauge of `force_channel` is opened,
+    too; a device that cannot measure its resonance has that of the `calibration`. Raise
     `AddressError` for no address of device or gauge, `DeviceError` if no working device answers.
     """
     with ExitStack() as stack:
@@ -100,7 +99,7 @@ def session_rig(
         gauge_url = gauge_address(channel, url)
         if url == SIMULATED:
             endpoints = stack.enter_context(
-                simulator_process(touchbeam, seed, dialect=settings.dialect, **friction)
+                simulator_process(touchbeam_command(), seed, dialect=settings.dialect, **friction)
             )
             control = stack.enter_context(ControlClient(endpoints.control))
             url, gauge_url = endpoints.url, gauge_url and endpoints.gauge
@@ -147,14 +146,14 @@ def ports() -> list[dict[str, str]]:
     return known
 
 
-def probed(url: str, touchbeam: Sequence[str]) -> dict[str, Any]:
+def probed(url: str) -> dict[str, Any]:
     """Return the identity and status that the device at `url` reports; change nothing in it.
 
     Raises as `link.open_link`; `ForeignDevice` without a driver, `DeviceError` for wrong answers.
     """
     with ExitStack() as stack:
         if url == SIMULATED:
-            url = stack.enter_context(simulator_process(touchbeam, seed=1)).url
+            url = stack.enter_context(simulator_process(touchbeam_command(), seed=1)).url
         link = stack.enter_context(closing(open_link(url)))
         idn, driver = _identified(link, url)
         if not driver.register.is_a_setting:
@@ -186,9 +185,7 @@ def answered(link: Link, query: str) -> str | None:
         return None
 
 
-def swept(
-    url: str, near_hz: float, dialect: str, touchbeam: Sequence[str], seed: int = 1
-) -> tuple[Resonance, str]:
+def swept(url: str, near_hz: float, dialect: str) -> tuple[Resonance, str]:
     """Return the resonance of the beam at `url` and the device's identity; leave the output off.
 
     Raise `AddressError` for a wrong address or dialect; `BadInput` for a device that measures no
@@ -201,7 +198,7 @@ def swept(
     if not driver.measures_vibration:
         raise BadInput(f"{driver.measures_none()}; nothing was set, the output is as it was")
     settings = RigSettings.model_validate({"dialect": dialect})
-    with session_rig(url, settings, touchbeam, seed) as rig:
+    with session_rig(url, settings, seed=1) as rig:
         sleep = rig.control.advance if rig.control is not None else time.sleep
         identity = rig.device.arm()
         return rig.device.resonance(near_hz, sleep), identity.idn

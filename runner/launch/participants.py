@@ -28,7 +28,7 @@ from runner.people.operator_console import (
 )
 from runner.people.participant_console import ConsoleParticipant, TypedLines
 from runner.people.sliding_block import SlidePlot, SlidingBlock
-from runner.people.terminal import at_terminal, terminal_keys
+from runner.people.terminal import at_terminal, terminal_keys, typed_answer
 from runner.people.virtual_participant import (
     Finger,
     UntouchedBeam,
@@ -63,7 +63,7 @@ def participant_and_operator(
     watched = (lambda: rig.device.reading, lambda: rig.device.forces)
     swap = _swap(session, rig, finger)
     if session.slides:
-        with _block_and_operator(session, rig, clock, say, swap) as people:
+        with _block_and_operator(session, rig, clock, say, swap, watched) as people:
             yield people
     elif finger is not None:
         participant = _virtual_participant(session, finger, clock, rig.control)
@@ -89,19 +89,20 @@ def participant_and_operator(
 
 @contextmanager
 def _block_and_operator(
-    session: Session, rig: SessionRig, clock: Clock, say: Say, swap: Callable[[str], None]
+    session: Session,
+    rig: SessionRig,
+    clock: Clock,
+    say: Say,
+    swap: Callable[[str], None],
+    watched: Watched,
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the block of a sliding experiment and the operator, who draws it on a real device."""
     plot = SlidePlot()
-
-    def picture(width: int, rows: int) -> list[str]:
-        return plot.lines(width, rows, clock.monotonic_s())
-
     with operator_at_terminal(
         say,
-        (lambda: rig.device.reading, lambda: rig.device.forces),
+        watched,
         swap,
-        picture,
+        lambda width, rows: plot.lines(width, rows, clock.monotonic_s()),
         unit="pass",
         alone=rig.control is not None,
         quiet=isinstance(clock, SteppedClock),
@@ -219,14 +220,11 @@ def _asked(there: Sequence[ScreenPlace], say: Say) -> ScreenPlace:
             "--screen N"
         )
     say(f"Each screen shows its number ({choices}).")
-    while True:
-        say("Type the number of the participant's screen, then press Enter.")
-        typed = sys.stdin.readline()
-        if not typed:
-            raise BadInput("the participant's screen must be chosen; use --screen N")
-        for screen in there:
-            if typed.strip() == str(screen.number):
-                return screen
+    text = "Type the number of the participant's screen, then press Enter."
+    try:
+        return typed_answer(say, text, {str(screen.number): screen for screen in there}.get)
+    except EOFError:
+        raise BadInput("the participant's screen must be chosen; use --screen N") from None
 
 
 def choice_file() -> Path:

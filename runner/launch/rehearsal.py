@@ -5,8 +5,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
+from device.people.person import Population
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, TouchEnded
@@ -19,9 +20,6 @@ from runner.launch.request import SessionOptions
 from runner.launch.run_session import run_session
 from runner.people.virtual_participant import VirtualParticipantLeft
 from runner.study.folder import StudyFolder
-
-if TYPE_CHECKING:
-    from device.people.person import Population
 
 _Kind = TypeVar("_Kind", bound=Event)
 
@@ -107,7 +105,7 @@ def rehearse_cohort(
     participants: int,
     seed: int,
     after_each: Callable[[], None],
-    people: "Population | None" = None,
+    people: Population | None = None,
 ) -> None:
     """Run a session of each virtual participant from P01 on, drawn from `people` or the default.
 

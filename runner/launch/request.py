@@ -5,13 +5,14 @@ What is more often a slip than meant is confirmed by the operator.
 
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
+from device.people.person import Population
 from device.resonance import Resonance
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
@@ -30,7 +31,6 @@ from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
 from runner.journal.store import Journal, JournalError
-from runner.launch.device_access import touchbeam_command
 from runner.people.participant_console import require_typist
 from runner.people.terminal import typed_answer
 from runner.screens import AnswerSource
@@ -39,9 +39,6 @@ from runner.session.setup import OPERATOR_QUESTIONS, spoken
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
-
-if TYPE_CHECKING:
-    from device.people.person import Population
 
 _T = TypeVar("_T")
 Confirm = Callable[[str, str], None]
@@ -66,7 +63,7 @@ class SessionOptions:
     law: str | None = None
     rung: str | None = None
     damping: float | None = None
-    people: "Population | None" = None
+    people: Population | None = None
     at_window: bool = False
     screen: int | None = None
     windowed: bool = False
@@ -77,7 +74,6 @@ class SessionOptions:
     """What the operator answered so that the group could follow."""
     new_name: bool = False
     slides: bool = False
-    touchbeam: Sequence[str] = field(default_factory=touchbeam_command)
 
 
 @dataclass(frozen=True, kw_only=True)

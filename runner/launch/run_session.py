@@ -6,19 +6,11 @@ What the journal already knows of a session that is resumed comes from there: it
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from device.friction.scenes import NOMINAL
-from device.people.person import (
-    DEFAULT,
-    Person,
-    World,
-    drawn_person,
-    person_name,
-    person_of,
-    truth_of,
-)
-from device.resonance import Resonance
+from device.people import person as people
 from device.simulator.client import Friction
 from protocol.address import SIMULATED
 from protocol.errors import BadInput, Problem, WorkFailed
@@ -105,8 +97,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     stack.enter_context(device_access.rig_locks(request.url, request.study.force_channel))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
-    calibration = options.calibration or kept_calibration(options.folder.path)
-    rig = stack.enter_context(_rig(request, calibration))
+    rig = stack.enter_context(_rig(request))
     if not request.rehearsal:
         device_access.require_real(rig.device.arm().idn, request.url)
     clock = rig.clock
@@ -147,17 +138,13 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     return context
 
 
-def _rig(
-    request: Request, calibration: Resonance | None
-) -> AbstractContextManager[device_access.SessionRig]:
-    options, settings = request.options, request.study.rig
-    channel = request.study.force_channel
+def _rig(request: Request) -> AbstractContextManager[device_access.SessionRig]:
+    options, study = request.options, request.study
+    calibration = options.calibration or kept_calibration(options.folder.path)
     friction = Friction(law=options.law, rung=options.rung, damping=options.damping)
-    if request.pace == "stepped":
-        return device_access.stepped_rig(settings, request.seed, calibration, channel, **friction)
-    return device_access.session_rig(
-        request.url, settings, options.touchbeam, request.seed, calibration, channel, **friction
-    )
+    stepped, session = device_access.stepped_rig, partial(device_access.session_rig, request.url)
+    opened = stepped if request.pace == "stepped" else session
+    return opened(study.rig, request.seed, calibration, study.force_channel, **friction)
 
 
 def _finger(
@@ -176,20 +163,14 @@ def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticip
     options = request.options
     if options.ratings != "window" and not options.at_window:
         return nullcontext()
-    return study_window(
-        options.touchbeam,
-        request.study,
-        Settings(
-            wording=request.wording,
-            screen=participants_screen(
-                options.touchbeam, options.screen, say, windowed=options.windowed
-            ),
-            windowed=options.windowed,
-            folder=str(options.folder.path.resolve()),
-        ),
-        options.consent,
-        say,
+    command = device_access.touchbeam_command()
+    settings = Settings(
+        wording=request.wording,
+        screen=participants_screen(command, options.screen, say, windowed=options.windowed),
+        windowed=options.windowed,
+        folder=str(options.folder.path.resolve()),
     )
+    return study_window(command, request.study, settings, options.consent, say)
 
 
 @contextmanager
@@ -244,7 +225,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
         )
         require_resumable(journal, session, sessions.get(chain), clock.utc())
         if chain not in sessions:
-            SessionLog(journal, chain, clock).append(session.opening())
+            SessionLog(journal, chain, clock).append(session.recorded_as(SessionOpened))
     return session
 
 
@@ -310,20 +291,20 @@ def _virtual_truth(
 
     person = _person(request, before, group)
     if request.url != SIMULATED:
-        return replace(truth_of(person, World()), damping_ratio=None, beam_gain=None)
+        return replace(people.truth_of(person, people.World()), damping_ratio=None, beam_gain=None)
     beam = SimulatedBeam(request.seed, options.law, options.rung, options.damping)
-    return truth_of(person, beam.world)
+    return people.truth_of(person, beam.world)
 
 
-def _person(request: Request, before: SessionState | None, group: str | None) -> Person:
+def _person(request: Request, before: SessionState | None, group: str | None) -> people.Person:
     """Return the virtual participant, the same in all sessions: who began this one, if any did."""
     options = request.options
-    name = person_name(request.seed, options.participant)
-    person = drawn_person((options.people or DEFAULT).of_group(group), name)
+    name = people.person_name(request.seed, options.participant)
+    person = people.drawn_person((options.people or people.DEFAULT).of_group(group), name)
     begun = before.opened if before else None
     if not isinstance(begun, SessionOpened) or begun.virtual is None:
         return person
-    kept = person_of(begun.virtual)
+    kept = people.person_of(begun.virtual)
     if options.people is not None and person != kept:
         raise BadInput(
             f"--people gives {request.name} another virtual person than began it; resume it "

@@ -159,7 +159,6 @@ def study_with_gauge(tmp_path: Path, gauge: str) -> SessionOptions:
         participant="P01",
         ratings="virtual",
         device="/dev/no-such-device",
-        touchbeam=TOUCHBEAM,
     )
 
 
@@ -196,7 +195,7 @@ def test_a_simulated_gauge_is_not_for_a_real_device(tmp_path: Path) -> None:
 def test_the_gauge_of_a_simulated_device_is_simulated(dialect: str) -> None:
     rig = RigSettings(dialect=dialect, amplifier_gain=20 if dialect != "board" else None)
     channel = ForceChannel(rate_hz=500, gauge="/dev/some-gauge")
-    with session_rig("sim", rig, TOUCHBEAM, 1, force_channel=channel) as found:
+    with session_rig("sim", rig, 1, force_channel=channel) as found:
         found.device.arm()
         found.device.record(500)
         time.sleep(0.2)

@@ -43,12 +43,12 @@ def device_probe(url: options.UrlArgument, as_json: options.JsonOption = False) 
 
     Changes no setting; the device's output stays as it is.
     """
-    from runner.launch.device_access import probed, touchbeam_command
+    from runner.launch.device_access import probed
     from runner.launch.locks import rig_lock
 
     with rig_lock(url):
         # Under the lock: two programs that ask at one port would get each other's answers.
-        status = probed(url, touchbeam_command())
+        status = probed(url)
     if as_json:
         print_json(status)
         return
@@ -75,13 +75,13 @@ def device_sweep(
 
     Searches within 5% of --near, then turns the output off.
     """
-    from runner.launch.device_access import swept, touchbeam_command
+    from runner.launch.device_access import swept
     from runner.launch.locks import rig_lock
     from runner.study.calibration import keep_calibration
 
     with rig_lock(url):
         # Under the lock: this drives the beam, on which a participant's finger may lie.
-        peak, idn = swept(url, near, dialect, touchbeam_command())
+        peak, idn = swept(url, near, dialect)
     now = WallClock().utc().isoformat(timespec="seconds")
     file = keep_calibration(keep, peak, idn, now) if keep else None
     if as_json:

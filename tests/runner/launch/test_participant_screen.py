@@ -11,6 +11,7 @@ import pytest
 from protocol.errors import BadInput
 from runner.launch import participants
 from runner.launch.participants import choice_file, participants_screen
+from runner.people import terminal
 from runner.screen_list import ScreenPlace
 
 LEFT = ScreenPlace(number=0, x=0, y=0, width=1280, height=720, name="eDP-1")
@@ -33,7 +34,8 @@ def choose(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Choose:
         said: list[str] = []
         monkeypatch.setattr(participants, "listed_screens", lambda _: there)
         monkeypatch.setattr(participants, "numbered_screens", lambda _: nullcontext())
-        monkeypatch.setattr(participants, "at_terminal", lambda *_: typed is not None)
+        for module in (participants, terminal):
+            monkeypatch.setattr(module, "at_terminal", lambda *_: typed is not None)
         monkeypatch.setattr("sys.stdin", io.StringIO(typed or ""))
         screen = participants_screen(["touchbeam"], wanted, said.append, windowed=windowed)
         return screen, said

@@ -274,7 +274,7 @@ def asked(lab: Lab) -> None:
     with patch(
         "runner.launch.device_access.open_link", lambda _: Link(lab.device.port(), lab.device.now_s)
     ):
-        said = probed(PORT, ())
+        said = probed(PORT)
     require(11, said["dialect"] == lab.watch.rig.dialect, f"another dialect: {said}")
     require(11, all(said.values()), f"no answer: {said}")
     silent = {"monitor_v", "force_n", "position_m", "time_s"} - said.keys()

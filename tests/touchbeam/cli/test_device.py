@@ -52,7 +52,7 @@ def endpoints(request: pytest.FixtureRequest) -> Iterator[Endpoints]:
 def test_a_probe_reports_identity_and_status_and_changes_nothing(endpoints: Endpoints) -> None:
     with ControlClient(endpoints.control) as control:
         control.fault("panel-on")
-        said = probed(endpoints.url, TOUCHBEAM)
+        said = probed(endpoints.url)
         output, other = HEALTH[said["dialect"]]
         assert said["output"] == output
         assert control.state()["output"] is True
@@ -72,7 +72,7 @@ def test_a_probe_of_an_unknown_device_shows_expected_and_actual_identity(
     with ControlClient(endpoints.control) as control:
         control.fault("wrong-idn")
         with pytest.raises(ForeignDevice, match=r"TOUCHBEAM,BOARD.*33220A.*; got 'ACME,Toaster"):
-            probed(endpoints.url, TOUCHBEAM)
+            probed(endpoints.url)
         control.fault("wrong-idn", on=False)
 
 
@@ -104,7 +104,7 @@ def test_people_see_the_curve_and_units() -> None:
 
 def test_a_generator_uses_the_saved_calibration() -> None:
     settings = RigSettings(dialect="keysight", amplifier_gain=20.0, generator_max_vpp=20.0)
-    with session_rig("sim", settings, TOUCHBEAM, 1, FOUND) as rig:
+    with session_rig("sim", settings, 1, FOUND) as rig:
         rig.device.arm()
         assert rig.device.resonance(24_221.0, lambda _: None) == FOUND
 
@@ -123,7 +123,7 @@ def test_a_generator_that_cannot_sweep_is_left_as_it_is(asked: str) -> None:
     assert "a keysight device measures no vibration: find the resonance another" in done.stderr
     assert "nothing was set, the output is as it was" in done.stderr
     with pytest.raises(BadInput, match="a rigol device measures no vibration"):
-        swept("sim", 24_221.0, "rigol", TOUCHBEAM)
+        swept("sim", 24_221.0, "rigol")
 
 
 @pytest.mark.parametrize("dialect", ["board", "keysight", "rigol", "siglent"])
@@ -147,7 +147,7 @@ def test_a_person_at_a_simulated_device_with_an_address_makes_a_rehearsal(
 
 def test_a_sweep_without_a_resonance_fails(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="no resonance between 13300 and 14700 Hz"):
-        swept("sim", 14_000.0, "board", TOUCHBEAM)
+        swept("sim", 14_000.0, "board")
 
 
 def test_an_invalid_calibration_is_refused(tmp_path: Path) -> None:

@@ -462,7 +462,7 @@ def asked_report(
     with read_journal(folder.journal) as journal:
         # What was read before a withdrawal must not come back to where that has deleted it.
         shelf = kept_files(journal) if digest == now else None
-        unlocked = registration_problem(journal, folder.path)
+        unlocked = registration_problem(journal, folder)
     return AskedReport(
         folder=folder,
         journal=digest,

@@ -72,8 +72,8 @@ def _placement_problems(study: Study) -> Iterator[Problem]:
 
 def checked(
     folder: StudyFolder, participants: int | None, *, as_json: bool
-) -> tuple[list[str], list[str], bool]:
-    """Return the lines to print, the problems as lines, and whether the study is valid.
+) -> tuple[list[str], list[str]]:
+    """Return the lines to print, and the problems as lines: none, if the study is valid.
 
     The cohort has `participants`, by default the study's own, or else 1. With `as_json` the lines
     are one document. Raise `BadInput` if the study file is missing or unreadable.
@@ -105,7 +105,7 @@ def checked(
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         record["tracks"] = [track.record() for track in tracks]
         lock = {} if registered is None else {"registration": registered.digest}
-        return [_json({**record, **lock})], [], True
+        return [_json({**record, **lock})], []
     said = [*preview_lines(shown, model), *[""] * bool(tracks)]
     said += [line for track in tracks for line in track.lines()]
     said += _lock_lines(folder, registered, text)
@@ -114,7 +114,7 @@ def checked(
         for code in study.languages
         if (keys := read_in_reference(study, code))
     ]
-    return said, [], True
+    return said, []
 
 
 def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[ShownTrack]":
@@ -153,17 +153,17 @@ def _is_accepted(folder: StudyFolder, digest: str) -> bool:
 
 def _refused(
     source: str, problems: Sequence[Problem], *, as_json: bool
-) -> tuple[list[str], list[str], bool]:
+) -> tuple[list[str], list[str]]:
     lines = [problem.located(source) for problem in problems]
     if not as_json:
-        return [], lines, False
+        return [], lines
     names = ("where", "rule", "value", "hint", "line")
     records = [
         {name: getattr(problem, name) for name in names}
         | ({"file": problem.file} if problem.file else {})
         for problem in problems
     ]
-    return [_json({"ok": False, "problems": records, "participants": []})], lines, False
+    return [_json({"ok": False, "problems": records, "participants": []})], lines
 
 
 def _json(document: dict[str, Any]) -> str:

@@ -89,11 +89,6 @@ class StudyFolder:
         return self.path / "study.toml"
 
     @property
-    def test_file(self) -> Path:
-        """Tests of the study, run by pytest."""
-        return self.path / "test_study.py"
-
-    @property
     def journal(self) -> Path:
         return self.path / "study.db"
 
@@ -194,13 +189,6 @@ class StudyFolder:
     def study(self) -> Study:
         """Return the checked study; raise `BadInput` if it is missing, `StudyError` if wrong."""
         return parsed_study(self.text(), str(self.study_file), dialects=DIALECTS)
-
-    def study_if_valid(self) -> Study | None:
-        """Return the checked study, None if it is missing or has problems."""
-        try:
-            return self.study()
-        except BadInput:
-            return None
 
     def existing_journal(self) -> Path:
         """Return the path of the journal; raise `BadInput` if nothing has been recorded yet."""

@@ -3,13 +3,11 @@
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from device.friction.scenes import Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
 from protocol.registration.registration import (
@@ -102,24 +100,19 @@ def _command(made: Registration) -> str:
     return f"{command} --power FILE (that with {file})" if file else command
 
 
-def changed_files(journal: Journal, folder: StudyFolder) -> str:
-    """Return which file of a registered study is not as it was registered; '' if none is."""
-    recorded = in_force(journal)
-    if recorded is None:
-        return ""
-    made = registration_in(recorded.text)
-    checks = (_changed_study, _changed_calibration, _changed_registry_text)
-    try:
-        return next(filter(None, (problem(journal, folder, made) for problem in checks)), "")
-    except BadInput as error:
-        return str(error)
+def registration_problem(journal: Journal, folder: StudyFolder, *, of_files: bool = False) -> str:
+    """Return what is wrong with the file of a study's registration, if anything; '' otherwise.
 
-
-def registration_problem(journal: Journal, folder: Path) -> str:
-    """Return what is wrong with the file of a study's registration, if anything; '' otherwise."""
+    Or, `of_files` that it locks, which one is not as it was registered.
+    """
     recorded = in_force(journal)
     try:
-        return file_problem(recorded, registration_of(folder))
+        problem = file_problem(recorded, registration_of(folder.path))
+        if problem or recorded is None or not of_files:
+            return problem
+        made = registration_in(recorded.text)
+        checks = (_changed_study, _changed_calibration, _changed_registry_text)
+        return next(filter(None, (changed(journal, folder, made) for changed in checks)), "")
     except BadInput as error:
         return str(error)
 
@@ -161,51 +154,49 @@ def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) 
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Choice:
-    """What an author registers beside the study file; `power` is the file of a power analysis.
-
-    Without a `primary` hypothesis it is the study's first one.
-    """
-
-    primary: str | None
-    secondary: Sequence[str]
-    law: str
-    rung: str
-    analysis: Mapping[str, Setting]
-    exclusions: Sequence[str]
-    power: Path | None = None
-
-
-def new_registration(study: Study, text: str, choice: Choice, rig: Calibration) -> Registration:
+def new_registration(
+    folder: StudyFolder,
+    text: str,
+    study: Study,
+    *,
+    hypotheses: tuple[str | None, Sequence[str]],
+    analysis: Mapping[str, Setting],
+    exclusions: Sequence[str],
+    power: Path | None,
+) -> Registration:
     """Return the registration of a study with a file of this text.
 
-    Raise `BadInput` for an unknown hypothesis, no planned size, or an unreadable power analysis.
+    `hypotheses` are the primary one, else the study's first, and the others; `power` is the file
+    of a power analysis. Raise `BadInput` for an unknown hypothesis, no planned size, or an
+    unreadable power analysis.
     """
-    known = hypotheses_of(study)
-    primary = choice.primary or next(iter(known))
-    for name in (primary, *choice.secondary):
+    from device.friction.changes import LAW, RUNG
+
+    known, (primary, secondary) = hypotheses_of(study), hypotheses
+    primary = primary or next(iter(known))
+    for name in (primary, *secondary):
         require_known(name, known)
     participants = study.design.participants
     if participants is None:
         raise BadInput(
             "design.participants must be set in study.toml: it is the registered stopping rule"
         )
+    rig = fitted_calibration(folder.path)
     values = {name: value for name, value in vars(rig).items() if value is not None}
     return Registration(
         study=study.study.name,
         study_sha256=text_digest(text),
         primary=primary,
-        secondary=tuple(name for name in dict.fromkeys(choice.secondary) if name != primary),
-        law=choice.law,
-        rung=choice.rung,
+        secondary=tuple(name for name in dict.fromkeys(secondary) if name != primary),
+        law=LAW,
+        rung=RUNG,
         calibration=values if rig.origin else {},
         participants=participants,
         sessions=study.design.sessions,
         groups={group.name: group.size for group in study.group},
-        exclusions=tuple(choice.exclusions),
-        analysis=choice.analysis,
-        power=power_result(choice.power, text_digest(text)) if choice.power else {},
+        exclusions=tuple(exclusions),
+        analysis=analysis,
+        power=power_result(power, text_digest(text)) if power else {},
         touchbeam=version("touchbeam"),
     )
 
@@ -223,12 +214,12 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
         # Results of earlier versions do not name the study file and are taken as its.
         simulated = str(result.get("study_sha256", study_sha256))
     except (
-        ValueError,
-        TypeError,
-        KeyError,
+        ArithmeticError,
         AttributeError,
+        LookupError,
         RecursionError,
-        OverflowError,
+        TypeError,
+        ValueError,
     ) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
     return {

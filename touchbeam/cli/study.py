@@ -71,12 +71,13 @@ def new(
     study = options.study_folder(folder)
     text = named_after(folder.resolve().name, template_text(template))
     with new_study(study, text):
-        study.test_file.write_text(template_tests(), encoding="utf-8")
+        tests = folder / "test_study.py"
+        tests.write_text(template_tests(), encoding="utf-8")
     place = shlex.quote(str(folder))
     say(f"Edit {study.study_file}; docs/study-file.md describes every key. Then:")
     say(f"  {program()} check {place}")
     say(f"  {program()} run {place} --participant P01 --ratings virtual    # a rehearsal")
-    say(f"{study.test_file} tests the study with pytest (docs/study-tests.md); you may delete it.")
+    say(f"{tests} tests the study with pytest (docs/study-tests.md); you may delete it.")
 
 
 @app.command()
@@ -108,12 +109,12 @@ def check(
     from runner.study.check import checked
 
     folder = options.study_folder(study)
-    lines, problems, in_order = checked(folder, participants, as_json=as_json)
+    lines, problems = checked(folder, participants, as_json=as_json)
     for problem in problems:
         complain(f"touchbeam: {problem}")
     for line in lines:
         (print_json_text if as_json else say)(line)
-    if not in_order:
+    if problems:
         raise typer.Exit(2)
 
 
@@ -292,29 +293,26 @@ def register(
     """
     from analysis.loading.study_data import rules_in_words
     from analysis.report.sections.registration import analysis_settings
-    from device.friction.changes import LAW, RUNG
     from protocol.registration.registration import FILE
     from protocol.registration.registry_text import registry_text
     from runner.journal.location import checked_place, mounts_of_this_machine
-    from runner.study.calibration import fitted_calibration
     from runner.study.check import validated_study
-    from runner.study.registered import REGISTRY_FILE, Choice, new_registration
+    from runner.study.registered import REGISTRY_FILE, new_registration
     from runner.study.registered import register as write
 
     folder = options.study_folder(study)
     text = folder.text()
     checked = validated_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
-    choice = Choice(
-        primary=primary,
-        secondary=hypothesis or [],
-        law=LAW,
-        rung=RUNG,
+    made = new_registration(
+        folder,
+        text,
+        checked,
+        hypotheses=(primary, hypothesis or []),
         analysis=analysis_settings(checked.rating.minimum),
         exclusions=rules_in_words(checked.exclusions),
         power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
     )
-    made = new_registration(checked, text, choice, fitted_calibration(study))
     made, replaced = write(folder, checked, made, WallClock())
     told = registry_text(checked, made)
     if as_json:

@@ -120,7 +120,7 @@ def _resume(context: SessionContext) -> None:
         return
     # A process that was killed could record neither its trial nor the output as ended.
     close_interrupted(log)
-    log.append(session.resumption())
+    log.append(session.recorded_as(events.SessionResumed))
     if session.study.session.practise_again == "on resume":
         practice = {trial.index for trial in session.plan.trials if trial.kind == "practice"}
         # Practice that has no answer yet is pending anyway.

@@ -2,23 +2,15 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from itertools import pairwise
 from statistics import median
-from typing import Literal
+from typing import Literal, TypeVar
 
 from protocol.address import SIMULATED
+from protocol.journal import records
 from protocol.journal.events import SLIDE, SessionOpened, SessionResumed
-from protocol.journal.records import (
-    LIFTED_N,
-    NOT_JUDGED,
-    Compliance,
-    ReadBack,
-    RigCalibration,
-    TraceSample,
-    VirtualTruth,
-)
 from protocol.journal.state import SessionState
 from protocol.plan.plan import running_order
 from protocol.plan.trials import Plan, Trial, planned_trial
@@ -31,6 +23,7 @@ from runner.journal.session_log import SessionLog
 from runner.screens import Device, Operator, Pacing, Participant, PlanUnit
 
 SessionKind = Literal["participant", "rehearsal", "slide"]
+_Kind = TypeVar("_Kind", SessionOpened, SessionResumed)
 AnswerOrder = Literal["forward", "reversed"]
 """Of the answers to a choice: as in the study file, or from last to first."""
 
@@ -49,7 +42,7 @@ class Session:
     answer_order: AnswerOrder = "forward"
     consent: str | None = None
     seed: int = 1
-    virtual: VirtualTruth | None = None
+    virtual: records.VirtualTruth | None = None
     group: str | None = None
     noted: Mapping[str, str] = field(default_factory=dict)
     """What the operator answered before it was opened."""
@@ -61,7 +54,7 @@ class Session:
     """Voltages of the levels of tracks on the axis of contrast, by track."""
     registration: str | None = None
     """Digest of the study's registration, which seeds the plan."""
-    calibration: RigCalibration | None = None
+    calibration: records.RigCalibration | None = None
     """The rig as a sliding experiment determined it, None for the paper's values."""
 
     @property
@@ -74,37 +67,21 @@ class Session:
         """What its plan consists of."""
         return "pass" if self.slides else "trial"
 
-    def resumption(self) -> SessionResumed:
-        """Return the event that records the session when it is resumed."""
-        return SessionResumed(
-            study_sha256=text_digest(self.study_text),
-            study_text=self.study_text,
-            trials=tuple(map(planned_trial, self.plan.trials)),
-            language=self.language,
-            consent=self.consent,
-            seed=self.seed,
-            virtual=self.virtual,
-            versions=versions(),
-            registration=self.registration,
-            calibration=self.calibration,
-        )
-
-    def opening(self) -> SessionOpened:
-        """Return the event that records the session when it is opened."""
-        return SessionOpened(
-            participant=self.participant,
-            session=self.number,
-            kind=self.kind,
-            study=self.study.study.name,
-            slot=None if self.slides else self.plan.slot,
-            sequence=self.plan.sequence,
-            conditions=self.study.conditions,
-            answer_order=self.answer_order,
-            group=self.group,
-            override=self.override,
-            # Opening and resuming record the same, since all of it may change in between.
-            **vars(self.resumption()),
-        )
+    def recorded_as(self, kind: type[_Kind]) -> _Kind:
+        """Return the event that records that the session is opened, or resumed."""
+        # Both record the same, since all of it may change in between.
+        known = {
+            **vars(self),
+            "session": self.number,
+            "study": self.study.study.name,
+            "slot": None if self.slides else self.plan.slot,
+            "sequence": self.plan.sequence,
+            "conditions": self.study.conditions,
+            "study_sha256": text_digest(self.study_text),
+            "trials": tuple(map(planned_trial, self.plan.trials)),
+            "versions": versions(),
+        }
+        return kind(**{each.name: known[each.name] for each in fields(kind)})
 
 
 def known_before(session: Session, state: SessionState) -> dict[str, Answer]:
@@ -191,15 +168,17 @@ class SessionContext:
 # Compliance with the touch instruction: the finger's position, movement, speed and force.
 
 
-def samples_of(read_back: ReadBack) -> list[TraceSample]:
+def samples_of(read_back: records.ReadBack) -> list[records.TraceSample]:
     """Return the finger sample in `read_back`, or an empty list if the rig has no sensors."""
     t_s, force_n, position_m = read_back.device_time_s, read_back.force_n, read_back.position_m
     if t_s is None or force_n is None or position_m is None:
         return []
-    return [TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]
+    return [records.TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]
 
 
-def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) -> Compliance:
+def judged(
+    pacing: Pacing, samples: Sequence[records.TraceSample], rules: TouchRules
+) -> records.Compliance:
     """Return the measured force and whether the touch complied with `pacing`.
 
     `force_ok`: the median force is near the instructed force. `place_ok`: the finger stayed in
@@ -208,11 +187,11 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
     contact: the rig may have no sensors.
     """
     # Samples before the finger arrives, or after it has left, would pull the median force down.
-    touching = [entry for entry in samples if entry.force_n > LIFTED_N]
+    touching = [entry for entry in samples if entry.force_n > records.LIFTED_N]
     if not touching:
-        return NOT_JUDGED
+        return records.NOT_JUDGED
     force_n = median(entry.force_n for entry in touching)
-    return Compliance(
+    return records.Compliance(
         force_n=round(force_n, 4),
         force_ok=abs(force_n - pacing.force_n) <= rules.force_within * pacing.force_n,
         place_ok=_place_ok(pacing, touching, rules),
@@ -220,7 +199,7 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
     )
 
 
-def _place_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules) -> bool:
+def _place_ok(pacing: Pacing, touching: Sequence[records.TraceSample], rules: TouchRules) -> bool:
     path_m = pacing.end_m - pacing.start_m
     # A touch without a path stays at one place. The share of the path below would divide by 0.
     if path_m == 0:
@@ -230,7 +209,9 @@ def _place_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules
     return abs(moved_m / path_m - 1) <= rules.path_within
 
 
-def _speed_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules) -> bool | None:
+def _speed_ok(
+    pacing: Pacing, touching: Sequence[records.TraceSample], rules: TouchRules
+) -> bool | None:
     asked_m_s = (pacing.end_m - pacing.start_m) / pacing.duration_s
     speeds_m_s = [
         (after.position_m - before.position_m) / (after.t_s - before.t_s)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
-from protocol.journal.events import StoredEvent
+from protocol.journal.events import SessionOpened, StoredEvent
 from protocol.journal.state import folded
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
@@ -78,7 +78,7 @@ class Written:
             study_text=self.text,
             plan=self.plan,
         )
-        self.add("session-opened", **session.opening().to_json())
+        self.add("session-opened", **session.recorded_as(SessionOpened).to_json())
 
     def add(self, tag: str, **payload: object) -> None:
         """Append an event; what the session's state does not allow is an error here too."""

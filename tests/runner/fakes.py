@@ -11,7 +11,7 @@ from device.errors import DeviceError, OutputUnknown
 from device.force_channel.recording import Forces, Samples
 from device.resonance import Resonance
 from protocol.address import SIMULATED
-from protocol.journal.events import ScoresImported
+from protocol.journal.events import ScoresImported, SessionOpened
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
 from protocol.study.study_question import SCORE
@@ -264,7 +264,7 @@ def context(
     )
     new = log.state.name == "new"
     if new:
-        log.append(session.opening())
+        log.append(session.recorded_as(SessionOpened))
     return SessionContext(
         session=session,
         device=device,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.journal.events import Answered, QuestionAnswered
+from protocol.journal.events import Answered, QuestionAnswered, SessionOpened
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
@@ -138,7 +138,7 @@ def test_every_other_slot_has_the_reversed_order_and_a_session_keeps_its_own() -
         plan=plan(study, slot=1),
         answer_order="reversed",
     )
-    begun = SessionState(opened=session.opening())
+    begun = SessionState(opened=session.recorded_as(SessionOpened))
     assert answer_order(fixed, 1, begun) == "reversed"
 
 

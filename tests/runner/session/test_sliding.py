@@ -79,7 +79,7 @@ def sliding(
     )
     new = log.state.name == "new"
     if new:
-        log.append(session.opening())
+        log.append(session.recorded_as(SessionOpened))
     operator = operator or FakeOperator(device)
     block = SlidingBlock(
         operator=operator,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
@@ -63,7 +64,23 @@ class Progress:
     def _of_people(self) -> list[cohort.SessionSummary]:
         """The sessions that participants had, without rehearsals, slides and scripts."""
         apart = {REHEARSAL, *NOBODY}
-        return [each for each in cohort.session_summaries(self.sessions) if each.kind not in apart]
+        return [each for each in self.summaries if each.kind not in apart]
+
+    @cached_property
+    def summaries(self) -> list[cohort.SessionSummary]:
+        """One of each session, in the order of `sessions`."""
+        return cohort.session_summaries(self.sessions)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return what became of each session, for programs."""
+        return [
+            {
+                **summary.record(),
+                "resume_before_utc": (until := self.resume_before(state)) and until.isoformat(),
+                "next_due_utc": [each.isoformat() for each in self.next_due(summary, state) or ()],
+            }
+            for summary, state in zip(self.summaries, self.sessions.values(), strict=True)
+        ]
 
     @property
     def next_participant(self) -> str:
@@ -100,9 +117,7 @@ class Progress:
 
     def lines(self) -> Iterator[str]:
         """Yield what became of each session, then what to do next."""
-        for chain, summary in zip(
-            self.sessions, cohort.session_summaries(self.sessions), strict=True
-        ):
+        for chain, summary in zip(self.sessions, self.summaries, strict=True):
             state = self.sessions[chain]
             name = session_name(summary.participant, summary.session)
             now = in_words(state.name, running=parsed_name(chain).plain in self.running)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from protocol.errors import BadInput
 from runner.clock import WallClock
 from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
@@ -15,7 +16,6 @@ from touchbeam.cli.output import complain, counted, print_json, program, require
 if TYPE_CHECKING:
     from runner.journal.store import Journal
     from runner.journal.verification import SessionVerdict
-    from runner.study.folder import StudyFolder
     from runner.study.old_results import OldResults
 
 app = typer.Typer()
@@ -24,7 +24,7 @@ app = typer.Typer()
 @app.command()
 def status(study: options.StudyArgument, as_json: options.JsonOption = False) -> None:
     """Show the progress of each session and what to do next."""
-    from runner.journal.cohort import session_summaries, states
+    from runner.journal.cohort import states
     from runner.journal.names import parsed_name
     from runner.launch.locks import held_sessions
     from runner.study.progress import Progress
@@ -32,9 +32,12 @@ def status(study: options.StudyArgument, as_json: options.JsonOption = False) ->
     folder = options.study_folder(study)
     with options.study_journal(folder) as journal:
         sessions = states(journal)
+    file = None
+    with suppress(BadInput):  # what is recorded is told all the same
+        file = folder.study()
     progress = Progress(
         folder=study,
-        study=folder.study_if_valid(),
+        study=file,
         sessions=sessions,
         running=held_sessions([parsed_name(chain).plain for chain in sessions], study),
         now=WallClock().utc(),
@@ -46,19 +49,7 @@ def status(study: options.StudyArgument, as_json: options.JsonOption = False) ->
         return
     print_json(
         {
-            "sessions": [
-                {
-                    **summary.record(),
-                    "resume_before_utc": until and until.isoformat(),
-                    "next_due_utc": [each.isoformat() for each in due or ()],
-                }
-                for summary, until, due in (
-                    (summary, progress.resume_before(state), progress.next_due(summary, state))
-                    for summary, state in zip(
-                        session_summaries(sessions), sessions.values(), strict=True
-                    )
-                )
-            ],
+            "sessions": progress.records(),
             "next_slot": progress.next_slot,
             "next_participant": progress.next_participant,
             **({"groups": progress.groups} if progress.groups else {}),
@@ -77,14 +68,18 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
     """
     from runner.journal.names import session_name
     from runner.journal.opening import read_journal
-    from runner.journal.verification import verdicts
+    from runner.journal.verification import IMPOSSIBLE, verdicts
     from runner.launch.locks import held_sessions
+    from runner.study.registered import registration_problem
 
     folder = options.study_folder(study)
     path = study if study.is_file() else folder.existing_journal()
     with read_journal(path, to_verify=True) as journal:
         checked, lacking = verdicts(journal), journal.lacking_triggers
-        unlocked = "" if study.is_file() else _registration_problem(journal, folder)
+        unlocked = ""
+        with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
+            if not study.is_file():
+                unlocked = registration_problem(journal, folder, of_files=True)
     result = _verification(lacking, checked, unlocked)
     if as_json:
         print_json(result)
@@ -130,16 +125,6 @@ def backup(
         )
     if not result["ok"]:
         raise typer.Exit(1)
-
-
-def _registration_problem(journal: "Journal", folder: "StudyFolder") -> str:
-    """Return what is wrong with the file of the registration, or with the files that it locks."""
-    from runner.journal.verification import IMPOSSIBLE
-    from runner.study.registered import changed_files, registration_problem
-
-    with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
-        return registration_problem(journal, folder.path) or changed_files(journal, folder)
-    return ""
 
 
 def _verification(

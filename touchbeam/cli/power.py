@@ -101,9 +101,11 @@ def power(
     population = None if people is None else people_in_file(people)
     sizes = _numbers(participants, "--participants")
     tracks = _tracks(file, folder.path, population, sizes, (studies, seed)) if file.track else []
+    of_tracks = {"tracks": [each.record() for each in tracks]} if tracks else {}
     if len(file.conditions) < 2 and tracks:
-        _print_tracks(tracks, text_digest(folder.text()), as_json=as_json)
-        return
+        if as_json:
+            return print_json({"study_sha256": text_digest(folder.text()), **of_tracks})
+        return _print_tracks(tracks)
     wanted = designs(file, sizes, _numbers(repeats, "--repeats"), _numbers(levels, "--levels"))
     for design in wanted:
         # Each design is tried before the first is simulated, because that takes minutes.
@@ -144,12 +146,10 @@ def power(
     place.write({"power.json": json_text(lasting).encode(), **figures(found)})
     record = power_record(found, *of_study)
     if as_json:
-        record |= {"tracks": [each.record() for each in tracks]} if tracks else {}
-        print_json({**record, "elapsed_s": round(perf_counter() - begun_s, 3), "workers": used})
-        return
+        elapsed_s = round(perf_counter() - begun_s, 3)
+        return print_json({**record, **of_tracks, "elapsed_s": elapsed_s, "workers": used})
     _print(found, record, place.path)
-    for each in tracks:
-        _table_of_tracks(each)
+    return _print_tracks(tracks)
 
 
 def _tracks(
@@ -172,39 +172,32 @@ def _tracks(
     ]
 
 
-def _print_tracks(found: "list[TrackFindings]", digest: str, *, as_json: bool) -> None:
-    if as_json:
-        print_json({"study_sha256": digest, "tracks": [each.record() for each in found]})
-        return
-    for each in found:
-        _table_of_tracks(each)
-
-
-def _table_of_tracks(found: "TrackFindings") -> None:
+def _print_tracks(found: "list[TrackFindings]") -> None:
     """Print what tracks tell: errors in dB, with their Monte Carlo errors."""
 
     def told(measured: "Measured", digits: int = 2) -> str:
         return f"{measured.value:.{digits}f} ± {measured.error:.{digits}f}"
 
-    rows = [["track", "bias, dB", "RMSE, dB", "coverage", "trials", "beyond its levels"]]
-    rows += [
-        [
-            each.name,
-            told(each.bias_db),
-            told(each.rmse_db),
-            told(each.coverage, 3),
-            f"{each.trials.value:.1f}",
-            f"{100 * each.beyond.value:.1f}%",
+    header = ["track", "bias, dB", "RMSE, dB", "coverage", "trials", "beyond its levels"]
+    for of in found:
+        rows = [
+            [
+                each.name,
+                told(each.bias_db),
+                told(each.rmse_db),
+                told(each.coverage, 3),
+                f"{each.trials.value:.1f}",
+                f"{100 * each.beyond.value:.1f}%",
+            ]
+            for each in of.tracks
         ]
-        for each in found.tracks
-    ]
-    rows.append([""] * len(rows[0]))  # no footer
-    print_table(f"Thresholds: {found.participants} participants, {found.studies} studies", rows)
-    for each in found.differences:
-        say(
-            f"{each.above} above {each.below}, by {each.ratio_db:.1f} dB on average: "
-            f"found in {100 * each.power.value:.0f}% of studies"
-        )
+        title = f"Thresholds: {of.participants} participants, {of.studies} studies"
+        print_table(title, [header, *rows, [""] * len(header)])  # no footer
+        for each in of.differences:
+            say(
+                f"{each.above} above {each.below}, by {each.ratio_db:.1f} dB on average: "
+                f"found in {100 * each.power.value:.0f}% of studies"
+            )
 
 
 def _found(

@@ -1,6 +1,5 @@
 """The command of the sliding experiment: slide."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -89,19 +88,13 @@ def slide(
 def _last_session(folder: "StudyFolder", *, rehearsal: bool) -> int:
     """Return the number of the last sliding experiment in the journal, 1 without any."""
     from protocol.journal.events import SLIDE
-    from runner.journal.names import chains_of
+    from runner.journal.names import chains_of, parsed_name
     from runner.journal.opening import read_journal
 
     if not folder.journal.exists():
         return 1
     with read_journal(folder.journal) as journal:
         chains = chains_of(journal, SLIDE, rehearsal=rehearsal)
-    return _last(chains)
-
-
-def _last(chains: Sequence[str]) -> int:
-    from runner.journal.names import parsed_name
-
     return max((parsed_name(chain).number for chain in chains), default=1)
 
 
@@ -128,7 +121,7 @@ def write_result(
         raise _nothing_drawn(number or 1)
     with options.study_journal(folder) as journal:
         rehearsal = rehearsal or not chains_of(journal, SLIDE, rehearsal=False)
-        chosen = number or _last(chains_of(journal, SLIDE, rehearsal=rehearsal))
+        chosen = number or _last_session(folder, rehearsal=rehearsal)
         chain = existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)
         if chain not in journal.sessions():
             raise _nothing_drawn(chosen)

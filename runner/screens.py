@@ -11,16 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from device.errors import UNKNOWN
 from protocol.journal.records import ReadBack
+from protocol.study import study_question
 from protocol.study.participant_texts import touch_text
 from protocol.study.rig_settings import Rig
 from protocol.study.rules import Band, Rating
-from protocol.study.study_question import (
-    Question,
-    StudyQuestion,
-    change_question,
-    score_question,
-    track_question,
-)
 from protocol.study.touch import Direction, Mark, Touch, TouchDefaults, mark_of
 
 if TYPE_CHECKING:
@@ -126,24 +120,24 @@ class Ask:
     beside those from a to z.
     """
 
-    question: StudyQuestion
+    question: study_question.StudyQuestion
     bands: tuple[Band, ...] = ()
     letters: str = ""
 
 
-def ask_change(question: Question) -> Ask:
+def ask_change(question: study_question.Question) -> Ask:
     """Return the question what changed."""
-    return Ask(question=change_question(question))
+    return Ask(question=study_question.change_question(question))
 
 
 def ask_track(found: str, intervals: int) -> Ask:
     """Return the question of a track: which of its touches it was, or whether it was so."""
-    return Ask(question=track_question(found, intervals))
+    return Ask(question=study_question.track_question(found, intervals))
 
 
 def ask_score(rating: Rating) -> Ask:
     """Return the question how strong the change is."""
-    return Ask(question=score_question(rating), bands=rating.bands)
+    return Ask(question=study_question.score_question(rating), bands=rating.bands)
 
 
 Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask

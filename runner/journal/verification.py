@@ -8,19 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    SCRIPT,
-    SLIDE,
-    Answered,
-    ScoresImported,
-    SessionOpened,
-    SessionResumed,
-    SessionTerms,
-    StoredEvent,
-    StudyRegistered,
-    Withdrawn,
-    terms_in,
-)
+from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
 from protocol.journal.state import NotAllowed, SessionState, folded, in_words
 from protocol.registration.registration import as_run, order_problem, registration_in
@@ -70,9 +58,9 @@ class SessionVerdict:
         if self.participant == STUDY_CHAIN:
             return f"the study itself  {self.state}  {count}"
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
-        done = "passes drawn" if self.participant == SLIDE else "trials answered"
+        done = "passes drawn" if self.participant == kinds.SLIDE else "trials answered"
         name = session_name(self.participant, self.session)
-        if self.kind == SCRIPT:
+        if self.kind == kinds.SCRIPT:
             return f"{name}  {in_words(self.state, running=name in running)}  {count}"
         return (
             f"{name}{rehearsed}  {in_words(self.state, running=name in running)}  "
@@ -86,7 +74,7 @@ class SessionVerdict:
 
 def verdicts(journal: store.Journal) -> list[SessionVerdict]:
     try:
-        known = registrations(journal)
+        known = journal.records_of(kinds.StudyRegistered)
     except (store.JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
         known = []
     return [_verdict(journal, name, known) for name in journal.sessions()]
@@ -128,22 +116,22 @@ def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
     )
 
 
-def touchbeam_versions(events: Iterable[StoredEvent]) -> tuple[str, ...]:
+def touchbeam_versions(events: Iterable[kinds.StoredEvent]) -> tuple[str, ...]:
     """Return the versions of touchbeam that have opened and resumed a session, in order."""
     return tuple(version for version, _ in groupby(filter(None, map(_touchbeam_version, events))))
 
 
-def _touchbeam_version(event: StoredEvent) -> str:
+def _touchbeam_version(event: kinds.StoredEvent) -> str:
     """Return the version of touchbeam in `event`; '' if it has none or is damaged."""
     with suppress(*IMPOSSIBLE):
-        terms = next(terms_in([event]), None)
+        terms = next(kinds.terms_in([event]), None)
         version = terms and terms.versions.get("touchbeam")
         # It is printed on a terminal, and an edited journal may hold anything.
         return version if isinstance(version, str) and version.isprintable() else ""
     return ""
 
 
-def readable_events(journal: store.Journal, session: str) -> list[StoredEvent]:
+def readable_events(journal: store.Journal, session: str) -> list[kinds.StoredEvent]:
     """Return the events of `session`, undamaged and with all payloads unless it was withdrawn."""
     events = journal.events(session)
     _require_readable(session, events)
@@ -152,7 +140,7 @@ def readable_events(journal: store.Journal, session: str) -> list[StoredEvent]:
 
 def readable_chains(
     journal: store.Journal, broken: list[str], participant: str | None = None
-) -> Iterator[list[StoredEvent]]:
+) -> Iterator[list[kinds.StoredEvent]]:
     """Yield the events of each chain, or of one person's; add the names of broken ones to `broken`.
 
     Withdrawn rehearsals are not yielded. Raise `JournalError` if a session is damaged.
@@ -171,17 +159,20 @@ def readable_chains(
             yield events
 
 
-def _is_withdrawn(events: Iterable[StoredEvent]) -> bool:
-    return any(event.tag == Withdrawn.TAG for event in events)
+def _is_withdrawn(events: Iterable[kinds.StoredEvent]) -> bool:
+    return any(event.tag == kinds.Withdrawn.TAG for event in events)
 
 
-def _require_readable(session: str, events: list[StoredEvent]) -> None:
+def _require_readable(session: str, events: list[kinds.StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
         raise store.JournalError(f"session {session} has lost payloads; run touchbeam verify")
     begins = any(
-        event.tag == ScoresImported.TAG
-        or (event.tag == SessionOpened.TAG and event.payload.keys() >= SessionOpened.REQUIRED)
+        event.tag == kinds.ScoresImported.TAG
+        or (
+            event.tag == kinds.SessionOpened.TAG
+            and event.payload.keys() >= kinds.SessionOpened.REQUIRED
+        )
         for event in events[:1]
     )
     if not (withdrawn or session == STUDY_CHAIN or begins):
@@ -225,18 +216,15 @@ def _folded(chain: list[store.ChainLink]) -> tuple[SessionState, set[int], str]:
 
 # The registrations in a journal, and the check that its sessions follow from them.
 
-Registrations = list[tuple[datetime, StudyRegistered]]
+Registrations = list[tuple[datetime, kinds.StudyRegistered]]
+"""Each with its UTC, the one in force last."""
 
 
-def registrations(journal: store.Journal) -> Registrations:
-    """Return the registrations of the study, each with its UTC, the one in force last."""
-    return journal.records_of(StudyRegistered)
-
-
-def in_force(journal: store.Journal) -> StudyRegistered | None:
+def in_force(journal: store.Journal) -> kinds.StudyRegistered | None:
     """Return the registration that sessions follow now, None if the study is not registered."""
     # The latest one replaces those before it, which the journal keeps.
-    return next((record for _, record in reversed(registrations(journal))), None)
+    made = journal.records_of(kinds.StudyRegistered)
+    return made[-1][1] if made else None
 
 
 def session_problem(journal: store.Journal, chain: str, known: Registrations) -> str:
@@ -246,14 +234,14 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
         return _registered_problem(known)
     opened = events[0].record if events and not events[0].erased else None
     # Imported scores have no plan, and a withdrawn session tells none.
-    if not isinstance(opened, SessionOpened):
+    if not isinstance(opened, kinds.SessionOpened):
         return ""
-    before = any(utc <= events[0].utc for utc, _ in known) and opened.kind != SCRIPT
+    before = any(utc <= events[0].utc for utc, _ in known) and opened.kind != kinds.SCRIPT
     # A session that was opened before the registration cannot follow from it.
     if before and opened.registration is None and not is_rehearsal(journal, chain):
         return "it is not registered, although the study was registered before it"
     held = {None, *(record.registration for _, record in known)}
-    for under in terms_in(events):
+    for under in kinds.terms_in(events):
         # A journal made from exported data has sessions alone.
         if known and under.registration not in held:
             return "its registration is none that the journal holds"
@@ -262,18 +250,22 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
     return _level_problem(opened, events)
 
 
-def _level_problem(opened: SessionOpened, events: Iterable[StoredEvent]) -> str:
+def _level_problem(opened: kinds.SessionOpened, events: Iterable[kinds.StoredEvent]) -> str:
     """Return which answer was given at a level that does not follow from those before, or ''."""
     before: dict[str, list[TrackAnswer]] = {}
-    under: SessionTerms | None = None
+    under: kinds.SessionTerms | None = None
     for event in events:
-        if event.tag in {SessionOpened.TAG, SessionResumed.TAG}:
-            (under,) = terms_in([event])
+        if event.tag in {kinds.SessionOpened.TAG, kinds.SessionResumed.TAG}:
+            (under,) = kinds.terms_in([event])
         # Only tracks ask for numpy, and for the study as it was.
-        if event.tag != Answered.TAG or under is None or not any(it.track for it in under.trials):
+        if (
+            event.tag != kinds.Answered.TAG
+            or under is None
+            or not any(it.track for it in under.trials)
+        ):
             continue
         made = event.record
-        assert isinstance(made, Answered)
+        assert isinstance(made, kinds.Answered)
         if made.track is None or under.study_text is None or opened.slot is None:
             continue
         from device.tracks.next_level import recorded_level

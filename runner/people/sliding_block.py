@@ -7,13 +7,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
-from typing import Protocol
 
 from device.force_channel.recording import Forces
 from protocol.journal.records import LIFTED_N
 from protocol.plan.trials import Plan
 from runner import screens
 from runner.clock import Clock
+from runner.people.virtual_participant import Finger
 
 # The live plot of a sliding experiment: friction against place, and where the block should be.
 
@@ -166,18 +166,6 @@ def _pace(drawing: Drawing, columns: int, now_s: float, block_m: float | None) -
     return [f"{'pace':>{_LEFT - 1}}  {''.join(bar)}", f"{'':{_LEFT}} {said}"]
 
 
-class MovingFinger(Protocol):
-    """A simulated finger that moves by itself."""
-
-    def touch(
-        self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
-    ) -> float:
-        """Put it down; it moves on in `direction` at its speed."""
-
-    def lift(self) -> None:
-        """Take it off the beam."""
-
-
 @dataclass
 class SlidingBlock(screens.Participant):
     """The block, which is put on the beam, drawn along with the mark, and lifted.
@@ -192,7 +180,7 @@ class SlidingBlock(screens.Participant):
     plan: Plan
     load_n: float
     plot: SlidePlot
-    finger: MovingFinger | None = None
+    finger: Finger | None = None
     _screen: screens.Screen | None = field(default=None, init=False)
     _asked_s: float = field(default=0.0, init=False)
     _drawn: bool = field(default=False, init=False)

@@ -43,7 +43,7 @@ class Finger(Protocol):
     def touch(
         self, force_n: float, position_m: float, direction: str, speed_m_s: float = 0.0
     ) -> float:
-        """Put it down, moving on in `direction`; return the friction coefficient it feels."""
+        """Put it down, moving on in `direction` at its speed; return the friction it feels."""
 
     def lift(self) -> None:
         """Take it off the beam."""

@@ -9,19 +9,7 @@ from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpause
 from protocol.journal.records import ReadBack
 from protocol.plan.trials import Trial, remaining_s
 from protocol.study.study_question import answer_text
-from runner.screens import (
-    Aim,
-    Correction,
-    Instruction,
-    Note,
-    Notice,
-    OperatorView,
-    PlanLine,
-    Response,
-    Screen,
-    pacing,
-    page_name,
-)
+from runner import screens
 from runner.session.session import SessionContext
 from runner.session.track_levels import as_made, standing
 from runner.signals import raise_if_stopped
@@ -29,10 +17,12 @@ from runner.signals import raise_if_stopped
 # What participant and operator see of a running session.
 
 
-def show_page(context: SessionContext, screen: Screen) -> None:
+def show_page(context: SessionContext, screen: screens.Screen) -> None:
     """Show `screen` to the participant, and tell the operator which page it is."""
     context.participant.show(screen)
-    context.operator.page(page_name(screen, blind=context.session.study.session.blind_operator))
+    context.operator.page(
+        screens.page_name(screen, blind=context.session.study.session.blind_operator)
+    )
 
 
 def update_view(
@@ -50,12 +40,12 @@ def update_view(
     blind = session.study.session.blind_operator and state.name != "completed"
     running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
-        OperatorView(
+        screens.OperatorView(
             session=f"{session.participant}/{session.number}",
             kind=session.kind,
             state=state.name,
             plan=tuple(
-                PlanLine(
+                screens.PlanLine(
                     label=f"trial {number}" if blind else _label(trial),
                     answer="answer given"
                     if blind and trial.index in state.answers
@@ -84,14 +74,14 @@ def update_view(
     )
 
 
-def _aim(context: SessionContext, trial: Trial) -> Aim:
+def _aim(context: SessionContext, trial: Trial) -> screens.Aim:
     study = context.session.study
     state = context.log.state
     touch = as_made(context.session, state, trial).touches[state.touch or 0]
     touch = touch.at(context.resonance_hz)
-    cue = pacing(touch, study.touch)
+    cue = screens.pacing(touch, study.touch)
     slack_n = study.as_instructed.force_within * cue.force_n
-    return Aim(
+    return screens.Aim(
         voltage_v=touch.end_voltage_v,
         frequency_hz=touch.end_frequency * context.resonance_hz,
         path_m=(cue.start_m, cue.end_m),
@@ -158,15 +148,15 @@ def obey(context: SessionContext) -> None:
         case "pause":
             context.pause_wanted = not context.pause_wanted
             context.operator.pausing(context.pause_wanted)
-        case Note(text=text):
+        case screens.Note(text=text):
             # Confirmed only after it is stored.
             context.log.append(NoteTaken(text=text))
             context.operator.notify(f"noted: {text}")
-        case Correction() as correction:
+        case screens.Correction() as correction:
             context.operator.notify(_corrected(context, correction))
 
 
-def _corrected(context: SessionContext, wanted: Correction) -> str:
+def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     """Record another answer of the operator's; return what became of it."""
     session, state = context.session, context.log.state
     asked = {it.name: it for it in session.study.questions("desk", session.number)}
@@ -228,7 +218,7 @@ def wait_for(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thi
     return thing
 
 
-def response(context: SessionContext) -> Response:
+def response(context: SessionContext) -> screens.Response:
     """Return the participant's answer to the current screen."""
     return wait_for(context, context.participant.poll)
 
@@ -279,11 +269,11 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
     pause_s = context.session.study.timing.inter_trial_s
     # First "Saved", then what is waited for: a page that changed at once would not be read.
     wait(context, min(SAVED_S, pause_s))
-    show_page(context, Notice(text="wait.touch"))
+    show_page(context, screens.Notice(text="wait.touch"))
     wait(context, max(pause_s - SAVED_S, 0.0))
     if trial.break_s > 0:  # it ends when it is over and the participant wants to go on
         over_s = context.clock.monotonic_s() + trial.break_s
-        show_page(context, Instruction(text="break", after_s=trial.break_s))
+        show_page(context, screens.Instruction(text="break", after_s=trial.break_s))
         answer = None
         while answer is None or context.clock.monotonic_s() < over_s:
             # Kept, because a press that comes before the break is over is not asked for again.
@@ -295,7 +285,7 @@ def pause_if_wanted(context: SessionContext, trial: Trial) -> None:
 
 def _pause(context: SessionContext) -> None:
     context.log.append(Paused())
-    show_page(context, Notice(text="pause"))
+    show_page(context, screens.Notice(text="pause"))
     update_view(context)
     # `tick` takes the operator's orders, one of which ends the pause.
     while context.pause_wanted:

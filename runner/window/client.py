@@ -16,15 +16,8 @@ from typing import IO, Any, Protocol
 from protocol.errors import WorkFailed
 from runner.screens import Ask, OwnFinger, Response, Screen, is_last
 from runner.signals import Stopped, is_stopping
+from runner.window import messages
 from runner.window.elements import Input, Key
-from runner.window.messages import (
-    Settings,
-    line_of,
-    message_of,
-    press_message,
-    settings_message,
-    show_message,
-)
 from runner.window.question_pages import inputs_for
 from runner.window.response import EARLY_S, PendingResponse
 
@@ -74,7 +67,7 @@ class WindowParticipant:
         self._answer = self._shown_s = None
         self._screen, self._due = screen, []
         self.is_at_end = is_last(screen)
-        self.peer.send(show_message(self._number, screen))
+        self.peer.send(messages.show_message(self._number, screen))
 
     def progress(self, number: int, total: int) -> None:
         self.peer.send({"progress": [number, total]})
@@ -100,13 +93,13 @@ class WindowParticipant:
 
     def poll(self) -> Response | None:
         """Return the answer, if any; raises `WindowGone` if it is closed, gone or silent."""
-        messages = self.peer.received()
-        for message in messages:
+        received = self.peer.received()
+        for message in received:
             self._take(message)
-        self._watch(heard=bool(messages))
+        self._watch(heard=bool(received))
         passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
         while self._due and self._due[0][0] <= passed_s:
-            self.peer.send(press_message(self._due.pop(0)[1]))
+            self.peer.send(messages.press_message(self._due.pop(0)[1]))
         answer, self._answer = self._answer, None
         return answer
 
@@ -188,7 +181,7 @@ class WindowProcess:
     def send(self, message: Mapping[str, Any]) -> None:
         assert self.process.stdin is not None
         try:
-            self.process.stdin.write(line_of(message))
+            self.process.stdin.write(messages.line_of(message))
             self.process.stdin.flush()
         # The pipe is closed, because the process is gone; `_gone` finds out why.
         except OSError:
@@ -230,7 +223,7 @@ class WindowProcess:
         with self.process.stdout as lines:
             try:
                 for line in lines:
-                    self._messages.put(message_of(line))
+                    self._messages.put(messages.message_of(line))
             except ValueError as error:  # of the text's encoding too
                 self._messages.put({"garbled": str(error)})
         self._messages.put(None)
@@ -262,7 +255,7 @@ class WindowProcess:
 @contextmanager
 def participant_window(
     command: Sequence[str],
-    settings: Settings,
+    settings: messages.Settings,
     monotonic_s: Callable[[], float] = time.monotonic,
     say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[WindowParticipant]:
@@ -279,7 +272,7 @@ def participant_window(
     with tempfile.TemporaryFile() as complaints:
         peer = _started(command, complaints)
         try:
-            peer.send(settings_message(settings))
+            peer.send(messages.settings_message(settings))
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
             participant = WindowParticipant(peer, monotonic_s, settings.readable_s)
             try:

@@ -11,6 +11,7 @@ from typing import get_args
 from device.beam.beam import Beam
 from protocol.study.participant_texts import Wording, is_own_page
 from runner import screens
+from runner.window import question_pages as parts
 from runner.window.elements import (
     ACCENT,
     FAINT,
@@ -24,20 +25,6 @@ from runner.window.elements import (
     Picture,
     Target,
     Text,
-)
-from runner.window.question_pages import (
-    BUTTON,
-    HINT,
-    MIDDLE,
-    TITLE,
-    TITLE_SIZE,
-    Button,
-    PageState,
-    button,
-    chosen_in_advance,
-    hint,
-    question_page,
-    question_targets,
 )
 
 # The sketch of the beam with the touch to make, and the marks that pace it.
@@ -172,20 +159,22 @@ _CALL = Box(x=-295, y=-208, width=190, height=66)
 _BANNER = Box(x=0, y=-273, width=780, height=50)
 
 
-def page(screen: screens.Screen, view: PageState, wording: Wording) -> Page:
+def page(screen: screens.Screen, view: parts.PageState, wording: Wording) -> Page:
     texts = wording.texts
     around = () if screens.is_last(screen) else _around(screen, view, texts)
     return (*_page(screen, view, wording, texts), *_interval(screen, texts), *around)
 
 
-def states(screen: screens.Screen) -> Iterator[PageState]:
+def states(screen: screens.Screen) -> Iterator[parts.PageState]:
     """Yield the states that the page of `screen` is likely to be in."""
-    yield from (PageState(button=button) for button in get_args(Button))
+    yield from (parts.PageState(button=state) for state in get_args(parts.Button))
     match screen:
         case screens.LeadIn(seconds=seconds):
-            yield from (PageState(passed_s=third * seconds / 3) for third in (1, 2))
+            yield from (parts.PageState(passed_s=third * seconds / 3) for third in (1, 2))
         case screens.Ask(question=question):
-            yield from (PageState(chosen=chosen) for chosen in chosen_in_advance(question))
+            yield from (
+                parts.PageState(chosen=chosen) for chosen in parts.chosen_in_advance(question)
+            )
 
 
 def targets(screen: screens.Screen) -> tuple[Target, ...]:
@@ -194,12 +183,12 @@ def targets(screen: screens.Screen) -> tuple[Target, ...]:
     Enter also activates `ready` and `confirm`, and Escape `call`, which the last page lacks.
     """
     call = Target(name="call", box=_CALL, role="call")
-    ready = Target(name="ready", box=BUTTON, role="button")
+    ready = Target(name="ready", box=parts.BUTTON, role="button")
     match screen:
         case screens.Welcome() | screens.Instruction():
             return (ready, call)
         case screens.Ask():
-            return (*question_targets(screen), call)
+            return (*parts.question_targets(screen), call)
     return (ready,) if screens.is_last(screen) else (call,)
 
 
@@ -209,7 +198,7 @@ def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
 
 
 def _page(
-    screen: screens.Screen, view: PageState, wording: Wording, texts: Mapping[str, str]
+    screen: screens.Screen, view: parts.PageState, wording: Wording, texts: Mapping[str, str]
 ) -> Page:
     match screen:
         case screens.Welcome():
@@ -219,46 +208,48 @@ def _page(
         case screens.LeadIn() | screens.Pacing():
             return _touch(screen, view, texts)
         case screens.Ask():
-            return question_page(screen, view, wording)
-    closing = button("button.close", view, texts) if screens.is_last(screen) else ()
-    return (Text(text=texts[screen.text], box=MIDDLE, size=TITLE_SIZE), *closing)
+            return parts.question_page(screen, view, wording)
+    closing = parts.button("button.close", view, texts) if screens.is_last(screen) else ()
+    return (Text(text=texts[screen.text], box=parts.MIDDLE, size=parts.TITLE_SIZE), *closing)
 
 
-def _welcome(screen: screens.Welcome, view: PageState, texts: Mapping[str, str]) -> Page:
+def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
-        Text(text=texts["welcome"], box=MIDDLE, size=TITLE_SIZE),
+        Text(text=texts["welcome"], box=parts.MIDDLE, size=parts.TITLE_SIZE),
         *([] if screen.consent is None else [_small(filed, _CONSENT)]),
-        hint(texts["hint.start"], HINT),
-        *button("button.ready", view, texts),
+        parts.hint(texts["hint.start"], parts.HINT),
+        *parts.button("button.ready", view, texts),
     )
 
 
-def _own_page(screen: screens.Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
+def _own_page(screen: screens.Instruction, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     """Return a page of the study's own: its text alone, or above its picture."""
     shown = () if screen.picture is None else (Picture(name=screen.picture, box=_PICTURE),)
     text = Text(text=texts[screen.text], box=_ABOVE if shown else _WHOLE, size=PAGE_SIZE)
-    return (text, *shown, *button("button.ready", view, texts))
+    return (text, *shown, *parts.button("button.ready", view, texts))
 
 
-def _instruction(screen: screens.Instruction, view: PageState, texts: Mapping[str, str]) -> Page:
+def _instruction(
+    screen: screens.Instruction, view: parts.PageState, texts: Mapping[str, str]
+) -> Page:
     if is_own_page(screen.text):
         return _own_page(screen, view, texts)
-    box = MIDDLE if screen.touch is None else TITLE
+    box = parts.MIDDLE if screen.touch is None else parts.TITLE
     drawn: Page = () if screen.touch is None else (*sketch(screen.touch), *labels(texts))
     if view.passed_s < screen.after_s:
         left_s = ceil(screen.after_s - view.passed_s)
         time = f"{left_s // 60}:{left_s % 60:02}"
-        drawn = (hint(texts["break.left"].format(time=time), HINT),)
-    title = Text(text=texts[screen.text], box=box, size=TITLE_SIZE)
-    return (title, *drawn, *button("button.ready", view, texts))
+        drawn = (parts.hint(texts["break.left"].format(time=time), parts.HINT),)
+    title = Text(text=texts[screen.text], box=box, size=parts.TITLE_SIZE)
+    return (title, *drawn, *parts.button("button.ready", view, texts))
 
 
 def _touch(
-    screen: screens.LeadIn | screens.Pacing, view: PageState, texts: Mapping[str, str]
+    screen: screens.LeadIn | screens.Pacing, view: parts.PageState, texts: Mapping[str, str]
 ) -> Page:
     """Return the page whose mark rests, then moves; it hides how long to hold a place."""
-    title = Text(text=texts[screen.text], box=TITLE, size=TITLE_SIZE)
+    title = Text(text=texts[screen.text], box=parts.TITLE, size=parts.TITLE_SIZE)
     own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen), *labels(texts))
     if isinstance(screen, screens.LeadIn):
@@ -268,13 +259,13 @@ def _touch(
     return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE), *own)
 
 
-def _lead_in(screen: screens.LeadIn, view: PageState, texts: Mapping[str, str]) -> Page:
+def _lead_in(screen: screens.LeadIn, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     """Return what to do until the mark moves, and the countdown in three equal steps."""
     soon = texts["touch.soon.full" if screen.several else "touch.soon"]
     if not (screen.countdown and screen.seconds):
         return (Text(text=soon, box=_BELOW_BEAM, size=NOW_SIZE),)
     left = 3 - min(int(3 * view.passed_s / screen.seconds), 2)
-    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), hint(soon, _SOON))
+    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), parts.hint(soon, _SOON))
 
 
 def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
@@ -289,7 +280,7 @@ def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
     )
 
 
-def _around(screen: screens.Screen, view: PageState, texts: Mapping[str, str]) -> Page:
+def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     """Return what stands on every page but the last: progress, and the call for the operator."""
     progress: Page = ()
     if view.progress is not None and not isinstance(screen, screens.Welcome):

@@ -6,31 +6,10 @@ from dataclasses import replace
 from itertools import chain
 
 from protocol.errors import BadInput, Path, Problem
-from protocol.study.participant_texts import (
-    Wording,
-    band_name,
-    band_path,
-    lacking,
-    page_key,
-    required_codes,
-    study_wording,
-    text_path,
-)
+from protocol.study import participant_texts
 from protocol.study.study import Item, Study
 from protocol.study_file.text_checks import question_problems
-from runner.screens import (
-    Ask,
-    Instruction,
-    Notice,
-    OwnFinger,
-    Screen,
-    Welcome,
-    ask_change,
-    ask_score,
-    ask_track,
-    lead_in,
-    pacing,
-)
+from runner import screens
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text, text_height, text_width, wrapped
 from runner.window.messages import Settings
@@ -47,37 +26,44 @@ _INSTRUCTIONS = ("remember", "practice")
 LONGEST_BREAK_S = 3600.0
 
 
-def foreseen(study: Study, consent: str | None) -> tuple[Screen, ...]:
+def foreseen(study: Study, consent: str | None) -> tuple[screens.Screen, ...]:
     """Return every screen of a session once; the screens of touches precede the questions."""
     items: tuple[Item, ...] = (*study.opening, *study.condition)
     touches = [touch for item in items for touch in item.touches]
-    cues = [pacing(touch, study.touch) for touch in touches]
+    cues = [screens.pacing(touch, study.touch) for touch in touches]
     for track in study.track:
         # Of all levels the first and the last: only their places could differ on a page.
         made = [track.standard, *(track.at(level, 0.0) for level in (0, len(track.values) - 1))]
         numbers = range(1, track.intervals + 1) if track.intervals > 1 else (0,)
-        cues += [pacing(it, study.touch, number) for it in made if it for number in numbers]
+        cues += [screens.pacing(it, study.touch, number) for it in made if it for number in numbers]
     tells = any(track.feedback for track in study.track)
-    screens: list[Screen] = [
-        Welcome(consent=consent),
-        *(Instruction(text=text) for text in _INSTRUCTIONS),
-        Instruction(text="break", after_s=LONGEST_BREAK_S),
-        *(Notice(text=text) for text in (*_NOTICES, *(_FEEDBACK if tells else ()))),
+    shown: list[screens.Screen] = [
+        screens.Welcome(consent=consent),
+        *(screens.Instruction(text=text) for text in _INSTRUCTIONS),
+        screens.Instruction(text="break", after_s=LONGEST_BREAK_S),
+        *(screens.Notice(text=text) for text in (*_NOTICES, *(_FEEDBACK if tells else ()))),
     ]
     for cue in cues:
-        screens += [Instruction(text=cue.text, touch=cue.touch), lead_in(cue, study.touch), cue]
-    screens += [
-        *(ask_change(item.question) for item in items if item.question is not None),
-        *(ask_track(track.found, track.intervals) for track in study.track),
-        ask_score(study.rating),
-        *(Ask(question=it) for it in study.question if it.when != "desk"),
-        *(Instruction(text=page_key(at), picture=own.picture) for at, own in enumerate(study.page)),
+        shown += [
+            screens.Instruction(text=cue.text, touch=cue.touch),
+            screens.lead_in(cue, study.touch),
+            cue,
+        ]
+    shown += [
+        *(screens.ask_change(item.question) for item in items if item.question is not None),
+        *(screens.ask_track(track.found, track.intervals) for track in study.track),
+        screens.ask_score(study.rating),
+        *(screens.Ask(question=it) for it in study.question if it.when != "desk"),
+        *(
+            screens.Instruction(text=participant_texts.page_key(at), picture=own.picture)
+            for at, own in enumerate(study.page)
+        ),
     ]
     # Not a set, because the window prepares them in this order.
-    return tuple(screen for at, screen in enumerate(screens) if screen not in screens[:at])
+    return tuple(screen for at, screen in enumerate(shown) if screen not in shown[:at])
 
 
-_FINGER = OwnFinger(position_m=0.05, force=1.0, within=0.5)
+_FINGER = screens.OwnFinger(position_m=0.05, force=1.0, within=0.5)
 _VIEWS = (
     # Everything that can stand on a page at once, with the longest numbers.
     PageState(operator_called=True, progress=(999, 999), finger=_FINGER),
@@ -97,10 +83,12 @@ def room(text: Text) -> int:
     return next((most for most in lengths if fits(replace(text, text=text.text[:most]))), 0)
 
 
-def misfits(screens: tuple[Screen, ...], wording: Wording) -> Iterator[tuple[str, str]]:
-    """Yield every text on `screens` that does not fit its place, once, and what to do."""
+def misfits(
+    shown: tuple[screens.Screen, ...], wording: participant_texts.Wording
+) -> Iterator[tuple[str, str]]:
+    """Yield every text on what is `shown` that does not fit its place, once, and what to do."""
     seen = set()
-    for screen in screens:
+    for screen in shown:
         for element in chain.from_iterable(page(screen, view, wording) for view in _VIEWS):
             if isinstance(element, Text) and element.text not in seen and not fits(element):
                 seen.add(element.text)
@@ -136,13 +124,13 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             )
             unsound.add(number)
     sound = [question for at, question in enumerate(study.question) if at not in unsound]
-    screens = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
-    for code in required_codes(study):
+    shown = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
+    for code in participant_texts.required_codes(study):
         # What is missing is reported elsewhere; a page without it cannot be measured.
-        if any(lacking(study, code)):
+        if any(participant_texts.lacking(study, code)):
             continue
-        wording = study_wording(study, code)
-        for text, hint in misfits(screens, wording):
+        wording = participant_texts.study_wording(study, code)
+        for text, hint in misfits(shown, wording):
             path = _path(study, wording, text)
             yield Problem(
                 where=".".join(str(part) for part in path) or f"the text in {code}",
@@ -153,7 +141,7 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             )
 
 
-def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
+def require_fit(study: Study, wording: participant_texts.Wording, consent: str | None) -> None:
     """Raise `BadInput` if a text of the session or its consent reference does not fit its place."""
     if misfit := next(misfits(foreseen(study, consent), wording), None):
         text, hint = misfit
@@ -162,15 +150,15 @@ def require_fit(study: Study, wording: Wording, consent: str | None) -> None:
         )
 
 
-def _path(study: Study, wording: Wording, text: str) -> Path:
+def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
     """Return the path of `text` in the study file; empty for a built-in text."""
     for key in (*study.texts.get(wording.code, {}), *wording.texts):
-        path = text_path(study, wording.code, key)
+        path = participant_texts.text_path(study, wording.code, key)
         if path is not None and wording.texts[key] in text:
             return path
     for number, band in enumerate(study.rating.bands):
-        if band_name(band, wording) == text:
-            return band_path(band, number, wording.code)
+        if participant_texts.band_name(band, wording) == text:
+            return participant_texts.band_path(band, number, wording.code)
     return next((path for own, path in _own_texts(study, wording.code) if text.endswith(own)), ())
 
 
@@ -195,6 +183,6 @@ def study_window(
     """Return the window, to be entered before any drive; raises `BadInput` if a text misfits."""
     # The consent's reference is known only now, so that it could not be checked with the study.
     require_fit(study, settings.wording, consent)
-    screens, readable_s = foreseen(study, consent), study.timing.readable_s
-    settings = replace(settings, readable_s=readable_s, foreseen=screens)
+    shown, readable_s = foreseen(study, consent), study.timing.readable_s
+    settings = replace(settings, readable_s=readable_s, foreseen=shown)
     return participant_window([*touchbeam, "participant-window"], settings, say=say)

@@ -11,17 +11,7 @@ import typer
 
 from protocol.errors import BadInput
 from runner.people.terminal import at_terminal
-from touchbeam.cli import options
-from touchbeam.cli.output import (
-    complain,
-    counted,
-    followed,
-    print_csv,
-    print_json,
-    print_json_text,
-    print_table,
-    say,
-)
+from touchbeam.cli import options, output
 from touchbeam.study import asked_report, read_study
 
 if TYPE_CHECKING:
@@ -97,15 +87,15 @@ def predict(
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), asked, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:
-        print_csv(text)
+        output.print_csv(text)
     else:
         write_whole(out, text.encode())
     # Keep the message out of a stream that a program reads as a table.
     streamed = to_stdout or is_stream(out)
     if not streamed or at_terminal(sys.stderr):
         own = f" on the rig with {rig}" if rig.origin else ""
-        told = f"{counted(text.count(chr(10)) - 1, 'scene')} predicted{own}: {out}"
-        (complain if streamed else say)(told)
+        told = f"{output.counted(text.count(chr(10)) - 1, 'scene')} predicted{own}: {out}"
+        (output.complain if streamed else output.say)(told)
 
 
 @app.command(cls=options.Choosing)
@@ -149,14 +139,14 @@ def fit(
     tracks = tracks_in(text_of(bytes_of(table, most=MOST_BYTES), table), source, shape)
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, source, **asked)
-    found = list(followed("tracks", fits, len(tracks), alone=as_json))
+    found = list(output.followed("tracks", fits, len(tracks), alone=as_json))
     if as_json:
         records = [track.record(threshold) for track, threshold in found]
-        print_json({"task": task, "shape": shape, "tracks": records})
+        output.print_json({"task": task, "shape": shape, "tracks": records})
         return
     at = found[0][1].threshold_at
     what = "of the curve" if task == "yes or no" else "correct"
-    print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(found), [""] * len(COLUMNS)])
+    output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(found), [""] * len(COLUMNS)])
 
 
 @app.command()
@@ -182,11 +172,11 @@ def ladder(
         from runner.study.files import write_whole
 
         write_whole(plot, panels_figure([ladder_panel(rows)], kind))
-        (complain if as_json else say)(f"Written: {plot}")
+        (output.complain if as_json else output.say)(f"Written: {plot}")
     if as_json:
-        print_json([asdict(row) for row in rows])
+        output.print_json([asdict(row) for row in rows])
         return
-    print_table("The ladder", ladder_lines(rows))
+    output.print_table("The ladder", ladder_lines(rows))
 
 
 @app.command()
@@ -199,10 +189,10 @@ def claims(as_json: options.JsonOption = False) -> None:
 
     results = audit()
     if as_json:
-        print_json([result.record() for result in results])
+        output.print_json([result.record() for result in results])
         return
-    print_table("Claims", claims_lines(results), of_sentences=True)
-    say(summary_line(results))
+    output.print_table("Claims", claims_lines(results), of_sentences=True)
+    output.say(summary_line(results))
 
 
 def write_report(
@@ -236,7 +226,7 @@ def write_report(
     own = None if out else folder.path
     write_files(made.files, place, replaced=made.figure_files, study=own)
     if as_json:
-        print_json_text(made.files["report.json"].decode())
+        output.print_json_text(made.files["report.json"].decode())
         return
     drawn = len(set(made.figure_files) & made.files.keys())
     others = made.files.keys() - {*made.figure_files, "report.html"}
@@ -245,10 +235,12 @@ def write_report(
         f"{drawn} figure files" if figures else "with --figures figure files",
     ]
     if made.table4:
-        print_table("Table 4", made.table4)
+        output.print_table("Table 4", made.table4)
     for line in made.lines:
-        say(line)
-    say(f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}")
+        output.say(line)
+    output.say(
+        f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}"
+    )
 
 
 def _found(
@@ -260,7 +252,7 @@ def _found(
 
     # Before anything is read, which may take long.
     require_sections(shown or ())
-    bar = partial(followed, "sessions", alone=alone)
+    bar = partial(output.followed, "sessions", alone=alone)
     study = read_study(folder, rehearsals=rehearsals, followed=bar)
     data = study_data(study.recorded, rehearsals=rehearsals, rules=study.file.exclusions)
     # All sessions may be large, and few reports need them.
@@ -272,7 +264,7 @@ def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:
     if not sessions:
         return
     named = ", ".join(sessions[:10]) + (f" and {len(sessions) - 10} more" if sessions[10:] else "")
-    complain(
+    output.complain(
         f"touchbeam: warning: the journal was modified outside touchbeam, in {named}; "
         f"see touchbeam verify {study}"
     )

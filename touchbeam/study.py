@@ -54,26 +54,41 @@ def read_study(
     followed: "Callable[[Chains, int], Chains]" = lambda chains, _: chains,
 ) -> "Study":
     """Return the study as `load` does; `followed` gets the chains and how many there are."""
+    from analysis.kept import Kept
+    from analysis.loading.kept_sessions import KeptSessions, kept_sessions
     from analysis.loading.sessions import load_sessions
     from runner.journal.opening import read_journal
     from runner.journal.verification import readable_chains
-    from runner.study.kept_files import journal_digest
+    from runner.study.kept_files import code_version, journal_digest, kept_files
 
-    broken: list[str] = []
     # While it is open here, it has a log.
-    before = journal_digest(folder.existing_journal())
+    digest = journal_digest(folder.existing_journal())
+    text, file = folder.text(), folder.study()
     with read_journal(folder.journal) as journal:
-        text, file = folder.text(), folder.study()
-        chains = followed(readable_chains(journal, broken), len(journal.sessions()))
-        recorded = load_sessions(chains)
+        shelf = kept_files(journal)
+
+    def read() -> KeptSessions:
+        broken: list[str] = []
+        with read_journal(folder.journal) as journal:
+            chains = followed(readable_chains(journal, broken), len(journal.sessions()))
+            found = kept_sessions(load_sessions(chains), broken)
+        # What a session added meanwhile is in the tables or not: no digest tells.
+        if journal_digest(folder.journal) != digest:
+            raise _NotToKeep(found)
+        return found
+
+    try:
+        # Not the one of the report, which would hold the tables for as long.
+        found = Kept(shelf, code_version()).made(read, KeptSessions, digest)
+    except _NotToKeep as changed:
+        found, digest = changed.made, ""
     return Study(
         folder=folder,
         file=file,
-        recorded=recorded,
+        recorded=found.sessions(),
         rehearsals=rehearsals,
-        broken=tuple(broken),
-        # What a session added meanwhile is in the tables or not: no digest tells.
-        _read=(before if journal_digest(folder.journal) == before else "", text),
+        broken=found.broken,
+        _read=(digest, text),
     )
 
 
@@ -343,9 +358,9 @@ class Written:
 
 
 class _NotToKeep(Exception):
-    """The journal is another one than was read, or the report is too large to be kept."""
+    """The journal is another one than was read, or what was made is too large to be kept."""
 
-    def __init__(self, made: Written) -> None:
+    def __init__(self, made: Any) -> None:
         super().__init__()
         self.made = made
 
@@ -412,7 +427,8 @@ class AskedReport:
         try:
             return self.keep.made(make, Written, *known)
         except _NotToKeep as error:
-            return error.made
+            made: Written = error.made
+            return made
 
     def _written(self, found: Found, *, figures: bool) -> Written:
         from analysis.loading.study_data import marks

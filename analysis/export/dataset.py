@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from itertools import chain, count
@@ -317,34 +317,35 @@ class Dataset:
 
 
 def dataset(
-    chains: Iterable[Chain],
+    source: Sessions | Iterable[Chain],
     study: Study,
     touchbeam: str,
     *,
     rehearsals: bool,
     rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
-    digested: bool = True,
 ) -> Dataset:
-    """Return what is to be exported of the sessions in `chains`.
+    """Return what is to be exported of the sessions in `source`.
 
     Args:
-        chains: the events of each session, the study's own chain among them or not; read one
-            session at a time.
+        source: the events of each session, the study's own chain among them or not, read one
+            session at a time; or their tables, which tell neither digest nor recordings.
         study: the study file as it is now.
         touchbeam: the version that exports.
         rehearsals: whether dry runs are wanted too.
         rig: as calibrated at present.
-        broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
-        digested: whether the format tells the digest of the events, which takes long.
+        broken_chains: the sessions whose chain of hashes is broken; known once `source` is read.
 
     Raises:
         NothingToExport: there is no trial.
     """
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
-    read = _digested(chains, digest) if digested else chains
-    found = with_measures(study, load_sessions(_recorded(read, recorded)))
+    if isinstance(source, Sessions):
+        found = with_measures(study, source)
+    else:
+        chains = _recorded(_digested(source, digest), recorded)
+        found = with_measures(study, load_sessions(chains))
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = asked_questions(study, found.answers)
     kept, factors = found.sessions[~rehearsal], factor_columns(study, questions)
@@ -365,13 +366,21 @@ def dataset(
         rehearsals_left_out=int(rehearsal.sum()),
         sessions_withdrawn=found.withdrawn,
         sessions_without_trials=int((~rehearsal & ~begun).sum()),
-        source_sha256=digest.hexdigest() if digested else "",
+        source_sha256="" if isinstance(source, Sessions) else digest.hexdigest(),
         touchbeam=touchbeam,
         found=found,
         rig=rig,
         broken_chains=tuple(broken_chains),
         recorded=recorded,
     )
+
+
+def with_recordings(data: Dataset, chains: Iterable[Chain]) -> Dataset:
+    """Return data from tables with what was recorded during touches, which only `chains` tell."""
+    recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
+    for _ in _recorded(chains, recorded):
+        pass
+    return replace(data, recorded=recorded)
 
 
 def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:

@@ -1,7 +1,7 @@
 """The fold over the events of a session, which adds its rows to the tables."""
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache, singledispatchmethod
 from itertools import chain
@@ -209,8 +209,7 @@ class Course:
         touches = self._planned[self._attempt.trial_index].touches
         self._rows.touches.append(
             TouchRow.begun(
-                # Sorted, so that equal plans are one key of the cache in whatever order.
-                _touch(tuple(sorted(touches[event.touch].items()))),
+                planned_touch(touches[event.touch]),
                 attempt_id=self._rows.attempts.last_id,
                 beam=self._beam,
                 commanded_voltage_v=event.commanded.voltage_v,
@@ -388,6 +387,12 @@ def _track(study_text: str | None, name: str) -> Track | None:
         return None if study_text is None else parsed_study(study_text).track_of(name)
     except (StudyError, LookupError):
         return None
+
+
+def planned_touch(planned: Mapping[str, Any]) -> Touch:
+    """Return the touch that is planned as the journal has it."""
+    # Sorted, so that equal plans are one key of the cache in whatever order.
+    return _touch(tuple(sorted(planned.items())))
 
 
 @lru_cache(maxsize=1024)

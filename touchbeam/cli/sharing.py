@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,7 @@ from protocol.errors import BadInput
 from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, followed, say
 from touchbeam.cli.results import warn_of_broken
-from touchbeam.study import asked_report
+from touchbeam.study import asked_report, read_study
 
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
@@ -96,28 +97,35 @@ def export(
     from importlib.metadata import version
 
     from analysis.export.csv_tables import source_files
-    from analysis.export.dataset import dataset
+    from analysis.export.dataset import dataset, with_recordings
     from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
     from device.friction.scenes import NOMINAL
+    from runner.journal.opening import read_journal
     from runner.journal.verification import readable_chains
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
 
     source = options.study_folder(study)
-    broken: list[str] = []
     with options.study_journal(source) as journal:
         _require_known(participant, journal.sessions())
-        mine = readable_chains(journal, broken, participant)
-        chains = followed("sessions", mine, len(journal.sessions()))
+    broken: list[str] = []
+    bar, tables = partial(followed, "sessions"), None
+    # Tables alone need no events: those that a report has kept will do.
+    if as_format == "csv" and participant is None:
+        read = read_study(source, rehearsals=rehearsals, followed=bar)
+        tables, broken = read.recorded, list(read.broken)
+    with read_journal(source.journal) as journal:
+        chains = readable_chains(journal, [] if tables else broken, participant)
         data = dataset(
-            chains,
+            tables or bar(chains, len(journal.sessions())),
             source.study(),
             version("touchbeam"),
             rehearsals=rehearsals,
             rig=fitted_calibration(source.path) if as_format in WITH_CONTRASTS else NOMINAL,
             broken_chains=broken,
-            digested=as_format != "csv",
         )
+        if tables and tables.forces:
+            data = with_recordings(data, chains)
         texts = EXPORTS[as_format](data)
         if as_format in WITH_SOURCE:
             # Read a second time, because all events of a large study do not fit the memory at once.

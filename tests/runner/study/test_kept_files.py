@@ -232,6 +232,33 @@ def test_a_journal_as_it_was_is_not_read_again_and_another_is(
     assert typed("report", study, "--out", tmp_path / "b") != 0
 
 
+def test_a_journal_that_was_read_is_not_read_again_by_another_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(kept_files.VARIABLE, str(tmp_path / "cache"))
+    study = tmp_path / "study"
+    assert typed("import", PUBLISHED, study) == 0
+    first = load(study)
+    load_sessions = sessions.load_sessions
+
+    def never_loaded(_: Iterable[Sequence[StoredEvent]]) -> sessions.Sessions:
+        raise Never
+
+    monkeypatch.setattr(sessions, "load_sessions", never_loaded)
+    assert load(study).trials.equals(first.trials)
+    assert typed("report", study) == 0
+    assert typed("export", study, tmp_path / "kept", "--format", "csv") == 0
+    assert typed("exclude", study, "--participant", "3", "--reason", "late") == 0
+    with pytest.raises(Never):
+        load(study)
+    monkeypatch.setattr(sessions, "load_sessions", load_sessions)
+    assert load(study).sessions["exclusion_reason"].notna().sum() == 1
+    monkeypatch.setenv(kept_files.VARIABLE, kept_files.OFF)
+    assert typed("export", study, tmp_path / "read", "--format", "csv") == 0
+    kept = (tmp_path / "kept" / "trials.csv").read_text()
+    assert kept != (tmp_path / "read" / "trials.csv").read_text()
+
+
 def test_commands_and_python_make_a_report_once_and_none_comes_back_after_a_withdrawal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

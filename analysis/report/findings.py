@@ -1,14 +1,14 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimates import plain
+from analysis.estimates import LEVEL, plain
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.kept import Kept
 from analysis.loading.records import values
@@ -17,11 +17,22 @@ from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
 from analysis.sensitivity.linear_model import own_gains
-from analysis.statistics.groups import GroupStatistics, group_statistics
-from analysis.statistics.summary import TableStatistics
+from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.factorial import Factorial, factorial_tests
+from analysis.statistics.groups import (
+    CLAIMED,
+    GAIN,
+    INTERACTION,
+    SCORE,
+    GroupStatistics,
+    group_statistics,
+)
+from analysis.statistics.signed_rank import holm
+from analysis.statistics.summary import TableStatistics, reading
 from analysis.trials.track_fits import Thresholds, thresholds
-from analysis.trials.trial_statistics import TrialStatistics
+from analysis.trials.trial_statistics import TrialStatistics, crossed_scores
 from device.friction.scenes import NOMINAL, Calibration
+from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study import Study
@@ -97,6 +108,28 @@ class Scale(NamedTuple):
         return f"{self.lowest:g} to {self.highest:g}"
 
 
+CHANGES_NOTICED = f"changes {NOTICED}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Design:
+    """What a study with groups, factors or several sessions asks beside plain studies.
+
+    Its report asks many kinds of question, which alone would be answered wrongly in 5% of studies
+    each. `p_holm` is corrected over all that have an answer, also in `groups` and `factors`; what
+    rests on a question, as pairs do on "conditions differ", counts only where that holds. So
+    without any effect something is claimed in at most 5% of studies. `touchbeam power` counts so.
+    """
+
+    groups: GroupStatistics | None
+    factors: Factorial | None
+    p_holm: Mapping[str, float]
+
+    def holds(self, question: str) -> bool:
+        """Return whether a question is answered by yes."""
+        return self.p_holm.get(question, 1.0) < LEVEL
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
     """Data and results that the sections of a report present.
@@ -152,12 +185,54 @@ class Findings:
         ]
 
     @cached_property
+    def design(self) -> Design | None:
+        """The questions about groups and factors; None of a study that has neither."""
+        return self.design_by(*next(iter(self.table.tables.items())))
+
+    def design_by(self, name: str, table: ScoreTable) -> Design | None:
+        """Return the same under a reading of withheld scores.
+
+        Gains of people are those of given scores, and so are scores by session.
+        """
+        groups = self._groups(table)
+        crossed = crossed_scores(self.study, self.loaded, table)
+        if crossed is None and groups is None:
+            return None
+        own = table is self.loaded.table
+        factors = crossed and self.keep(factorial_tests, crossed[0], crossed[1] if own else None)
+        tests: dict[str, Any] = {
+            OMNIBUS: self.keep(reading, name, table).omnibus_p,
+            GAINS: self.keep(gain_heterogeneity, table),
+            CHANGES_NOTICED: self.trials.noticed[-1].found if self.trials.noticed else None,
+            **{claim: getattr(groups, of) for of, claim in CLAIMED.items() if groups},
+            **{effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())},
+        }
+        known = {of: p for of, test in tests.items() if isinstance(p := _p(test), float)}
+        p_holm = dict(zip(known, holm([*known.values()]), strict=True))
+        return Design(
+            groups=groups and replace(groups, p_holm=_of_groups(p_holm)),
+            factors=factors
+            and replace(
+                factors,
+                effects=tuple(
+                    replace(it, p_holm=p_holm.get(effect_of(*it.factors), it.p_holm))
+                    for it in factors.effects
+                ),
+            ),
+            p_holm=p_holm,
+        )
+
+    @property
     def groups(self) -> GroupStatistics | None:
         """The comparisons between groups; None of a study without groups."""
-        return self.groups_by(self.loaded.table)
+        return self.design.groups if self.design else None
 
-    def groups_by(self, table: ScoreTable) -> GroupStatistics | None:
-        """Return the comparisons by the scores of a table; gains are those of given scores."""
+    @property
+    def factors(self) -> Factorial | None:
+        """The effects of factors and sessions; None of a study that has neither."""
+        return self.design.factors if self.design else None
+
+    def _groups(self, table: ScoreTable) -> GroupStatistics | None:
         known = self.loaded.groups
         rows = [row for row, who in enumerate(table.subjects) if who in known]
         if not rows:
@@ -210,6 +285,16 @@ class Findings:
     def scale_in_words(self) -> str:
         """That scale with the names of its bands, as the participants read them."""
         return scale_in_words(self.study, self.rating)
+
+
+def _p(test: Any) -> Any:
+    return getattr(test, "p", test)
+
+
+def _of_groups(p_holm: Mapping[str, float]) -> dict[str, float]:
+    """Return p of the questions about groups by their short names."""
+    names = zip((SCORE, GAIN, INTERACTION), CLAIMED.values(), strict=True)
+    return {name: p_holm[claim] for name, claim in names if claim in p_holm}
 
 
 _TRIAL = {

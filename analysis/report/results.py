@@ -5,18 +5,16 @@ decimals, three of a p-value, no zero before the point of a number that cannot e
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
 from analysis.estimates import LEVEL, Interval, NotEstimable
-from analysis.report.findings import Findings
+from analysis.report.findings import CHANGES_NOTICED, Design, Findings
 from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.factorial import Effect, Factorial, TestedEffect
 from analysis.statistics.groups import (
-    CLAIMED,
     GAIN,
     INTERACTION,
     SCORE,
@@ -26,12 +24,11 @@ from analysis.statistics.groups import (
     TwoGroups,
 )
 from analysis.statistics.omnibus import SkillingsMack
-from analysis.statistics.signed_rank import PairwiseTest, SignedRank, holm
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 from analysis.trials.track_fits import CohortThreshold, Thresholds
-from analysis.trials.trial_statistics import Detected
 from device.friction.changes import LAW
-from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
+from protocol.registration.registration import GAINS, OMNIBUS
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
 THRESHOLDS = "What are the thresholds?"
@@ -57,23 +54,34 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
 
 def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     main = found.table.main
+    if found.design is not None:
+        yield TOGETHER, _together(found.design)
     if found.trials.noticed:
-        yield NOTICE, _noticed(found.trials.noticed)
-    yield DIFFER, f"{_who(found)} {_omnibus(main)}"
+        yield NOTICE, _noticed(found)
+    yield DIFFER, f"{_who(found)} {_omnibus(found, main)}"
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
-    yield from _of_design(found)
+    if found.groups is not None:
+        yield GROUPS, of_groups(found.groups, adjusted=not found.loaded.table.given.all())
+    if found.factors is not None:
+        yield FACTORS, _factors(found.factors)
+    yield from _of_models(found)
+
+
+def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield what the models of sensitivity and friction answer."""
     if isinstance(found.trials.m2, OrdinalSensitivity):
         predicted = f"predicted contrast (change of log friction; law {LAW})"
-        yield FOLLOW, _gain(found.trials.m2.lines, predicted)
+        yield FOLLOW, _gain(found, found.trials.m2.lines, predicted)
     # Where friction was measured, skin is not in the gains: people are compared by these.
     felt = None if found.measured is None else found.measured.m2
     if isinstance(felt, OrdinalSensitivity):
         contrast = "measured contrast (change of log friction at the finger)"
-        yield "Do they follow the change that was measured?", _gain(felt.lines, contrast)
-        yield from _spread(felt.lines, "Friction was measured, so this is not a matter of skin.")
+        yield "Do they follow the change that was measured?", _gain(found, felt.lines, contrast)
+        measured = "Friction was measured, so this is not a matter of skin."
+        yield from _spread(found, felt.lines, measured)
     elif isinstance(found.trials.m2, OrdinalSensitivity):
-        yield from _spread(found.trials.m2.lines, _SKIN)
+        yield from _spread(found, found.trials.m2.lines, _SKIN)
     yield from _ranking(found)
 
 
@@ -94,9 +102,20 @@ def _mean_threshold(each: CohortThreshold) -> str:
     return f"{each.threshold:.3g}{unit}{said}, where {share} ({of}{note})."
 
 
-def _noticed(detected: Sequence[Detected]) -> str:
+def counts(found: Findings, question: str) -> bool:
+    """Return whether what rests on a question is told: with a design, only where that holds."""
+    return found.design is None or found.design.holds(question)
+
+
+def _p(found: Findings, question: str, p: float) -> str:
+    """Return p and, with a design, that by one correction over all questions."""
+    corrected = found.design.p_holm.get(question) if found.design else None
+    return p_equals(p) + ("" if corrected is None else f" ({p_equals(corrected)} corrected)")
+
+
+def _noticed(found: Findings) -> str:
     """Tell how often changes were reported, and of which conditions more than on catch trials."""
-    *conditions, whole = detected
+    *conditions, whole = found.trials.noticed
     all_together = whole.found
     if isinstance(all_together, NotEstimable):
         return f"Not known: {all_together.reason}."
@@ -104,7 +123,8 @@ def _noticed(detected: Sequence[Detected]) -> str:
         f"{rate.share:.0%} of {rate.trials:,}"
         for rate in (all_together.hits, all_together.false_alarms)
     )
-    more = [each.of["condition"] for each in conditions if each.noticed]
+    at_all = counts(found, CHANGES_NOTICED)
+    more = [each.of["condition"] for each in conditions if each.noticed and at_all]
     others = [each.of["condition"] for each in conditions if not each.noticed]
     told = (
         f"Noticed more often than catch trials: {', '.join(more)} (exact tests within people, "
@@ -116,7 +136,7 @@ def _noticed(detected: Sequence[Detected]) -> str:
     rest = f"; this is not shown of {', '.join(others)}" if more and others else ""
     return (
         f"A change was reported on {hits} trials with a change and on {alarms} catch trials, "
-        f"{p_equals(all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
+        f"{_p(found, CHANGES_NOTICED, all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
         f"{_ci(all_together.d_prime_interval)}. {told}{rest}."
     )
 
@@ -132,35 +152,31 @@ def _who(found: Findings) -> str:
     )
 
 
-def omnibus_p(main: Reading) -> float | NotEstimable:
-    """Return p of the test of all conditions, as the first paragraph gives it."""
-    test = main.friedman if main.skillings_mack is None else main.skillings_mack
-    if isinstance(test, NotEstimable):
-        return test
-    return test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
-
-
-def _omnibus(main: Reading) -> str:
+def _omnibus(found: Findings, main: Reading) -> str:
     test = main.friedman if main.skillings_mack is None else main.skillings_mack
     if isinstance(test, NotEstimable):
         return f"No test of all conditions could be computed: {test.reason}."
+    p = test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
+    differed = (
+        "Ratings differed between conditions"
+        if p < LEVEL and counts(found, OMNIBUS)
+        else "No difference between conditions was found, which does not show that they are equal"
+    )
+    told = _p(found, OMNIBUS, p)
     if isinstance(test, SkillingsMack):
-        p = test.monte_carlo.p
-        said = f"Skillings–Mack T({test.df}) = {number(test.statistic, 2)}, {p_equals(p)}"
-        return f"{_differed(p)}, {said} (some scores are missing)."
-    p = test.best_p
+        t = f"Skillings–Mack T({test.df}) = {number(test.statistic, 2)}, {told}"
+        return f"{differed}, {t} (some scores are missing)."
     w = f"Kendall's W = {bounded(test.kendall_w)}{_ci(test.kendall_w_interval, bounded=True)}"
-    return f"{_differed(p)}, Friedman's χ²({test.df}) = {number(test.chi2, 2)}, {p_equals(p)}, {w}."
+    return f"{differed}, Friedman's χ²({test.df}) = {number(test.chi2, 2)}, {told}, {w}."
 
 
-def _differed(p: float) -> str:
-    if p < LEVEL:
-        return "Ratings differed between conditions"
-    return "No difference between conditions was found, which does not show that they are equal"
+NO_FINDING = "because the conditions were not found to differ"
 
 
 def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
     """Tell the largest significant differences, or the largest one if none is."""
+    if not counts(found, OMNIBUS):
+        return f"No pair is told, {NO_FINDING}."
     # The largest first, because only some are told.
     differ = sorted((pair for pair in pairs if pair.differs), key=_size, reverse=True)
     told = "; ".join(_pair(found, pair) for pair in differ[:MOST_PAIRS])
@@ -226,7 +242,7 @@ def _compared(made: GroupStatistics, name: str, what: str, found: Compared | Not
     differed = "differed" if made.holds(name) else "were not found to differ"
     return (
         f"{what} {differed} between groups ({h}{p_equals(made.p_holm[name])} by Holm's correction "
-        f"over these questions); {'most clearly ' * bool(others)}{_higher(first)}, Mann–Whitney "
+        f"over all questions); {'most clearly ' * bool(others)}{_higher(first)}, Mann–Whitney "
         f"U = {number(first.u, 1)}, {p_equals(first.p_holm)}."
     )
 
@@ -262,7 +278,7 @@ def _factors(tests: Factorial) -> str:
     told = [_effect(tests, it) for it in known if it.found]
     rest = [it.name for it in known if not it.found]
     none = f"No effect was found of {', '.join(rest)}, which does not show that there is none."
-    how = "Permutation and F tests within people, the larger p corrected by Holm's method."
+    how = "Permutation and F tests within people, the larger p corrected over all questions."
     return " ".join([*(f"{sentence(each)}." for each in told), *[none] * bool(rest), how])
 
 
@@ -283,53 +299,29 @@ def _effect(tests: Factorial, it: TestedEffect) -> str:
     )
 
 
-def _of_design(found: Findings) -> Iterator[tuple[str, str]]:
-    """Yield the questions about groups and factors, and what then holds for all together."""
-    if found.groups is not None:
-        yield GROUPS, of_groups(found.groups, adjusted=not found.loaded.table.given.all())
-    if found.trials.factorial is not None:
-        yield FACTORS, _factors(found.trials.factorial)
-    if found.groups is not None or found.trials.factorial is not None:
-        yield TOGETHER, _together(found)
-
-
-def _together(found: Findings) -> str:
-    """Tell what one correction over all questions leaves, because many together err more often."""
-    groups, factors = found.groups, found.trials.factorial
-    families: dict[str, dict[str, Any]] = {
-        "conditions": {OMNIBUS: omnibus_p(found.table.main)},
-        "gains of people": {GAINS: found.table.heterogeneity},
-        "noticing": {f"changes {NOTICED}": it.found for it in found.trials.noticed[-1:]},
-        "groups": {claim: getattr(groups, name, None) for name, claim in CLAIMED.items()},
-        "factors": {
-            effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())
-        },
-    }
-    asked = {}
-    for family, tests in families.items():
-        known = {name: getattr(test, "p", test) for name, test in tests.items()}
-        if of_family := {name: p for name, p in known.items() if isinstance(p, float)}:
-            asked[family] = of_family
-    every = {name: p for tests in asked.values() for name, p in tests.items()}
-    corrected = zip(every, holm(list(every.values())), strict=True)
-    left = [f"{name} ({p_equals(p)})" for name, p in corrected if p < LEVEL]
+def _together(design: Design) -> str:
+    """Tell the questions that hold by one correction over all, because many err more often."""
+    left = [f"{name} ({p_equals(p)})" for name, p in design.p_holm.items() if p < LEVEL]
     return (
-        f"Each kind of question ({', '.join(asked)}) is held at 5% alone, so that without any "
-        f"effect something may be claimed in up to {5 * len(asked)}% of studies. By one correction "
-        f"(Holm) over all of them hold: {'; '.join(left) or 'none'}."
+        f"This page asks {count_of(len(design.p_holm), 'question')} of groups, factors, conditions "
+        "and people. By Holm's correction over all of them, so that without any effect something "
+        f"is claimed in at most 5% of studies, hold: {'; '.join(left) or 'none'}. What rests on a "
+        "question counts only where that holds. A registered primary hypothesis is tested alone."
     )
 
 
-def _gain(lines: Lines, contrast: str) -> str:
+def _gain(found: Findings, lines: Lines, contrast: str) -> str:
     if not lines.group_known:
         return "A single participant tells nothing about a group."
     low, high = lines.gain_interval
     shown = (
-        "so ratings follow it."
+        "which includes 0, so these data do not show that ratings follow it."
+        if low <= 0 <= high
+        else f"which is no finding, {NO_FINDING}."
+        if not counts(found, OMNIBUS)
+        else "so ratings follow it."
         if low > 0
         else "so ratings fall where a larger change is predicted."
-        if high < 0
-        else "which includes 0, so these data do not show that ratings follow it."
     )
     what, by, ends = ("rise", lines.gain, lines.gain_interval)
     if lines.gain < 0:
@@ -340,7 +332,7 @@ def _gain(lines: Lines, contrast: str) -> str:
     )
 
 
-def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
+def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
     """Yield how much gains differ between subjects, if there are several."""
     if not lines.group_known:
         return
@@ -348,7 +340,7 @@ def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
         line
         for line in lines.subjects
         if line.relative_gain_interval[0] > 0 or line.relative_gain_interval[1] < 0
-    ]
+    ] * counts(found, GAINS)
     who = (
         f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
         f"({', '.join(line.subject for line in apart[:MOST_PAIRS])}"
@@ -359,7 +351,7 @@ def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
     spread = f"SD {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)}"
     differ = (
         f"Gains differed between participants, {spread}"
-        if lines.equal_gains < UNEQUAL
+        if lines.equal_gains < UNEQUAL and counts(found, GAINS)
         else "These data do not show that gains differ between participants: equal gains have "
         f"P {chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
         f"below {number(lines.gain_sd_upper, 2)} with P = .95"
@@ -378,6 +370,8 @@ def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
     evidence = (
         "no evidence for or against the law"
         if p >= LEVEL
+        else f"no finding, {NO_FINDING}"
+        if not counts(found, OMNIBUS)
         else f"evidence {'for' if rho > 0 else 'against'} the law's order"
     )
     yield (

@@ -61,6 +61,14 @@ class Reading:
     skillings_mack: SkillingsMack | NotEstimable | None
     pairwise: tuple[PairwiseTest, ...]
 
+    @property
+    def omnibus_p(self) -> float | NotEstimable:
+        """The p of the test of all conditions, exact or by shuffling."""
+        test = self.friedman if self.skillings_mack is None else self.skillings_mack
+        if isinstance(test, NotEstimable):
+            return test
+        return test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TableStatistics:

@@ -105,7 +105,10 @@ def _question_lines(shown: preview.Preview) -> Iterator[str]:
     asked: dict[str, list[str]] = {}
     for when in get_args(When):
         time = {"trial": "after trials", "block": "after blocks"}.get(when, when)
-        asked[time] = [question.name for question in shown.study.questions(when)]
+        asked[time] = [
+            f"{it.name} (if {it.asked_if})" if it.asked_if else it.name
+            for it in shown.study.questions(when)
+        ]
     read: dict[str, list[str]] = {}
     for number, page in enumerate(shown.study.page, start=1):
         block = "every block" if page.block is None else f"block {page.block}"

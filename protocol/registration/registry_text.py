@@ -96,13 +96,20 @@ def _study_type(study: Study) -> Iterator[str]:
     yield f"Experiment, within participants{' and between groups' * bool(study.group)}."
     if study.group:
         how = study.design.assign_groups.replace("answer", "answer to the operator")
-        groups = "; ".join(f"{group.name}, {group.size} participants" for group in study.group)
+        groups = "; ".join(
+            f"{it.name}, {it.size} participants{f' ({it.when})' * (it.when is not None)}"
+            for it in study.group
+        )
         yield f"Groups: {groups}. They are assigned {how}."
 
 
 def _design(study: Study) -> Iterator[str]:
     design = study.design
-    sessions = f"{design.sessions} session{'s' * (design.sessions != 1)} per participant."
+    sessions = f"{design.sessions} session{'s' * (design.sessions != 1)} per participant"
+    if design.hours_between:
+        least, most = design.hours_between
+        sessions += f", {least:g} to {most:g} hours between them"
+    sessions += "."
     if study.condition:
         yield (
             f"{len(study.condition)} conditions, {design.repeats} trial"
@@ -127,7 +134,10 @@ def _power(registered: Registration) -> Sequence[str]:
 
 
 def _conditions(study: Study) -> Iterator[str]:
-    yield "Amplitudes are peak; frequencies are relative to the resonance that is measured."
+    yield (
+        "Amplitudes are peak; frequencies are relative to the resonance that is measured, "
+        "if not in Hz."
+    )
     for condition in study.condition:
         touches = "; then ".join(map(_touch, condition.touches))
         factors = ", ".join(f"{level:g}" for level in condition.levels)
@@ -206,7 +216,8 @@ def _measured(study: Study) -> Iterator[str]:
         of = f" of {', '.join(question.conditions)}" if question.conditions else ""
         # Registries are read in English; a study without it is quoted in its own language.
         text = question.text.get("en") or next(iter(question.text.values()))
-        yield f"{question.name} ({question.kind}, {_TIMES[question.when]}{of}): {text}"
+        only = f", if {question.asked_if}" * (question.asked_if is not None)
+        yield f"{question.name} ({question.kind}, {_TIMES[question.when]}{of}{only}): {text}"
 
 
 def _prediction(registered: Registration) -> Iterator[str]:

@@ -185,6 +185,16 @@ class AskedIf(Record):
         chosen = answer if isinstance(answer, tuple | list) else (answer,)
         return any(each in self.answers for each in chosen)
 
+    def __str__(self) -> str:
+        """Return what is asked for.
+
+        >>> str(AskedIf(question="age", at_least=60))
+        'age is at least 60'
+        """
+        ends = [("at least", self.at_least), ("at most", self.at_most)]
+        numbers = [f"{word} {end:g}" for word, end in ends if end is not None]
+        return f"{self.question} is {' or '.join(self.answers) or ' and '.join(numbers)}"
+
 
 class StudyQuestion(Record):
     """A question of the study's own; its name becomes a column of exported data."""

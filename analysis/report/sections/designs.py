@@ -29,7 +29,7 @@ from analysis.report.figure_data import (
     noticed_figure,
     thinned,
 )
-from analysis.report.findings import Findings
+from analysis.report.findings import Design, Findings
 from analysis.report.results import of_groups
 from analysis.report.wording import MISSING, interval, number, of_all, p_equals, p_value
 from analysis.statistics.detection import Detection, Rate
@@ -41,12 +41,11 @@ from analysis.statistics.factorial import (
     LevelMean,
     TestedEffect,
     cell_intervals,
-    factorial_tests,
 )
 from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics, TwoGroups
 from analysis.statistics.intervals import mean_interval
 from analysis.trials.answers import CATCH
-from analysis.trials.trial_statistics import Detected, crossed_scores, detected_by
+from analysis.trials.trial_statistics import Detected, detected_by
 
 # Detection: how often changes are noticed beside false alarms.
 
@@ -257,9 +256,9 @@ _METHOD = (
     "smaller and profiles flatter. p counts the ways in which these people "
     "could have come into groups of these sizes: all of them, or random ones where an error is "
     "given. Group × condition permutes people with their whole profiles, less their own mean, so "
-    "that a group that scores higher throughout does not count. Mean score, gain and group × "
-    "condition are one family with Holm's correction; differences in a condition count only if "
-    "mean scores or profiles differ."
+    "that a group that scores higher throughout does not count. p of mean score, gain and "
+    "group × condition are corrected over all questions of this page; differences in a condition "
+    "count only if mean scores or profiles differ."
 )
 
 
@@ -269,8 +268,7 @@ def groups(found: Findings) -> Section:
     if made is None:
         return Section(name="groups", title="Groups", blocks=[])
     tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
-    others = list(found.table.tables.items())[1:]
-    readings = {name: again.p_holm for name, of in others if (again := found.groups_by(of))}
+    readings = {name: of.groups.p_holm for name, of in _reread(found) if of.groups}
     return Section(
         name="groups",
         title="Do the groups differ?",
@@ -309,6 +307,13 @@ def groups(found: Findings) -> Section:
         ],
         data={"groups": {**_groups_json(found, made), "p_holm_by_reading": plain(readings)}},
     )
+
+
+def _reread(found: Findings) -> Iterator[tuple[str, Design]]:
+    """Yield the design under each other reading of withheld scores, with its name."""
+    for name, table in list(found.table.tables.items())[1:]:
+        if made := found.design_by(name, table):
+            yield name, made
 
 
 def _reread_groups(readings: Mapping[str, Mapping[str, float]]) -> str:
@@ -418,10 +423,14 @@ def _groups_json(found: Findings, made: GroupStatistics) -> Json:
 
 def factors(found: Findings) -> Section:
     """Return the effects, the means by level and a figure by factor; nothing without factors."""
-    tests, title = found.trials.factorial, "Factors"
+    tests, title = found.factors, "Factors"
     if tests is None:
         return Section(name="factors", title=title, blocks=[])
-    latent, readings = found.trials.latent_factorial, _readings(found)
+    latent = found.trials.latent_factorial
+    readings = {
+        name: {it.name: it.p_holm for it in (of.factors.effects if of.factors else ())}
+        for name, of in _reread(found)
+    }
     return Section(
         name="factors",
         title=title,
@@ -449,16 +458,6 @@ _Latent = LatentFactorial | NotEstimable | None
 _Readings = dict[str, dict[str, float | NotEstimable]]
 
 
-def _readings(found: Findings) -> _Readings:
-    """Return Holm's p of each effect under the other readings of withheld scores."""
-    made = {}
-    for name, table in list(found.table.tables.items())[1:]:
-        crossed = crossed_scores(found.study, found.loaded, table)
-        again = found.keep(factorial_tests, crossed[0]).effects if crossed else ()
-        made[name] = {it.name: it.p_holm for it in again}
-    return made
-
-
 def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Readings) -> Table:
     wald = {it.factors: it for it in latent.effects} if isinstance(latent, LatentFactorial) else {}
     return Table.over(
@@ -475,7 +474,7 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
             Column("general η²", "effect.generalized_eta2", 2),
             *[Column("latent p", lambda it: wald[it.factors].p, p_cell)] * bool(wald),
             *(
-                Column(f"Holm, {_READ_AS[name]}", partial(_reread, again), p_cell)
+                Column(f"Holm, {_READ_AS[name]}", partial(_of_reading, again), p_cell)
                 for name, again in readings.items()
             ),
         ],
@@ -483,11 +482,11 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
         caption="Main effects and interactions of two factors within people. p, shuffled: the "
         "levels of these factors are shuffled within each person (exact where all arrangements "
         "could be listed); p, F: the same F, with Greenhouse and Geisser's correction. The larger "
-        "one decides, corrected by Holm's method over this table. Partial η² with its 95% "
-        "interval: share of an effect in what other effects and people's levels leave; general η²: "
-        "its share in all but the other effects. Latent: Wald's test in the ordinal mixed model "
-        "below, which an end of the scale does not bend; if people differ in an effect, its p is "
-        "too small.",
+        "one decides, corrected by Holm's method over all questions of this page. Partial η² with "
+        "its 95% interval: share of an effect in what other effects and people's levels leave; "
+        "general η²: its share in all but the other effects. Latent: Wald's test in the ordinal "
+        "mixed model below, which an end of the scale does not bend; if people differ in an "
+        "effect, its p is too small.",
     )
 
 
@@ -497,7 +496,7 @@ def _df(effect: Effect | NotEstimable) -> str:
     return f"{effect.df[0]}, {effect.df[1]}"
 
 
-def _reread(again: Mapping[str, float | NotEstimable], it: TestedEffect) -> object:
+def _of_reading(again: Mapping[str, float | NotEstimable], it: TestedEffect) -> object:
     return again.get(it.name)
 
 

@@ -34,6 +34,7 @@ from analysis.report.figure_data import (
     thinned,
 )
 from analysis.report.findings import Findings
+from analysis.report.results import NO_FINDING, counts
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.omnibus import Friedman
@@ -42,6 +43,7 @@ from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading, TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
 from analysis.trials.trial_statistics import TrialStatistics
+from protocol.registration.registration import OMNIBUS
 
 
 def tests(found: Findings) -> Section:
@@ -52,7 +54,7 @@ def tests(found: Findings) -> Section:
         title="Do the conditions differ?",
         blocks=[
             omnibus_line(main),
-            _pairs_line(main.pairwise),
+            _pairs_line(main.pairwise, counts=counts(found, OMNIBUS)),
             _pairwise_table(main.pairwise) if main.pairwise else None,
             "Share of 95% intervals that covered the truth in simulations "
             f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
@@ -69,7 +71,7 @@ def front(found: Findings) -> list[Block]:
     return [_scores_figure(found)]
 
 
-def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
+def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
     """Return which pairs differ, or why none does: with few subjects no scores can show it."""
     differ = [f"{pair.a} and {pair.b}" for pair in pairs if pair.differs]
     tested = [pair.test for pair in pairs if isinstance(pair.test, SignedRank)]
@@ -82,6 +84,8 @@ def _pairs_line(pairs: Sequence[PairwiseTest]) -> str:
         least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
         few = f" So few differences cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
         return none + (few if least >= LEVEL else "")
+    if not counts:
+        return f"No pair is told, {NO_FINDING}."
     return f"Significant differences after Holm's correction: {', '.join(differ)}."
 
 

@@ -22,7 +22,6 @@ from analysis.report.results import (
     ORDERED,
     THRESHOLDS,
     WHICH,
-    omnibus_p,
     paragraphs,
 )
 from analysis.report.wording import interval, number, p_equals, place_of
@@ -149,7 +148,7 @@ _Computed = tuple[str, float | None, bool | None]
 
 def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEstimable:
     if name == OMNIBUS:
-        return _tested(omnibus_p(found.table.main))
+        return _tested(found.table.main.omnibus_p)
     if name == GAINS:
         return _tested(at(found.table, "heterogeneity.p"))
     if name == FOLLOWS:

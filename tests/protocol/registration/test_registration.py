@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -211,6 +212,28 @@ text = { zh = "您多大年纪？", en = "How old are you?" }
     lines = registry_text(parsed_study(template("paper") + own), REGISTERED).splitlines()
     assert "  confidence (choice, after trials of voltage, pressure): How sure are you?" in lines
     assert "  age (number, before the first trial): How old are you?" in lines
+
+
+def test_the_text_for_a_registry_tells_groups_days_and_what_questions_depend_on() -> None:
+    page = Path("docs/how-to/factorial.md").read_text()
+    text = (
+        page.partition('study.toml"\n')[2]
+        .partition("```")[0]
+        .replace("[design]", '[design]\nassign_groups = "by an answer"')
+    )
+    age = '[[question]]\nname = "age"\nkind = "number"\nwhen = "desk"\ntext = { en = "Age?" }\n'
+    for name, size in (("young", "at_most = 30"), ("old", "at_least = 60")):
+        when = f'name = "{name}"\nwhen = {{ question = "age", {size} }}\n'
+        text = text.replace(f'name = "{name}"\n', when)
+    registered = replace(REGISTERED, primary="conditions differ", secondary=())
+    lines = registry_text(parsed_study(text + age), registered).splitlines()
+    assert (
+        "  Groups: young, 6 participants (age is at most 30); old, 6 participants (age is at least "
+        "60). They are assigned by an answer to the operator."
+    ) in lines
+    assert "2 sessions per participant, 20 to 72 hours between them." in " ".join(lines)
+    assert "  pleasant (scale, after trials, if noticed is yes): How pleasant was it?" in lines
+    assert any("0 to 50 V, frequency 23000 Hz, 3 s." in line for line in lines)
 
 
 def test_the_text_for_a_registry_names_each_power() -> None:

@@ -11,7 +11,9 @@ from analysis.cells import json_text
 from analysis.loading.study_data import load_study_data
 from analysis.report.drawing import labels_of, marked
 from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.results import DIFFER, TOGETHER, WHICH, paragraphs
 from analysis.report.sections.registration import _computed
+from analysis.statistics.factorial import Factorial
 from protocol.registration.registration import effect_of, factors_of, hypotheses
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
@@ -83,6 +85,27 @@ def test_effects_levels_and_figures_of_each_factor_and_of_the_session() -> None:
     for number in (1, 2, 3):
         assert f'id="figure-factor-{number}"' in page
     assert 'id="figure-factor-4"' not in page
+
+
+def test_what_rests_on_a_question_counts_only_where_that_holds() -> None:
+    found = crossed_report()
+    design, told = found.design, dict(paragraphs(found))
+    assert design is not None
+    matter = "Which factors matter?"
+    claims = {DIFFER: "Ratings differed between", WHICH: "was rated above", matter: "mattered"}
+    assert all(claim in told[question] for question, claim in claims.items())
+    assert "conditions differ (p" in told[TOGETHER]
+    # The same with a correction that leaves nothing.
+    weak, effects = replace(found), found.factors.effects if found.factors else ()
+    vars(weak)["design"] = replace(
+        design,
+        p_holm=dict.fromkeys(design.p_holm, 0.2),
+        factors=Factorial(effects=tuple(replace(it, p_holm=0.2) for it in effects), levels=()),
+    )
+    told = dict(paragraphs(weak))
+    assert not any(claim in told[question] for question, claim in claims.items())
+    assert ".200 corrected" in told[DIFFER]
+    assert told[TOGETHER].count("hold: none.") == 1
 
 
 def test_a_study_without_factors_has_nothing_of_it() -> None:

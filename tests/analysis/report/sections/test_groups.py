@@ -11,7 +11,7 @@ from analysis.loading.study_lock import StudyLock
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import GROUPS, TOGETHER, paragraphs
 from analysis.report.sections.registration import marked, named_results
-from analysis.statistics.groups import SCORE
+from analysis.statistics.groups import CLAIMED, SCORE
 from device.friction.changes import LAW, RUNG
 from protocol.journal.events import Answered, SessionOpened
 from protocol.registration.registration import Registration, between, hypotheses
@@ -73,12 +73,12 @@ def test_a_higher_group_is_found_and_told() -> None:
     assert answer.startswith("Mean scores differed between groups")
     assert "old above young by" in answer
     together = dict(paragraphs(found))[TOGETHER]
-    assert together.startswith("Each kind of question (conditions, gains of people, ")
-    assert "noticing, groups) is held at 5% alone" in together
-    assert "in up to 20% of studies" in together
+    assert together.startswith("This page asks six questions")
     # By one correction over six questions less is left than over three.
     assert "gains differ between groups" not in together
     assert "mean scores differ between groups (p" in together
+    assert found.design is not None
+    assert told["p_holm"][SCORE] == found.design.p_holm[CLAIMED["score"]]
     page = report_html(found)
     assert 'id="h-groups"' in page
     assert "Without a group, and not compared: P13." in page

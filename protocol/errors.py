@@ -18,7 +18,7 @@ MOST_PROBLEMS = 50
 """Most problems of a study file that are listed at once."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Problem:
     """A problem of a study: its place, the rule, the value and a remedy.
 
@@ -37,7 +37,7 @@ class Problem:
     @classmethod
     def of_key(cls, key: str, rule: str, value: object, hint: str = "") -> "Problem":
         """Return the problem of a key such as `design.repeats`."""
-        return cls(where=key, rule=rule, value=str(value), hint=hint, path=tuple(key.split(".")))
+        return cls(key, rule, str(value), hint, tuple(key.split(".")))
 
     def __str__(self) -> str:
         """Return the problem in one line."""

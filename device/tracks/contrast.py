@@ -36,15 +36,10 @@ def voltages(
         reached, last_v = found[rising - 1], probed[rising - 1]
         there = f"{abs(found[0]):.3g} at {first_v:g} V to {reached:.3g} at {last_v:.4g} V"
         why = "where it no longer rises" if rising < len(found) else "the limit of the rig"
-        return (), [
-            Problem(
-                where=f"track {track.name}, levels",
-                rule=f"must lie within the contrasts predicted for this rig, {there}, {why}",
-                value=f"{least:g} to {largest:g}",
-                hint='take levels within it, other touches, or axis = "voltage"',
-                path=("track", number, "levels"),
-            )
-        ]
+        rule = f"must lie within the contrasts predicted for this rig, {there}, {why}"
+        hint = 'take levels within it, other touches, or axis = "voltage"'
+        where, path = f"track {track.name}, levels", ("track", number, "levels")
+        return (), [Problem(where, rule, f"{least:g} to {largest:g}", hint, path)]
 
     def contrast(voltage_v: float) -> float:
         return side * friction_difference(study, standard, track.at(0, voltage_v), rig)

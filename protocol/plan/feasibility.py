@@ -33,39 +33,29 @@ def design_problems(study: Study) -> list[Problem]:
 def _levels(study: Study) -> Iterator[Problem]:
     for condition in study.condition:
         if study.design.repeats % len(condition.levels):
-            yield Problem(
-                where=f"condition {condition.name}, levels",
-                rule=f"their number must divide design.repeats = {study.design.repeats}",
-                value=str(len(condition.levels)),
-                hint="each level then comes equally often",
-                path=("condition", condition.written, "levels"),
-            )
+            where, path = f"condition {condition.name}, levels", ("condition", condition.written)
+            rule = f"their number must divide design.repeats = {study.design.repeats}"
+            value, hint = str(len(condition.levels)), "each level then comes equally often"
+            yield Problem(where, rule, value, hint, (*path, "levels"))
 
 
 def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
     asked_both_ways = [question for question, entry in QUESTIONS.items() if entry.less]
     if asked and not any(map(opposite_expected, study.condition)):
-        yield Problem.of_key(
-            "design.opposite_repeats",
-            "must be 0 if no condition has an opposite",
-            asked,
-            f"an opposite needs a question about {' or '.join(asked_both_ways)} and touches that "
-            "differ",
-        )
+        rule, about = "must be 0 if no condition has an opposite", " or ".join(asked_both_ways)
+        hint = f"an opposite needs a question about {about} and touches that differ"
+        yield Problem.of_key("design.opposite_repeats", rule, asked, hint)
 
 
 def _catches(study: Study) -> Iterator[Problem]:
     design, most = study.design, most_catches(study)
     if design.catch_trials > most:
         sure = "" if design.order == "fixed" else ", in every order that may be drawn"
-        yield Problem.of_key(
-            "design.catch_trials",
-            f"must be at most {most}, so that catch trials stay catch_apart = {design.catch_apart} "
-            f"trials apart and follow a trial on one beam{sure}",
-            design.catch_trials,
-            "use fewer catch trials or a smaller catch_apart",
-        )
+        apart = f"so that catch trials stay catch_apart = {design.catch_apart} trials apart"
+        rule = f"must be at most {most}, {apart} and follow a trial on one beam{sure}"
+        hint = "use fewer catch trials or a smaller catch_apart"
+        yield Problem.of_key("design.catch_trials", rule, design.catch_trials, hint)
 
 
 def most_catches(study: Study) -> int:
@@ -92,27 +82,19 @@ def _min_trials(study: Study) -> Iterator[Problem]:
     design, fewest = study.design, study.exclusions.min_trials
     planned = design.repeats * len(study.condition) * design.sessions
     if fewest is not None and fewest > planned:
-        yield Problem.of_key(
-            "exclusions.min_trials",
-            f"must be at most {planned}, the number of trials of a participant",
-            fewest,
-            "a larger number excludes every participant",
-        )
+        rule = f"must be at most {planned}, the number of trials of a participant"
+        hint = "a larger number excludes every participant"
+        yield Problem.of_key("exclusions.min_trials", rule, fewest, hint)
 
 
 def _groups(study: Study) -> Iterator[Problem]:
     design, number = study.design, len(beam_groups(study))
     if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
-        yield Problem.of_key(
-            "design.group_by_beam",
-            "must be 'no' if order = 'fixed'",
-            repr(design.group_by_beam),
-            "list the conditions in the order you want",
-        )
+        rule, hint = "must be 'no' if order = 'fixed'", "list the conditions in the order you want"
+        yield Problem.of_key("design.group_by_beam", rule, repr(design.group_by_beam), hint)
     if number > MAX_GROUPS and (design.group_by_beam != "no" or design.max_beam_swaps is not None):
-        yield Problem.of_key(
-            "design.group_by_beam", f"at most {MAX_GROUPS} sets of beams can be grouped", number
-        )
+        rule = f"at most {MAX_GROUPS} sets of beams can be grouped"
+        yield Problem.of_key("design.group_by_beam", rule, number)
 
 
 def _swaps(study: Study) -> Iterator[Problem]:
@@ -122,12 +104,9 @@ def _swaps(study: Study) -> Iterator[Problem]:
     level = grouping(study)
     needed = most_swaps(study, level)
     if needed > design.max_beam_swaps:
-        yield Problem.of_key(
-            "design.max_beam_swaps",
-            f"a session may need {needed} beam swaps, grouped by beam: {level}",
-            design.max_beam_swaps,
-            "allow more swaps, use fewer repeats, or use fewer beams in a trial",
-        )
+        rule = f"a session may need {needed} beam swaps, grouped by beam: {level}"
+        hint = "allow more swaps, use fewer repeats, or use fewer beams in a trial"
+        yield Problem.of_key("design.max_beam_swaps", rule, design.max_beam_swaps, hint)
 
 
 def _runs(study: Study) -> Iterator[Problem]:
@@ -144,23 +123,17 @@ def _runs(study: Study) -> Iterator[Problem]:
     at_most = 2 if level == "block" and len(sizes) > 1 else design.repeats
     if at_most > design.max_alike_in_row:
         alone = "the only condition" if level == "no" else "a condition alone on its beams"
-        yield Problem.of_key(
-            "design.max_alike_in_row",
-            f"{alone} comes up to {at_most} times in a row (grouped by beam: {level})",
-            design.max_alike_in_row,
-            "raise max_alike_in_row, group by beam less, or use fewer repeats",
-        )
+        rule = f"{alone} comes up to {at_most} times in a row (grouped by beam: {level})"
+        hint = "raise max_alike_in_row, group by beam less, or use fewer repeats"
+        yield Problem.of_key("design.max_alike_in_row", rule, design.max_alike_in_row, hint)
 
 
 def _duration(study: Study) -> Iterator[Problem]:
-    longest_s = most_session_s(study)
-    if longest_s > study.timing.max_session_s:
-        yield Problem.of_key(
-            "timing.max_session_s",
-            f"a session may take {longest_s:.0f} s",
-            f"{study.timing.max_session_s:g} s",
-            "allow more time, use fewer repeats, or split the study into more sessions",
-        )
+    longest_s, limit_s = most_session_s(study), study.timing.max_session_s
+    if longest_s > limit_s:
+        rule = f"a session may take {longest_s:.0f} s"
+        hint = "allow more time, use fewer repeats, or split the study into more sessions"
+        yield Problem.of_key("timing.max_session_s", rule, f"{limit_s:g} s", hint)
 
 
 def most_session_s(study: Study) -> float:

@@ -55,19 +55,14 @@ def factor_problems(study: Study) -> Iterator[Problem]:
     yield from _alike("factor", named)
     for path, name in named:
         if name.strip().casefold() in {CONDITION, "session"}:
-            rule, hint = "a factor must not have the name of what reports have anyway", "rename it"
-            yield Problem(where="factor", rule=rule, value=repr(name), hint=hint, path=path)
+            rule = "a factor must not have the name of what reports have anyway"
+            yield Problem("factor", rule, repr(name), "rename it", path)
     varied = [(factor.varies, factor.touches) for factor in study.factor]
     for number, factor in enumerate(study.factor):
         if varied.index((factor.varies, factor.touches)) < number:
             rule, hint = "must differ from those of the other factors", "cross them into one factor"
-            yield Problem(
-                where=f"factor {factor.name}, varies",
-                rule=rule,
-                value=repr(factor.varies),
-                hint=hint,
-                path=("factor", number, "varies"),
-            )
+            where, path = f"factor {factor.name}, varies", ("factor", number, "varies")
+            yield Problem(where, rule, repr(factor.varies), hint, path)
     if study.factor and study.condition and not study.condition[0].cell:
         many = combinations(study.factor) * len(study.condition)
         rule = f"must give at most {MOST_CONDITIONS} conditions"
@@ -89,15 +84,13 @@ def group_problems(study: Study) -> Iterator[Problem]:
         yield Problem.of_key("design.participants", rule, study.design.participants, hint)
     desk = {question.name: question for question in study.questions("desk")}
     for number, group in enumerate(study.group):
-        path: Path = ("group", number, "when")
+        where, path = f"group {group.name}, when", ("group", number, "when")
         for rule, value, hint in _leads_nowhere(study, group, desk):
-            where = f"group {group.name}, when"
-            yield Problem(where=where, rule=rule, value=value, hint=hint, path=path)
+            yield Problem(where, rule, value, hint, path)
         for other in study.group[:number]:
             if shared := _led_by_both(group, other, desk):
-                rule, hint = f"must not be met by an answer that leads to {other.name}", ""
-                where = f"group {group.name}, when"
-                yield Problem(where=where, rule=rule, value=shared, hint=hint, path=path)
+                rule = f"must not be met by an answer that leads to {other.name}"
+                yield Problem(where, rule, shared, path=path)
 
 
 def _led_by_both(one: Group, other: Group, desk: Mapping[str, StudyQuestion]) -> str:
@@ -145,13 +138,8 @@ def _leads_nowhere(
 def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
     for path, name in named:
         if not any(character.isprintable() and character != " " for character in name):
-            yield Problem(
-                where=where,
-                rule="a name must not be blank",
-                value=repr(name),
-                hint="give it one that can be read in a table",
-                path=path,
-            )
+            rule, hint = "a name must not be blank", "give it one that can be read in a table"
+            yield Problem(where, rule, repr(name), hint, path)
 
 
 def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
@@ -163,13 +151,9 @@ def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
         before, first = seen.setdefault(remembered, (number, name))
         if before != number:
             same = first == name
-            yield Problem(
-                where=where,
-                rule="names must differ" + ("" if same else " by more than case and spaces"),
-                value=repr(name) if same else f"{name!r} beside {first!r}",
-                hint="rename one",
-                path=path,
-            )
+            rule = "names must differ" + ("" if same else " by more than case and spaces")
+            value = repr(name) if same else f"{name!r} beside {first!r}"
+            yield Problem(where, rule, value, "rename one", path)
 
 
 def opening_problems(study: Study) -> Iterator[Problem]:
@@ -178,23 +162,17 @@ def opening_problems(study: Study) -> Iterator[Problem]:
         driven = [touch.peak_voltage_v > 0 for touch in opening.touches]
         path = ("opening", number, "touches")
         if opening.kind == "signal" and not any(driven):
-            yield Problem(
-                where="opening signal",
-                rule="a signal must be driven in at least one touch",
-                value="0 V throughout",
-                hint='give its touches a voltage_v, or write kind = "baseline"',
-                path=path,
-            )
+            rule = "a signal must be driven in at least one touch"
+            hint = 'give its touches a voltage_v, or write kind = "baseline"'
+            yield Problem("opening signal", rule, "0 V throughout", hint, path)
         if opening.kind == "baseline":
             for place, touch in enumerate(opening.touches):
                 if driven[place]:
-                    yield Problem(
-                        where=f"opening baseline, touch {place + 1}",
-                        rule="a baseline must be without a signal",
-                        value=f"{touch.peak_voltage_v:g} V",
-                        hint='write voltage_v = 0, or kind = "signal"',
-                        path=(*path, place, "ramp_to_v" if not touch.voltage_v else "voltage_v"),
-                    )
+                    where, value = f"opening baseline, touch {place + 1}", touch.peak_voltage_v
+                    rule = "a baseline must be without a signal"
+                    hint = 'write voltage_v = 0, or kind = "signal"'
+                    key = "voltage_v" if touch.voltage_v else "ramp_to_v"
+                    yield Problem(where, rule, f"{value:g} V", hint, (*path, place, key))
 
 
 def practice_problems(study: Study) -> Iterator[Problem]:
@@ -260,18 +238,16 @@ def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Itera
     levels = (("comparison", touch) for touch in reversed([*touches]))
     lead_in_s, ramp = study.touch.lead_in_s, study.rig.ramp_v_per_s
     for name, touch in (*standard, *levels):
+        where = f"track {track.name}, {name}"
         if touch.voltage_v > lead_in_s * ramp and ("soft start", path) not in told:
             told.add(("soft start", path))
-            yield Problem(
-                where=f"track {track.name}, {name}",
-                rule="its soft start must end within touch.lead_in_s, or its length would tell",
-                value=f"{touch.voltage_v / ramp:.3g} s",
-                hint=f"set touch.lead_in_s to {ceil(touch.voltage_v / ramp)}",
-                path=(*path, name),
+            rule = "its soft start must end within touch.lead_in_s, or its length would tell"
+            value, hint = (
+                touch.voltage_v / ramp,
+                f"set touch.lead_in_s to {ceil(touch.voltage_v / ramp)}",
             )
-        for problem in _touch_problems(
-            study, f"track {track.name}, {name}", (*path, name), touch, 1
-        ):
+            yield Problem(where, rule, f"{value:.3g} s", hint, (*path, name))
+        for problem in _touch_problems(study, where, (*path, name), touch, 1):
             own = name == "comparison" and problem.path[-1] == key
             place = (*path, "levels") if own else problem.path
             if (problem.rule, place) not in told:
@@ -326,13 +302,9 @@ def slide_problems(study: Study) -> list[Problem]:
 def _too_long(sliding: Study) -> Iterator[Problem]:
     limit_s, lasts_s = sliding.timing.max_session_s, session_s(sliding, slide_plan(sliding))
     if lasts_s > limit_s:
-        yield Problem(
-            where="slide",
-            rule=f"a session must not take more than timing.max_session_s = {limit_s:.15g} s",
-            value=f"{_above(lasts_s, limit_s)} s",
-            hint="ask for fewer drives, repeats or references",
-            path=("slide", "repeats"),
-        )
+        rule = f"a session must not take more than timing.max_session_s = {limit_s:.15g} s"
+        value, hint = _above(lasts_s, limit_s), "ask for fewer drives, repeats or references"
+        yield Problem("slide", rule, f"{value} s", hint, ("slide", "repeats"))
 
 
 def _touch_problems(
@@ -347,7 +319,7 @@ def _touch_problems(
         *_amplifier(study, touch, peak_v),
         *_times(study, touch, level),
     ):
-        yield Problem(where=where, rule=rule, value=value, hint=hint, path=(*path, key))
+        yield Problem(where, rule, value, hint, (*path, key))
     yield from _missing_beam(study, where, path, touch.beam)
     if textless := instruction_problem(study, where, path, touch):
         yield textless
@@ -357,13 +329,9 @@ def _twice(where: str, path: Path, touch: Touch) -> Iterator[Problem]:
     """A drive that is given both ways would obey one of them without a word."""
     for key in ("frequency", "sweep_to"):
         if {key, f"{key}_hz"} <= touch.model_fields_set and not isinstance(touch, SlidePass):
-            yield Problem(
-                where=where,
-                rule=f"must not be given beside {key}_hz",
-                value="both",
-                hint=f"{key} is relative to the resonance, {key}_hz is fixed: leave one out",
-                path=(*path, key),
-            )
+            rule = f"must not be given beside {key}_hz"
+            hint = f"{key} is relative to the resonance, {key}_hz is fixed: leave one out"
+            yield Problem(where, rule, "both", hint, (*path, key))
 
 
 _Broken = tuple[str, str, str, str]
@@ -483,38 +451,24 @@ def _unmeasured(study: Study) -> Iterator[Problem]:
     """Only a board or a gauge measures forces; a gauge has a port to itself, and feels a finger."""
     rig, channel = study.rig, study.force_channel
     if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
-        yield Problem.of_key(
-            "force_channel.rate_hz",
-            f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
-            channel.rate_hz,
-            "give the address of a gauge as force_channel.gauge",
-        )
+        rule = f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing"
+        hint = "give the address of a gauge as force_channel.gauge"
+        yield Problem.of_key("force_channel.rate_hz", rule, channel.rate_hz, hint)
     # Both may be simulated: a simulated gauge has a line of its own.
     if channel.gauge != SIMULATED and channel.gauge == rig.device:
-        yield Problem.of_key(
-            "force_channel.gauge",
-            "must have a port of its own, other than rig.device",
-            repr(channel.gauge),
-            "a board that measures forces itself needs no gauge",
-        )
+        rule = "must have a port of its own, other than rig.device"
+        hint = "a board that measures forces itself needs no gauge"
+        yield Problem.of_key("force_channel.gauge", rule, repr(channel.gauge), hint)
     if channel.rate_hz is not None and channel.gauge == SIMULATED and rig.device != SIMULATED:
-        yield Problem.of_key(
-            "force_channel.gauge",
-            "is simulated, and that is for a simulated device only",
-            f"rig.device = {rig.device!r}",
-            "the address of a gauge; run --device sim simulates both",
-        )
+        rule, value = "is simulated, and that is for a simulated device only", f"{rig.device!r}"
+        hint = "the address of a gauge; run --device sim simulates both"
+        yield Problem.of_key("force_channel.gauge", rule, f"rig.device = {value}", hint)
 
 
 def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:
     if beam is not None and beam not in study.beams:
-        yield Problem(
-            where=where,
-            rule="the beam must be one of [beams]",
-            value=repr(beam),
-            hint=f"known: {', '.join(study.beams) or 'none'}",
-            path=(*path, "beam"),
-        )
+        rule, hint = "the beam must be one of [beams]", f"known: {', '.join(study.beams) or 'none'}"
+        yield Problem(where, rule, repr(beam), hint, (*path, "beam"))
 
 
 def problems_at(

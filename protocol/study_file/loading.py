@@ -88,7 +88,7 @@ def located(text: str, found: list[Problem]) -> list[Problem]:
     put.sort(key=lambda problem: (problem.file, problem.line or 0))
     if len(put) > MOST_PROBLEMS:
         rule = f"at most {MOST_PROBLEMS} problems are listed"
-        more = Problem(where="file", rule=rule, value="more", hint="correct these first")
+        more = Problem("file", rule, "more", "correct these first")
         return [*put[:MOST_PROBLEMS], more]
     return put
 
@@ -162,11 +162,9 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     path: Path = tuple(part for part in entry["loc"] if part != "[key]")
     where = place(document, path)
     if entry["type"] == "extra_forbidden":
-        return Problem(
-            where=where, rule=_UNKNOWN, value=repr(path[-1]), hint=_near_miss(path), path=path
-        )
+        return Problem(where, _UNKNOWN, repr(path[-1]), _near_miss(path), path)
     if entry["type"] == "missing":
-        return Problem(where=where, rule="must be given", value="nothing", path=path)
+        return Problem(where, "must be given", "nothing", path=path)
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
     value, key = repr(entry["input"]), str(path[-1])
@@ -181,7 +179,7 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
         hint = unit_hint(of, entry["input"], too_large=entry["type"] == "less_than_equal")
     else:
         hint = _meant_choice(entry)
-    return Problem(where=where, rule=_rule(entry), value=value, hint=hint, path=path)
+    return Problem(where, _rule(entry), value, hint, path)
 
 
 def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
@@ -190,7 +188,7 @@ def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Proble
     key, _, of_key = rule.partition(" ")
     if key in entry["input"]:
         path, rule = (*path, key), of_key
-    return Problem(where=place(document, path), rule=rule, value=value, path=path)
+    return Problem(place(document, path), rule, value, path=path)
 
 
 def _rule(entry: Any) -> str:

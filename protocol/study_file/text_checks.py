@@ -62,13 +62,10 @@ def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> P
     ]
     if not lacking:
         return None
-    return Problem(
-        where=where,
-        rule="an instruction that a touch names must have a text",
-        value=f"none for {key!r} in {' and '.join(lacking)}",
-        hint=f"give it in {' and '.join(f'[texts.{code}]' for code in lacking)}",
-        path=(*path, "instruction"),
-    )
+    rule = "an instruction that a touch names must have a text"
+    value = f"none for {key!r} in {' and '.join(lacking)}"
+    hint = f"give it in {' and '.join(f'[texts.{code}]' for code in lacking)}"
+    return Problem(where, rule, value, hint, (*path, "instruction"))
 
 
 def unnamed_problems(
@@ -84,8 +81,7 @@ def unnamed_problems(
             yield _unknown_key((*path, code), (*others, *known))
         elif not plain(text) or unprintable(text):
             rule = "a text must not be blank" if not plain(text) else f"a text {UNWANTED}"
-            where = dotted((*path, code))
-            yield Problem(where=where, rule=rule, value=repr(text), path=(*path, code))
+            yield _dotted((*path, code), rule, repr(text))
     for code in required_codes(study):
         if code not in names:
             built_in = code not in study.languages and code not in study.texts
@@ -114,15 +110,13 @@ def _language_problems(
 
 def _not_given(path: Path, code: str = "") -> Problem:
     hint = f"or leave {code!r} out of session.languages" if code else ""
-    return Problem(where=dotted(path), rule="must be given", value="nothing", hint=hint, path=path)
+    return _dotted(path, "must be given", "nothing", hint)
 
 
 def _unknown_key(path: Path, known: Sequence[str], more: Iterable[str] = ()) -> Problem:
     close = get_close_matches(str(path[-1]), [*known, *more], n=1)
     hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
-    return Problem(
-        where=dotted(path), rule="unknown key", value=repr(path[-1]), hint=hint, path=path
-    )
+    return _dotted(path, "unknown key", repr(path[-1]), hint)
 
 
 def dotted(path: Path) -> str:
@@ -130,23 +124,25 @@ def dotted(path: Path) -> str:
     return ".".join(map(str, path))
 
 
+def _dotted(path: Path, rule: str, value: str, hint: str = "") -> Problem:
+    return Problem(dotted(path), rule, value, hint, path)
+
+
 def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
-    key, where, known = str(path[-1]), dotted(path), reference_texts()
+    key, known = str(path[-1]), reference_texts()
     if key not in known and key not in named:
         yield _unknown_key(path, tuple(known), named)
     elif not plain(text):
-        yield Problem(where=where, rule="a text must not be blank", value=repr(text), path=path)
+        yield _dotted(path, "a text must not be blank", repr(text))
     # At a terminal numbers choose an answer, and a colon begins a command.
     elif key.startswith("answer.") and is_typed_to_choose(text):
-        yield Problem(where=where, rule=TYPED_TO_CHOOSE, value=repr(text), path=path)
+        yield _dotted(path, TYPED_TO_CHOOSE, repr(text))
     elif unprintable(text):
-        yield Problem(where=where, rule=f"a text {UNWANTED}", value=repr(text), path=path)
+        yield _dotted(path, f"a text {UNWANTED}", repr(text))
     # A field that is missing would not be told to the participant; one too many stops the page.
     elif _fields(text) not in (allowed := _allowed_fields(key)):
         wanted = " or ".join(", ".join(fields) or "none" for fields in allowed)
-        yield Problem(
-            where=where, rule=f"the fields in braces must be {wanted}", value=repr(text), path=path
-        )
+        yield _dotted(path, f"the fields in braces must be {wanted}", repr(text))
 
 
 TYPED_TO_CHOOSE = "an answer must be no number, for these are typed to choose, nor begin with ':'"
@@ -166,12 +162,8 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
             path = text_path(study, code, other) or text_path(study, code, one)
             # Only where the study has a say: built-in texts are not its author's to mend.
             if path and plain(texts[one]) == plain(texts[other]):
-                yield Problem(
-                    where=dotted(path),
-                    rule="answers to one question must differ",
-                    value=f"{texts[other]!r} for {one} and {other}",
-                    path=path,
-                )
+                value = f"{texts[other]!r} for {one} and {other}"
+                yield _dotted(path, "answers to one question must differ", value)
 
 
 def plain(text: str) -> str:
@@ -259,8 +251,7 @@ def page_problems(study: Study) -> Iterator[Problem]:
         if page.picture is not None and page.picture not in study.pictures:
             broken.append(("picture", PICTURE_RULE, repr(page.picture)))
         for key, rule, value in broken:
-            where = f"page {number + 1}, {key}"
-            yield Problem(where=where, rule=rule, value=value, path=(*path, key))
+            yield Problem(f"page {number + 1}, {key}", rule, value, path=(*path, key))
 
 
 def _most_blocks(study: Study) -> int:
@@ -271,8 +262,7 @@ def _most_blocks(study: Study) -> int:
 
 
 def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: str = "") -> Problem:
-    where = f"question {question.name}, {dotted(path[2:])}"
-    return Problem(where=where, rule=rule, value=value, hint=hint, path=path)
+    return Problem(f"question {question.name}, {dotted(path[2:])}", rule, value, hint, path)
 
 
 def _name_problems(study: Study) -> Iterator[Problem]:

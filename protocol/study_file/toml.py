@@ -61,13 +61,8 @@ def no_toml(text: str, error: TOMLDecodeError) -> Problem:
         number = _opened(lines, number)
     line = _without_comment(lines[number - 1])
     shown = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."
-    return Problem(
-        where="file",
-        rule="must be TOML",
-        value=f"the line '{shown}'",
-        hint=_remedy(line, str(error), unclosed=unclosed),
-        line=number,
-    )
+    hint = _remedy(line, str(error), unclosed=unclosed)
+    return Problem("file", "must be TOML", f"the line '{shown}'", hint, line=number)
 
 
 def _has_comma_slip(line: str) -> bool:
@@ -158,7 +153,7 @@ def toml_document(text: str) -> dict[str, Any] | Problem:
     # The length comes first: all that follows takes time that grows with it.
     if len(text) > LONGEST_TEXT:
         rule = f"must have at most {LONGEST_TEXT} characters"
-        return Problem(where="file", rule=rule, value="more", hint="leave out what is no study")
+        return Problem("file", rule, "more", "leave out what is no study")
     # tomllib takes minutes for a key of many parts.
     if any(token["deep"] for token in _DEEP_KEY.finditer(text)):
         return _EXTREME
@@ -177,12 +172,8 @@ def _extreme(value: Any, path: Path) -> Problem | None:
     if len(path) > MAX_DEPTH:
         return _EXTREME
     if isinstance(value, int) and not -_MOST <= value < _MOST:
-        return Problem(
-            where=".".join(map(str, path)),
-            rule="a whole number must fit into 64 bits",
-            value=f"one of {value.bit_length()} bits",
-            hint="shorten it to 18 digits",
-        )
+        rule, many = "a whole number must fit into 64 bits", f"one of {value.bit_length()} bits"
+        return Problem(".".join(map(str, path)), rule, many, "shorten it to 18 digits")
     inner: Any = value.items() if isinstance(value, dict) else ()
     inner = enumerate(value) if isinstance(value, list) else inner
     extremes = (_extreme(item, (*path, key)) for key, item in inner)

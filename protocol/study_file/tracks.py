@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import gcd
 from typing import Any
 
-from protocol.errors import Path, Problem
+from protocol.errors import Problem
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import WHOLE, most_reversals, nearest
@@ -47,9 +47,8 @@ class _Teller:
         self._where, self._path = f"track {track.name}", ("track", number)
 
     def __call__(self, key: str, rule: str, value: object, hint: str) -> Problem:
-        path: Path = (*self._path, *key.split("."))
         where = f"{self._where}, {key.replace('.', ', ')}"
-        return Problem(where=where, rule=rule, value=str(value), hint=hint, path=path)
+        return Problem(where, rule, str(value), hint, (*self._path, *key.split(".")))
 
 
 _Problems = Iterator[Problem]

@@ -8,6 +8,7 @@ from types import NoneType
 from typing import Any, get_args, get_origin
 
 from device.people.person import PARAMETERS
+from handbook.meanings import meanings
 from protocol.journal.events import EVENTS
 from protocol.journal.json_record import JsonRecord, KeyOf, as_json, is_optional
 from protocol.journal.records import VirtualTruth
@@ -59,11 +60,11 @@ def _records(hint: Any) -> Iterator[type[JsonRecord]]:
 def _section(kind: type[JsonRecord], heading: str, said: dict[str, str]) -> str:
     """Return heading, meaning and keys; a row that `said` has only names where it is."""
     rows, again = [], dict[str, list[str]]()
-    of_a_person = PARAMETERS if kind is VirtualTruth else {}
+    of_a_person, below = PARAMETERS if kind is VirtualTruth else {}, meanings(kind)
     for key in kind.json_keys():
         if key.name in of_a_person:
             continue
-        row = f"- `{_key(key)}` ({_cell(key)}): {key.key.meaning}"
+        row = f"- `{_key(key)}` ({_cell(key)}): {key.key.meaning or below[key.name]}"
         if (where := said.setdefault(row, heading)) == heading:
             rows.append(row)
         else:

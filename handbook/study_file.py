@@ -1,12 +1,10 @@
 """The page on study files, written from their schema: `python -m handbook.study_file`."""
 
-import ast
 import json
 from collections.abc import Iterator, Mapping
-from inspect import getsource
-from itertools import pairwise
 from typing import Any
 
+from handbook.meanings import meanings
 from protocol.study.fields import Record
 from protocol.study.study import Study
 
@@ -200,7 +198,7 @@ def described_schema() -> dict[str, Any]:
     kinds = {kind.__name__: kind for kind in _records(Record)}
     for name, record in {Study.__name__: schema, **schema["$defs"]}.items():
         kind, entries = kinds[name], record["properties"]
-        for key, meaning in _meanings(kind).items():
+        for key, meaning in meanings(kind).items():
             entries[kind.model_fields[key].alias or key].setdefault("description", meaning)
     return schema
 
@@ -209,19 +207,6 @@ def _records(kind: type[Record]) -> Iterator[type[Record]]:
     for own in kind.__subclasses__():
         yield own
         yield from _records(own)
-
-
-def _meanings(kind: type[Record]) -> dict[str, str]:
-    """Return what stands below the keys of a record, and of those that it is made of."""
-    found: dict[str, str] = {}
-    for record in (each for each in kind.__mro__ if issubclass(each, Record)):
-        (written,) = ast.parse(getsource(record)).body
-        assert isinstance(written, ast.ClassDef)
-        for key, said in pairwise(written.body):
-            match key, said:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str(text))):
-                    found.setdefault(name, " ".join(text.split()))
-    return found
 
 
 def _sections(schema: _Schema) -> Iterator[str]:

@@ -51,17 +51,15 @@ class SessionOpened(Event, tag="session-opened"):
     language: str | None = key("code of the participant's language", missing=None)
     consent: str | None = key("reference of the signed consent, if any", missing=None)
     seed: int | None = key("of the simulated device and the virtual participant", missing=None)
-    virtual: records.VirtualTruth | None = absent(
-        None, "the true parameters, if the participant is virtual"
-    )
+    virtual: records.VirtualTruth | None = absent(None)
+    """the true parameters, if the participant is virtual"""
     versions: Mapping[str, str] = key("of touchbeam and Python", missing={})
     group: str | None = sparse("name of the participant's group, if the study has groups")
     override: str | None = sparse("why it began before or after it was due, if it did")
     answer_order: str = absent("forward", "of the answers to choose from: `forward` or `reversed`")
     registration: str | None = sparse("digest of the registration that seeds the plan, if any")
-    calibration: records.RigCalibration | None = sparse(
-        "the rig's calibration in force, if there is one"
-    )
+    calibration: records.RigCalibration | None = sparse()
+    """the rig's calibration in force, if there is one"""
 
 
 class SessionResumed(Event, tag="session-resumed"):
@@ -73,14 +71,12 @@ class SessionResumed(Event, tag="session-resumed"):
     language: str | None = key("code of the participant's language", missing=None)
     consent: str | None = key("reference of the signed consent, if any", missing=None)
     seed: int | None = key("of the simulated device and the virtual participant", missing=None)
-    virtual: records.VirtualTruth | None = absent(
-        None, "the true parameters, if the participant is virtual"
-    )
+    virtual: records.VirtualTruth | None = absent(None)
+    """the true parameters, if the participant is virtual"""
     versions: Mapping[str, str] = key("of touchbeam and Python", missing={})
     registration: str | None = sparse("digest of the registration that seeds the plan, if any")
-    calibration: records.RigCalibration | None = sparse(
-        "the rig's calibration in force, if there is one"
-    )
+    calibration: records.RigCalibration | None = sparse()
+    """the rig's calibration in force, if there is one"""
 
 
 class PracticeRenewed(Event, tag="practice-renewed"):
@@ -104,9 +100,8 @@ class WatchdogTested(Event, tag="watchdog-tested"):
 class RigDescribed(Event, tag="rig-described"):
     """The operator has answered the study's questions about the rig."""
 
-    answers: Mapping[str, str] = key(
-        "answer to each question, such as skin state, room temperature, cleaning", missing={}
-    )
+    answers: Mapping[str, str] = key(missing={})
+    """answer to each question, such as skin state, room temperature, cleaning"""
 
 
 class BeamMounted(Event, tag="beam-mounted"):
@@ -134,9 +129,8 @@ class TouchStarted(Event, tag="touch-started"):
 
     touch: int = key("number of the touch in its trial, from 0")
     commanded: records.CommandedDrive = key("the drive at its beginning")
-    instruction: records.InstructionResponse | None = key(
-        "how the participant got ready", missing=None
-    )
+    instruction: records.InstructionResponse | None = key(missing=None)
+    """how the participant got ready"""
 
 
 class TouchRecorded(records.Recording, Event, tag="touch-recorded"):
@@ -149,14 +143,11 @@ class TouchEnded(Event, tag="touch-ended"):
     """A touch is over; written after the output is off."""
 
     touch: int = key("number of the touch in its trial, from 0")
-    read_back: tuple[records.ReadBack, ...] = key(
-        "read-back of the device at start and end, and five times a second in between if "
-        "amplitude or frequency change",
-        missing=(),
-    )
-    trace: tuple[records.TraceSample, ...] = key(
-        "device time (s), force (N) and position (m) of the finger", missing=()
-    )
+    read_back: tuple[records.ReadBack, ...] = key(missing=())
+    """read-back of the device at start and end, and five times a second in between if amplitude or
+    frequency change"""
+    trace: tuple[records.TraceSample, ...] = key(missing=())
+    """device time (s), force (N) and position (m) of the finger"""
     judged: records.Compliance = key("whether it was as instructed", missing=records.NOT_JUDGED)
 
 
@@ -184,16 +175,13 @@ class Answered(Event, tag="answered"):
     level: float = key("level of the trial, as planned", missing=1.0)
     opposite: bool = key("whether its touches came in the opposite order", missing=False)
     reaction_time_s: tuple[float, ...] = key("time of each answer in turn, s", missing=())
-    traces: tuple[Mapping[str, Any] | None, ...] = key(
-        "how each answer came about, see [the window](../window.md)", missing=()
-    )
+    traces: tuple[Mapping[str, Any] | None, ...] = key(missing=())
+    """how each answer came about, see [the window](../window.md)"""
     judged: tuple[records.Compliance, ...] = key("whether each touch was as instructed", missing=())
-    questions: tuple[records.QuestionAnswer, ...] = absent(
-        (), "the answers to the study's own questions after the trial"
-    )
-    track: records.TrackAnswer | None = sparse(
-        "of a track: its level, and whether the answer was right"
-    )
+    questions: tuple[records.QuestionAnswer, ...] = absent(())
+    """the answers to the study's own questions after the trial"""
+    track: records.TrackAnswer | None = sparse()
+    """of a track: its level, and whether the answer was right"""
 
 
 class QuestionAnswered(records.QuestionAnswer, Event, tag="question-answered"):
@@ -215,9 +203,8 @@ class TrialDeferred(Event, tag="trial-deferred"):
     """A touch was not as instructed: the trial ended before its question and comes again."""
 
     index: int = key("number of the trial")
-    missed: tuple[str, ...] = key(
-        "what was not as instructed: `force`, `place`, `speed`", missing=()
-    )
+    missed: tuple[str, ...] = key(missing=())
+    """what was not as instructed: `force`, `place`, `speed`"""
     after: int = key("number of the trial after which it comes; its own one: at once")
 
 

@@ -41,17 +41,17 @@ class Key:
         return self.missing is _REQUIRED
 
 
-def key(meaning: str, missing: Any = _REQUIRED) -> Any:
+def key(meaning: str = "", missing: Any = _REQUIRED) -> Any:
     """Return a field that whoever makes the record must give."""
     return field(metadata={"key": Key(meaning, missing)})
 
 
-def absent(value: Any, meaning: str) -> Any:
+def absent(value: Any, meaning: str = "") -> Any:
     """Return a field that is `value` by default, and where an earlier build did not write it."""
     return field(default=value, metadata={"key": Key(meaning, missing=value)})
 
 
-def sparse(meaning: str) -> Any:
+def sparse(meaning: str = "") -> Any:
     """Return a field that is None by default, and is then not written."""
     return field(default=None, metadata={"key": Key(meaning, missing=None, sparse=True)})
 
@@ -69,8 +69,9 @@ class KeyOf(NamedTuple):
 class JsonRecord:
     """The keys of a JSON object: each class of it is a frozen dataclass by itself.
 
-    Every field is `key(...)`, `absent(...)` or `sparse(...)`. Its type determines how the JSON
-    value is read: as another record, a named tuple, a tuple of any of these, or a plain value.
+    Every field is `key(...)`, `absent(...)` or `sparse(...)`; a meaning that takes more than its
+    line stands below it. Its type determines how the JSON value is read: as another record, a named
+    tuple, a tuple of any of these, or a plain value.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]

@@ -14,9 +14,8 @@ class PlannedTrack(JsonRecord):
 
     name: str = key("name of the track")
     role: str = key("`level`: the method chooses it; `easy`: the easiest one; `catch`: none")
-    interval: int | None = key(
-        "which touch is the comparison, from 1; null if none is, or in yes or no"
-    )
+    interval: int | None = key()
+    """which touch is the comparison, from 1; null if none is, or in yes or no"""
 
 
 class TrackAnswer(PlannedTrack):
@@ -24,9 +23,8 @@ class TrackAnswer(PlannedTrack):
 
     level: int | None = key("number of the level, 0 the hardest; null in a catch trial")
     value: float | None = key("the level in the unit of the axis, likewise")
-    correct: bool | None = key(
-        "whether the answer was right, in yes or no whether it was yes; null if none is right"
-    )
+    correct: bool | None = key()
+    """whether the answer was right, in yes or no whether it was yes; null if none is right"""
 
 
 class PlannedTrial(JsonRecord):
@@ -39,9 +37,8 @@ class PlannedTrial(JsonRecord):
     question: str | None = key("the question after it, if any", missing=None)
     expected: str | None = key("the answer that the study expects", missing=None)
     scored: bool = key("whether a score may be asked for", missing=False)
-    touches: tuple[Mapping[str, Any], ...] = key(
-        "its touches, with the keys of a touch in [the study file](../study-file.md)", missing=()
-    )
+    touches: tuple[Mapping[str, Any], ...] = key(missing=())
+    """its touches, with the keys of a touch in [the study file](../study-file.md)"""
     level: float = key("factor on its condition's amplitudes", missing=1.0)
     opposite: bool = key("whether its touches come in the opposite order", missing=False)
     break_s: float = key("shortest break before it, s", missing=0.0)
@@ -52,50 +49,45 @@ class VirtualTruth(JsonRecord):
     """Parameters of a virtual participant and of the simulated beam that it touches.
 
     score = bias + gain · |felt change of log friction| + what this kind of change adds + noise, on
-    the paper's scale of 0 to 10.
+    the paper's scale of 0 to 10. What is a parameter of `Person` is explained there.
     """
 
-    bias: float = key("its score of no change")
-    gain: float = key("score points per unit of felt change")
-    felt_noise: float = key("SD of the noise of a felt change")
-    criterion: float = key("a smaller felt change is answered as no change")
-    rating_noise: float = key("SD of the noise of a score, points")
+    bias: float = key()
+    gain: float = key()
+    felt_noise: float = key()
+    criterion: float = key()
+    rating_noise: float = key()
     law: str = key("law of the simulated beam's friction")
     rung: str = key("rung of the simulated beam's motion")
-    force_factor: float = absent(1.0, "force of its finger, relative to the instructed one")
-    speed_factor: float = absent(1.0, "its speed, relative to the mark's")
-    place_offset_m: float = absent(0.0, "how far right of the mark its finger begins, m")
-    tremor: float = absent(0.0, "SD of its force, relative to the mean")
-    skin: float = absent(1.0, "what its skin multiplies the change of log friction by")
-    mu0: float = absent(1.0, "what its skin multiplies friction at rest by")
-    damping_ratio: float | None = absent(
-        None, "damping ratio of the simulated beam, if that is known"
-    )
+    force_factor: float = absent(1.0)
+    speed_factor: float = absent(1.0)
+    place_offset_m: float = absent(0.0)
+    tremor: float = absent(0.0)
+    skin: float = absent(1.0)
+    mu0: float = absent(1.0)
+    damping_ratio: float | None = absent(None)
+    """damping ratio of the simulated beam, if that is known"""
     beam_gain: float | None = absent(None, "part of the amplitude that reaches it, likewise")
-    criterion_less: float | None = absent(
-        None, "as `criterion`, of a change the other way; none: the same"
-    )
-    lapse: float = absent(0.0, "share of answers at random")
-    beyond_swing: float = absent(0.0, "points added to a change of the swing along the path")
-    beyond_strength: float = absent(0.0, "points added to a change of strength at a place")
-    beyond_ramp: float = absent(0.0, "points added to a change during a touch")
-    beyond_swap: float = absent(0.0, "points added to places that swap")
-    beyond_press: float = absent(0.0, "points added to a change under a harder press")
-    ceiling: float = absent(10.0, "the highest score that it gives")
-    number_step: float = absent(1.0, "its scores are multiples of it")
-    end_aversion: float = absent(0.0, "share of scores moved inwards from an end of the scale")
-    serial: float = absent(0.0, "weight of the previous score")
-    adaptation: float = absent(0.0, "by how much of the previous change one feels smaller")
-    drift: float = absent(0.0, "score points added per trial")
-    fatigue: float = absent(0.0, "growth of its noise per trial")
-    force_error: float = absent(0.0, "SD of the force from touch to touch, relative to its mean")
-    speed_error: float = absent(0.0, "SD of the speed, likewise")
-    reaction_shift_s: float | None = absent(None, "shortest reaction time, s")
-    reaction_median_s: float | None = absent(
-        None, "median of what a reaction time has beyond that, s"
-    )
-    reaction_spread: float | None = absent(None, "SD of the logarithm of that")
-    dropout: float = absent(0.0, "chance of leaving at a question")
+    criterion_less: float | None = absent(None)
+    lapse: float = absent(0.0)
+    beyond_swing: float = absent(0.0)
+    beyond_strength: float = absent(0.0)
+    beyond_ramp: float = absent(0.0)
+    beyond_swap: float = absent(0.0)
+    beyond_press: float = absent(0.0)
+    ceiling: float = absent(10.0)
+    number_step: float = absent(1.0)
+    end_aversion: float = absent(0.0)
+    serial: float = absent(0.0)
+    adaptation: float = absent(0.0)
+    drift: float = absent(0.0)
+    fatigue: float = absent(0.0)
+    force_error: float = absent(0.0)
+    speed_error: float = absent(0.0)
+    reaction_shift_s: float | None = absent(None)
+    reaction_median_s: float | None = absent(None)
+    reaction_spread: float | None = absent(None)
+    dropout: float = absent(0.0)
 
     @property
     def sensitivity(self) -> float:
@@ -222,27 +214,21 @@ class Recording(JsonRecord):
     rate_hz: float = key("samples per second and channel")
     first_s: float = key("time of the first sample on the source's own clock, s")
     count: int = key("samples per channel")
-    scale: tuple[float, ...] = key(
-        "size of one count: tangential force (N), normal force (N), position (m)"
-    )
+    scale: tuple[float, ...] = key()
+    """size of one count: tangential force (N), normal force (N), position (m)"""
     clock_offset_s: float = key("the session's clock minus the source's, s")
-    clock_error_s: float = key(
-        "largest error of that, by the shortest round trips at beginning and end, s"
-    )
-    moved_s: tuple[float, ...] = key(
-        "when the mark began to move and when the touch was over, on the session's clock, s"
-    )
-    tare_n: tuple[float, ...] | None = key(
-        "mean tangential and normal force just before, with nothing on the beam, N; null if "
-        "something was",
-        missing=None,
-    )
+    clock_error_s: float = key()
+    """largest error of that, by the shortest round trips at beginning and end, s"""
+    moved_s: tuple[float, ...] = key()
+    """when the mark began to move and when the touch was over, on the session's clock, s"""
+    tare_n: tuple[float, ...] | None = key(missing=None)
+    """mean tangential and normal force just before, with nothing on the beam, N; null if something
+    was"""
     saturated: int = key("samples in which a channel was at its limit", missing=0)
     sha256: str = key("digest of the samples before compression")
-    samples: str = key(
-        "16-bit counts, least byte first: all of tangential force, of normal force, of "
-        "position; compressed with zlib, in base64"
-    )
+    samples: str = key()
+    """16-bit counts, least byte first: all of tangential force, of normal force, of position;
+    compressed with zlib, in base64"""
 
     @classmethod
     def packed(cls, counts: bytes, **known: object) -> Self:

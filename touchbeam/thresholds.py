@@ -42,4 +42,4 @@ def fit(
     places = ("participant", "track")
     return pd.DataFrame(
         [{name: getattr(track, name) for name in places} | vars(fit) for track, fit in found]
-    )
+    ).drop(columns="band")

@@ -143,6 +143,12 @@ def measures_of_touches(
     }
 
 
+def friction_of_touches(data: StudyData) -> dict[int, float]:
+    """Return the measured friction coefficient of each recorded touch, by its index."""
+    sessions = session_friction(data.trials, data.touches, data.forces) if data.forces else {}
+    return {touch: each.friction for touch, each in measures_of_touches(sessions).items()}
+
+
 def measured_trials(
     study: Study, trials: pd.DataFrame, touches: pd.DataFrame, forces: Forces
 ) -> MeasuredTrials:

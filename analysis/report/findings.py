@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.estimates import LEVEL, plain
-from analysis.felt.measured_statistics import MeasuredStatistics
+from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.kept import Kept
 from analysis.loading.records import values
 from analysis.loading.score_table import ScoreTable
@@ -250,7 +250,9 @@ class Findings:
     @cached_property
     def thresholds(self) -> Thresholds | None:
         """The thresholds of people in tracks; None of a study without tracks."""
-        return thresholds(self.study, self.loaded, self.origin.rig, self.keep)
+        loaded = self.loaded
+        friction = friction_of_touches(loaded) if self.study.track else {}
+        return thresholds(self.study, loaded, self.origin.rig, self.keep, friction)
 
     @property
     def table_notes(self) -> list[str]:

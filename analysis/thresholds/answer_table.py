@@ -42,7 +42,9 @@ class Track:
 
     def record(self, found: Threshold) -> Json:
         """Return what was found, as `touchbeam fit --json` prints it."""
-        return {"participant": self.participant, "track": self.track, **plain(found)}
+        told = {"participant": self.participant, "track": self.track, **plain(found)}
+        del told["band"]  # of a figure
+        return told
 
 
 def tracks_in(text: str, source: str, shape: str) -> list[Track]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
 from analysis.estimates import ENDS, FloatArray, Interval
-from analysis.thresholds.curve_posterior import Answers, Curve, Posterior, Shape, posterior
+from analysis.thresholds.curve_posterior import Answers, Curve, Shape, posterior
 from protocol.errors import BadInput
 
 Task: TypeAlias = Literal["yes or no", "two intervals", "three intervals"]
@@ -51,6 +51,7 @@ class Threshold:
         guess: the share correct of guesses; in yes-no that of yes without a stimulus.
         deviance_p: how often answers of this function deviate from it as much as the real ones.
         flags: what to look at before this is believed.
+        band: the 95% interval of the curve at each level that was asked for.
     """
 
     threshold: float = math.nan
@@ -65,6 +66,7 @@ class Threshold:
     deviance_p: float = math.nan
     trials: int
     flags: tuple[str, ...] = ()
+    band: tuple[Interval, ...] = ()
 
 
 def curve_share(threshold_at: float | None, task: Task) -> float:
@@ -99,6 +101,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     threshold_at: float | None = None,
     lapse: float | None = None,
     span: Interval | None = None,
+    band_at: ArrayLike = (),
     seed: int = 1,
 ) -> Threshold:
     """Return threshold, slope and lapse rate of one person's answers, by (1) to (9).
@@ -116,6 +119,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
             threshold and slope of a probit regression.
         span: the lowest and the highest level that could be asked. Without it those that were:
             priors of threshold and slope follow from it.
+        band_at: shape (points,), levels at which the band of the curve is wanted.
         seed: of the draws for `deviance_p`.
 
     Raises:
@@ -161,7 +165,11 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     log_widths = np.insert(found.quantiles(1, LIMITS), 1, found.mode[1])
     slopes = curve.width / (np.exp(log_widths) * unit)
     low_lapse, high_lapse = found.quantiles(2, LIMITS)
-    p = _deviance_p(answers, found, curve, seed)
+    rng = np.random.default_rng(seed)
+    drawn = found.draws(DRAWS, rng)[:, :, None]
+    p = _deviance_p(answers, drawn, curve, rng)
+    at = (_axis(np.asarray(band_at, dtype=np.float64), shape) - low) / unit
+    band = np.quantile(curve.share_correct(at, list(drawn)), LIMITS, axis=0)
     return Threshold(
         threshold=float(thresholds[1]),
         threshold_at=defined,
@@ -175,6 +183,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         deviance_p=p,
         trials=int(number.sum()),
         flags=_flags(answers, thresholds, asked[np.isfinite(axis)], p),
+        band=tuple(zip(*band.tolist(), strict=True)),
     )
 
 
@@ -224,10 +233,10 @@ def _jnd(threshold: float, slope: float, curve: Curve) -> float:
     return upper - middle if curve.shape == "normal" else math.exp(upper) - math.exp(middle)
 
 
-def _deviance_p(answers: Answers, found: Posterior, curve: Curve, seed: int) -> float:
-    """Return (8) and (9), the posterior predictive p of the deviance."""
-    rng = np.random.default_rng(seed)
-    drawn = found.draws(DRAWS, rng)[:, :, None]
+def _deviance_p(
+    answers: Answers, drawn: FloatArray, curve: Curve, rng: np.random.Generator
+) -> float:
+    """Return (8) and (9), the posterior predictive p of the deviance, of draws from it."""
     p = curve.share_correct(answers.at, list(drawn))
     again = rng.binomial(answers.trials.astype(np.int64), p).astype(np.float64)
     more = _deviance(again, answers.trials, p) >= _deviance(answers.correct, answers.trials, p)

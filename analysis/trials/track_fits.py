@@ -12,17 +12,29 @@ from scipy.special import bdtrc
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
+from analysis.statistics.detection import Detection, detection
 from analysis.statistics.intervals import mean_interval
-from analysis.thresholds.psychometric import Threshold, fitted
+from analysis.thresholds.curve_posterior import Curve
+from analysis.thresholds.person_effects import Mixed, mixed
+from analysis.thresholds.psychometric import CHANCE, Threshold, fitted
+from analysis.trials.track_readings import (
+    Choice,
+    Felt,
+    Reading,
+    cohort_readings,
+    felt_in,
+    readings,
+)
 from device.friction.changes import friction_difference
 from device.friction.scenes import Calibration
-from device.tracks.posterior import estimate
+from device.tracks.posterior import estimate, lattice
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, AXIS_UNITS, Track, decibels
 from protocol.tracks.procedure import Answer, reversal_mean
 
 NOT_AS_INSTRUCTED = 0.1
 """A larger share of touches that were not as instructed gets a note."""
+CURVE_POINTS = 61
 _NEAR = 0.02
 """Of all levels, in ratios: so near its end an interval is cut off there."""
 STUCK = 0.5
@@ -52,10 +64,15 @@ class PersonThreshold:
         db: of a voltage, relative to 1 V or to that of the standard.
         contrast: of friction against the standard, predicted of the threshold: ln(mu / mu').
         weber: the Weber fraction, 1 - mu' / mu.
+        felt: the measured friction of the person beside the predicted one; None if not recorded.
+        measured: the threshold as a contrast of measured friction, ln(mu / mu'), with its interval.
+        measured_weber: the Weber fraction of measured friction.
         reversal_mean: mean of the reversals made with the last step, another estimate.
         fit: of the curve, with wider priors; its threshold is a distance from the standard.
         points: distance from the standard, answers, and how many of them were right (yes).
-        false_alarms: of yes or no, how often yes was said in catch trials, and their number.
+        detection: of yes or no with catch trials: d' and criterion over all levels together.
+        answers: those that the threshold follows from.
+        readings: the threshold by other choices of estimate, curve and lapse rate.
         flags: what to look at before this is believed.
     """
 
@@ -70,12 +87,19 @@ class PersonThreshold:
     contrast_interval: Interval | None
     weber: float | None
     weber_interval: Interval | None
+    felt: Felt | None
+    measured: float | None
+    measured_interval: Interval | None
+    measured_weber: float | None
+    measured_weber_interval: Interval | None
     reversals: int
     reversal_mean: float | None
     fit: Threshold
     points: tuple[tuple[float, int, int], ...]
     course: Course
-    false_alarms: tuple[int, int] | None
+    detection: Detection | NotEstimable | None
+    answers: tuple[Answer, ...]
+    readings: Mapping[Choice, float]
     flags: tuple[str, ...]
 
 
@@ -83,7 +107,8 @@ class PersonThreshold:
 class CohortThreshold:
     """The geometric mean of people's thresholds in a track; `flagged` of them have flags.
 
-    `said` is in words what a share `threshold_at` of the answers do at the threshold.
+    `said` is in words what a share `threshold_at` of the answers do at the threshold; `mixed` the
+    same by a model with person effects; `measured` that of contrasts of measured friction.
     """
 
     track: str
@@ -94,39 +119,60 @@ class CohortThreshold:
     flagged: int
     threshold: float | NotEstimable
     threshold_interval: Interval | NotEstimable
+    mixed: Mixed | NotEstimable
+    weber: float | NotEstimable
+    weber_interval: Interval | NotEstimable
+    weber_of: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
-    """The thresholds of a study with tracks, track by track."""
+    """The thresholds of a study with tracks, track by track; `readings` by other choices."""
 
     people: tuple[PersonThreshold, ...]
     cohort: tuple[CohortThreshold, ...]
+    readings: tuple[Reading, ...]
 
 
-def thresholds(study: Study, data: StudyData, rig: Calibration, keep: Kept) -> Thresholds | None:
-    """Return the thresholds of all people; None where no trial that counts is of a track."""
+def thresholds(
+    study: Study,
+    data: StudyData,
+    rig: Calibration,
+    keep: Kept,
+    friction: Mapping[int, float] | None = None,
+) -> Thresholds | None:
+    """Return the thresholds of all people; None where no trial that counts is of a track.
+
+    `friction` has that of recorded touches, by their index.
+    """
     trials = data.trials[data.trials["track"].notna()]
     # A track that the study file no longer has is in the tables alone.
     tracks = [track for track in study.track if trials["track"].eq(track.name).any()]
     if not tracks:
         return None
-    people = []
+    people: list[PersonThreshold] = []
+    read: list[Reading] = []
     for track in tracks:
         own = trials[trials["track"].eq(track.name)]
+        felt = partial(_contrast, study, track, rig)
         for who in data.table.subjects:
             if len(mine := own[own["participant"].eq(who)]):
                 touches = data.touches[data.touches["attempt_id"].isin(mine.index)]
-                felt = partial(_contrast, study, track, rig)
-                people.append(_person(track, who, mine, touches, (felt, keep)))
+                people.append(_person(track, who, mine, touches, (felt, friction or {}, keep)))
+        told = ((it.readings, felt, it.felt) for it in people if it.track == track.name)
+        read += cohort_readings(track, told)
     cohort = tuple(_cohort(track, people) for track in tracks)
-    return Thresholds(people=tuple(people), cohort=cohort)
+    return Thresholds(people=tuple(people), cohort=cohort, readings=tuple(read))
 
 
 def _person(
-    track: Track, who: str, trials: pd.DataFrame, touches: pd.DataFrame, by: tuple[Any, Kept]
+    track: Track,
+    who: str,
+    trials: pd.DataFrame,
+    touches: pd.DataFrame,
+    by: tuple[Any, Mapping[int, float], Kept],
 ) -> PersonThreshold:
-    felt, keep = by
+    felt, friction, keep = by
     points = tuple(_points(track, trials))
     asked, number, right = zip(*points, strict=True) if points else ((), (), ())
     positive = [distance for distance in track.distances if distance > 0]
@@ -139,11 +185,12 @@ def _person(
         shape=track.shape,
         threshold_at=track.share,
         span=(positive[0], positive[-1]),
+        band_at=curve_places(track),
     )
     side = 1 if track.values[-1] > track.reference else -1
 
     told = trials[trials["role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()]
-    answers = map(Answer, told["level"].astype(int), told["correct"].astype(bool))
+    answers = tuple(map(Answer, told["level"].astype(int), told["correct"].astype(bool)))
     made = estimate(track, answers)
     first, last = made.threshold_ci
     chosen = trials[trials["role"].eq("level")]
@@ -156,9 +203,14 @@ def _person(
     ends = (first, last) if side > 0 else (last, first)
     contrasts = [felt(level) for level in (made.threshold, *ends)]
     known = all(each is not None for each in contrasts)
-    weber = [1 - np.exp(-each) for each in contrasts] if known else []
-    catch = trials[trials["role"].eq("catch")]
-    yes = int(catch["change"].eq("yes").sum())
+    weber: Any = _weber_fractions(contrasts[0], contrasts[1:]) if known else (None, None)
+    signed = partial(felt, signed=True)
+    follows = felt_in(track, trials, touches, friction, lambda level: signed(track.values[level]))
+    measured: Any = (None, None)
+    measured_weber: Any = (None, None)
+    if follows is not None and contrasts[0]:
+        measured = follows.contrast(contrasts[0], (contrasts[1], contrasts[2]))
+        measured_weber = _weber_fractions(*measured)
     return PersonThreshold(
         participant=who,
         track=track.name,
@@ -169,8 +221,13 @@ def _person(
         db_interval=(_decibels(first / against), _decibels(last / against)) if voltage else None,
         contrast=contrasts[0] if known else None,
         contrast_interval=(contrasts[1], contrasts[2]) if known else None,
-        weber=float(weber[0]) if known else None,
-        weber_interval=(float(weber[1]), float(weber[2])) if known else None,
+        weber=weber[0],
+        weber_interval=weber[1],
+        felt=follows,
+        measured=measured[0],
+        measured_interval=measured[1],
+        measured_weber=measured_weber[0],
+        measured_weber_interval=measured_weber[1],
         reversals=int(turned.sum()),
         reversal_mean=mean,
         fit=fit,
@@ -181,13 +238,27 @@ def _person(
             reversal=tuple(turned.tolist()),
             sessions=tuple(chosen["session"]),
         ),
-        false_alarms=(yes, len(catch)) if track.intervals == 1 and len(catch) else None,
+        detection=_detection(trials) if track.intervals == 1 and track.catch else None,
+        answers=answers,
+        readings=dict(readings(track, answers, mean)),
         flags=(
             *(flag for flag in fit.flags if "levels" not in flag),  # of its wider prior
             *_at_an_end(track, [abs(end - track.reference) for end in ends]),
             *_flags(track, trials, touches),
         ),
     )
+
+
+def _weber_fractions(contrast: float, ends: Sequence[float]) -> tuple[float, Interval]:
+    low, high = (float(1 - np.exp(-each)) for each in ends)
+    return float(1 - np.exp(-contrast)), (low, high)
+
+
+def _detection(trials: pd.DataFrame) -> Detection | NotEstimable:
+    """Return how well touches with a stimulus are told from catch trials, at all levels."""
+    catch, yes = trials["role"].eq("catch"), trials["change"].eq("yes")
+    hits, alarms = ([[int(yes[of].sum()), int(of.sum())]] for of in (~catch, catch))
+    return detection(np.array(hits), np.array(alarms))
 
 
 def _at_an_end(track: Track, ends: Sequence[float]) -> Iterator[str]:
@@ -218,14 +289,21 @@ def _points(track: Track, trials: pd.DataFrame) -> Iterator[tuple[float, int, in
         yield float(level), int(number), int(correct)
 
 
-def _contrast(study: Study, track: Track, rig: Calibration, level: float) -> float | None:
+def _contrast(
+    study: Study, track: Track, rig: Calibration, level: float, *, signed: bool = False
+) -> float | None:
     """Return the predicted contrast of a level against the standard; None where none is known."""
-    if track.axis == "contrast":
+    if track.axis == "contrast" and not signed:
         return level
     if track.standard is None or track.axis == "place" or not np.isfinite(level):
         return None
-    comparison = track.comparison.model_copy(update={AXIS_KEY[track.axis]: max(level, 0.0)})
-    return abs(friction_difference(study, track.standard, comparison, rig))
+    # On the axis of contrast the largest voltage tells which of both touches is smoother.
+    value = study.rig.max_voltage_v if track.axis == "contrast" else max(level, 0.0)
+    comparison = track.comparison.model_copy(update={AXIS_KEY[track.axis]: value})
+    found = friction_difference(study, track.standard, comparison, rig)
+    if track.axis == "contrast":
+        found = float(np.copysign(level, found))
+    return found if signed else abs(found)
 
 
 def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterator[str]:
@@ -249,28 +327,60 @@ def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterato
 
 def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     own = [each for each in people if each.track == track.name]
-    logs = np.log([each.threshold for each in own if each.threshold > 0])
-    mean: float | NotEstimable = NotEstimable("nobody's threshold could be estimated")
-    ends = mean_interval(logs)
+    threshold, ends = _mean([each.threshold for each in own])
+    measured = bool(own) and all(each.measured_weber is not None for each in own)
+    name = "measured_weber" if measured else "weber"
+    weber, weber_ends = _mean([getattr(each, name) for each in own])
     return CohortThreshold(
         track=track.name,
         unit=AXIS_UNITS[track.axis],
         threshold_at=track.share,
         said="says yes" if track.intervals == 1 else "is right",
-        people=len(logs),
+        people=sum(each.threshold > 0 for each in own),
         flagged=sum(bool(each.flags) for each in own),
-        threshold=float(np.exp(logs.mean())) if len(logs) else mean,
-        threshold_interval=ends
-        if isinstance(ends, NotEstimable)
-        else (float(np.exp(ends[0])), float(np.exp(ends[1]))),
+        threshold=threshold,
+        threshold_interval=ends,
+        mixed=_mixed(track, own),
+        weber=weber,
+        weber_interval=weber_ends,
+        weber_of="measured" if measured else "predicted",
     )
+
+
+def _mean(
+    values: Sequence[float | None],
+) -> tuple[float | NotEstimable, Interval | NotEstimable]:
+    """Return the geometric mean of what is known of people, with its t interval."""
+    logs = np.log([value for value in values if value is not None and value > 0])
+    if not len(logs):
+        none = NotEstimable("nobody's threshold could be estimated")
+        return none, none
+    ends = mean_interval(logs)
+    if not isinstance(ends, NotEstimable):
+        ends = (float(np.exp(ends[0])), float(np.exp(ends[1])))
+    return float(np.exp(logs.mean())), ends
+
+
+def _mixed(track: Track, own: Sequence[PersonThreshold]) -> Mixed | NotEstimable:
+    """Return the cohort's threshold by a model with person effects, in the unit of the axis."""
+    if track.reference or len(own) < 2:
+        why = "the model is of levels from 0" if track.reference else "of one person"
+        return NotEstimable(why)
+    grid = lattice(track, fine=True)
+    thresholds, place = np.unique(grid.threshold, return_inverse=True)
+    likelihood = [np.bincount(place, grid.weights(each.answers)) for each in own]
+    return mixed(np.array(likelihood), thresholds)
+
+
+def curve_places(track: Track) -> FloatArray:
+    """Return distances from the standard at which curves are drawn."""
+    ends = [each for each in track.distances if each > 0]
+    space = np.geomspace if track.levels.step_db is not None else np.linspace
+    return space(ends[0], ends[-1], CURVE_POINTS)
 
 
 def curve_of(track: Track, found: PersonThreshold, distance: FloatArray) -> FloatArray:
     """Return the share right (or of yes) that the fit expects at these distances."""
-    from analysis.thresholds.curve_posterior import Curve
-    from analysis.thresholds.psychometric import CHANCE
-
     fit, chance = found.fit, CHANCE[track.task]
     share = (track.share - chance) / (1 - chance)
     curve = Curve(track.shape, share)

@@ -1,6 +1,7 @@
 """Thresholds of people in tracks: their table, their cohort, levels and psychometric functions."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,16 +9,19 @@ import numpy as np
 from analysis.estimates import Interval, Json, NotEstimable, plain
 from analysis.report import drawing as plot
 from analysis.report.blocks import Column, Figure, Section, Table
-from analysis.report.figure_data import CURVE_POINTS, thinned
+from analysis.report.figure_data import thinned
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, of_all
+from analysis.statistics.detection import Detection
 from analysis.trials.track_fits import (
     CohortThreshold,
     PersonThreshold,
+    Thresholds,
     by_track,
     curve_of,
+    curve_places,
 )
-from protocol.study.track import Track
+from protocol.study.track import Track, decibels
 
 MOST_PANELS = 12
 PANELS_A_ROW = 3
@@ -30,7 +34,9 @@ METHOD = (
     "with wider priors, as touchbeam fit does, in yes or no with catch trials. The mean of "
     "reversals estimates the level to which a staircase converges, which can "
     "be that of another share. The Weber fraction (1 − μ′/μ) is the one that the model "
-    "predicts at the threshold; it is not measured."
+    "predicts at the threshold. Where friction was recorded, a person's measured contrasts follow "
+    "the predicted ones by a factor, that of the skin, and the threshold on the measured axis is "
+    "the predicted contrast times this factor."
 )
 
 
@@ -47,6 +53,7 @@ def section(found: Findings) -> Section:
             METHOD,
             _cohort_table(made.cohort),
             _people_table(made.people),
+            _readings_table(made),
             *(
                 figure
                 for number, (name, people) in enumerate(drawn.items(), start=1)
@@ -56,7 +63,10 @@ def section(found: Findings) -> Section:
         data={
             "thresholds": {
                 "people": list(map(_json, made.people)),
-                "cohort": [{"track": each.track, **plain(each)} for each in made.cohort],
+                "cohort": [plain(each) for each in made.cohort],
+                "readings": [
+                    {**plain(each), "choice": each.choice._asdict()} for each in made.readings
+                ],
             }
         },
     )
@@ -64,8 +74,9 @@ def section(found: Findings) -> Section:
 
 def _json(found: PersonThreshold) -> Json:
     """Return all numbers of a person in a track; those of the fit stand beside the others."""
-    told: Json = plain(found)
+    told: Json = plain(replace(found, answers=(), readings={}))
     fit = told.pop("fit")
+    del told["answers"], told["readings"]  # those of the cohort are told
     wanted = ("threshold_at", "slope", "slope_ci", "lapse", "lapse_ci", "guess", "deviance_p")
     points = ("level", "answers", "right")
     return {
@@ -98,12 +109,45 @@ def _cohort_table(cohort: Sequence[CohortThreshold]) -> Table:
             Column("95%", "threshold_interval", _ends),
             Column("unit", "unit", kind="text"),
             Column("at a share of", "threshold_at", _short),
+            Column("mixed model", "mixed.threshold", _short),
+            Column("95%", "mixed.threshold_interval", _ends),
+            Column("SD, dB", lambda each: _short(_sd_db(each))),
+            Column("Weber fraction", "weber", _short),
+            Column("95%", "weber_interval", _ends),
+            Column("of friction", "weber_of", kind="text"),
             Column("with notes", "flagged"),
         ],
         name="thresholds-cohort",
         caption="Geometric mean of the thresholds of all people, with the t interval of their "
         "logarithms. At a share of: the share right, in yes or no that of yes, which defines it. "
+        "Mixed model: the same and the SD of people, from all answers at once, with an effect of "
+        "each person. Weber fraction: of friction as predicted, or as measured where it was "
+        "recorded of everybody. "
         "With notes: people whose threshold has a note below; they count all the same.",
+    )
+
+
+def _sd_db(each: CohortThreshold) -> float | None:
+    return None if isinstance(each.mixed, NotEstimable) else decibels(np.exp(each.mixed.sd))
+
+
+def _readings_table(made: Thresholds) -> Table:
+    return Table.over(
+        made.readings,
+        [
+            Column("track", "track", kind="text"),
+            Column("axis", "axis", kind="text"),
+            Column("estimate", "choice.estimate", kind="text"),
+            Column("curve", "choice.shape", kind="text"),
+            Column("lapse rate", "choice.lapses", kind="text"),
+            Column("threshold", "threshold", _short),
+            Column("95%", "threshold_interval", _ends),
+            Column("SD, dB", "sd_db", _short),
+        ],
+        name="thresholds-readings",
+        caption="The geometric mean by every choice of analysis: curve, lapse rate (as the study "
+        "file gives it, or known to be .02), posterior or mean of reversals, on the track's own "
+        "axis, on predicted and on measured friction. SD: between people.",
     )
 
 
@@ -123,10 +167,21 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
             Column("95%", "threshold_interval", _ends),
             *[Column("dB", "db", _short)] * any_of("db"),
             *[Column("Weber fraction", "weber", _short)] * any_of("weber"),
+            *[
+                Column("measured Weber fraction", "measured_weber", _short),
+                Column("95%", "measured_weber_interval", _ends),
+                Column("measured / predicted", "felt.ratio", _short),
+            ]
+            * any_of("felt"),
             Column("slope", "fit.slope", _short),
             Column("lapse rate", "fit.lapse", _short),
             *[Column("mean of reversals", "reversal_mean", _short)] * any_of("reversal_mean"),
-            *[Column("false alarms", "false_alarms", _counted)] * any_of("false_alarms"),
+            *[
+                Column("false alarms", lambda each: _counted(each.detection)),
+                Column("d′", "detection.d_prime", _short),
+                Column("criterion", "detection.criterion", _short),
+            ]
+            * any_of("detection"),
             Column("answers", "fit.trials"),
             Column("p of the fit", "fit.deviance_p", 2),
             Column("notes", lambda each: "; ".join(each.flags), kind="sentence"),
@@ -134,14 +189,17 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
         name="thresholds-people",
         caption="Threshold of each person in each track, at the share of the table above. dB: "
         "relative to the standard's voltage, or to 1 V where that is 0. Slope: Weibull's exponent, "
-        "or 1/SD of a normal curve. p of the fit: how often answers of the "
+        "or 1/SD of a normal curve. d′ and criterion: of all touches with a stimulus against catch "
+        "trials. p of the fit: how often answers of the "
         "fitted curve deviate from it as much as these. The "
         "predicted contrasts and all intervals stand in report.json.",
     )
 
 
-def _counted(of: tuple[int, int] | None) -> str:
-    return MISSING if of is None else f"{of[0]} of {of[1]}"
+def _counted(of: Detection | NotEstimable | None) -> str:
+    if not isinstance(of, Detection):
+        return MISSING
+    return f"{of.false_alarms.reported} of {of.false_alarms.trials}"
 
 
 def _figures(track: Track, people: Sequence[PersonThreshold], number: int) -> Iterator[Figure]:
@@ -164,8 +222,8 @@ def _figures(track: Track, people: Sequence[PersonThreshold], number: int) -> It
         name=f"psychometric-{number}",
         title=f"Psychometric functions of {track.name}",
         caption=f"Share {'of yes' if track.intervals == 1 else 'right'} at each level of "
-        f"{track.name}; the area of a point is the number of answers. The curve is the fit, the "
-        f"bar the 95% interval of the threshold ({share}).{more}",
+        f"{track.name}; the area of a point is the number of answers. The curve is the fit with "
+        f"its 95% band, the bar the 95% interval of the threshold ({share}).{more}",
         draw=partial(_curves_figure, track, shown),
     )
 
@@ -228,9 +286,7 @@ def _curves_figure(
     track: Track, people: Sequence[PersonThreshold], words: plot.Words
 ) -> plot.Drawing:
     side = 1 if track.values[-1] > track.reference else -1
-    ends = [each for each in track.distances if each > 0]
-    space = np.geomspace if _logarithmic(track) else np.linspace
-    distance = space(ends[0], ends[-1], CURVE_POINTS)
+    distance = curve_places(track)
 
     def draw(axes: plot.Axes, person: PersonThreshold) -> None:
         fit = person.fit
@@ -241,7 +297,9 @@ def _curves_figure(
         axes.scatter(place, right / answers, s=6 * answers, color=plot.COLOURS[0], alpha=0.6)
         if np.isfinite(fit.threshold):
             curve = curve_of(track, person, distance)
-            axes.plot(track.reference + side * distance, curve, color="black")
+            at = track.reference + side * distance
+            axes.fill_between(at, *np.array(fit.band).T, color=plot.GREY, alpha=0.3, linewidth=0)
+            axes.plot(at, curve, color="black")
             height = curve_of(track, person, np.array([fit.threshold]))
             axes.plot(person.threshold_interval, [*height, *height], color=plot.COLOURS[1])
         axes.set_ylim(-0.04, 1.04)
@@ -249,7 +307,7 @@ def _curves_figure(
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter("")
-            axes.set_xlim(0.85 * levels.min(initial=ends[0]), 1.2 * ends[-1])
+            axes.set_xlim(0.85 * levels.min(initial=distance[0]), 1.2 * distance[-1])
 
     named = "share of yes" if track.intervals == 1 else "share right"
     return _panels(people, words, draw, (_axis(track), named))

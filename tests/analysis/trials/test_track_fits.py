@@ -1,11 +1,14 @@
 """Thresholds of people in tracks: known ones come back, and what must be looked at is flagged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
+from analysis.statistics.detection import Detection
 from analysis.thresholds.psychometric import fitted
 from analysis.trials.track_fits import Thresholds, thresholds
 from device.friction.scenes import NOMINAL
@@ -47,7 +50,7 @@ def test_the_fit_is_that_of_touchbeam_fit_with_easy_trials_and_without_catch_tri
     level, number, right = zip(*person.points, strict=True)
     assert sum(number) == 40 + 4  # easy ones; no answer to a catch trial is right
     alone = fitted(level, number, right, threshold_at=0.75, span=(4.0, 160.0))
-    assert person.fit == alone
+    assert replace(person.fit, band=()) == alone
     assert person.course.values[0] in parsed_study(TRACKS).track_of(QUEST).values
     assert person.reversal_mean is None
 
@@ -87,6 +90,9 @@ YES_NO = TRACKS.replace('task = "two intervals"', 'task = "yes or no"').replace(
 def test_catch_trials_of_yes_or_no_are_answers_without_a_stimulus() -> None:
     person = found(YES_NO, 40.0).people[0]
     assert person.points[0][:2] == (0.0, 4)
-    assert person.false_alarms is not None
-    assert person.false_alarms[1] == 4
+    told = person.detection
+    assert isinstance(told, Detection)
+    assert told.false_alarms.trials == 4
+    assert told.hits.trials == sum(answers for level, answers, _ in person.points if level)
+    assert told.d_prime > 0
     assert person.fit.threshold_at == 0.5

@@ -44,20 +44,31 @@ class LineSums:
 class LinePosterior:
     """Log marginal likelihood and posterior of the lines, given variance components.
 
-    `log_likelihood` (points,) has the population's line integrated out. `means` (points, subjects,
-    2) and `covariances` (points, subjects, 2, 2) are of each subject's intercept and slope;
-    `population` (points, 2) and `population_covariance` (points, 2, 2) are the population's. Given
-    that line, a subject's own is `kept` @ it + a departure with `own_covariances`, independent
-    between subjects.
+    `log_likelihood` (points,) has the population's line integrated out. `population` (points, 2)
+    and `population_covariance` (points, 2, 2) are the population's. Given that line, a subject's
+    own is `kept` @ it + a departure of mean `own` (points, subjects, 2) with `own_covariances`
+    (points, subjects, 2, 2), independent between subjects.
     """
 
     log_likelihood: FloatArray
-    means: FloatArray
-    covariances: FloatArray
+    own: FloatArray
     kept: FloatArray
     own_covariances: FloatArray
     population: FloatArray
     population_covariance: FloatArray
+
+    # Not at every point where a search for the maximum asks for the likelihood alone.
+    @property
+    def means(self) -> FloatArray:
+        """Each subject's intercept and slope, shape (points, subjects, 2)."""
+        shared = self.kept @ self.population[:, None, :, None]
+        return np.asarray(self.own + shared[..., 0])
+
+    @property
+    def covariances(self) -> FloatArray:
+        """Their covariances, shape (points, subjects, 2, 2)."""
+        shared = self.kept @ self.population_covariance[:, None]
+        return np.asarray(self.own_covariances + shared @ np.swapaxes(self.kept, -1, -2))
 
 
 def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) -> LineSums:
@@ -134,8 +145,7 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
     profile = -(log_det + quadratic + sums.counts.sum() * np.log(2 * np.pi)) / 2
     return LinePosterior(
         log_likelihood=profile - np.linalg.slogdet(info)[1] / 2,
-        means=own + (keep @ population[:, None, :, None])[..., 0],
-        covariances=shift + keep @ covariance[:, None] @ np.swapaxes(keep, -1, -2),
+        own=own,
         kept=np.asarray(keep, dtype=np.float64),
         own_covariances=shift,
         population=population,

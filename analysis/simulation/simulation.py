@@ -1,4 +1,4 @@
-"""A study simulated with virtual people: its trials as after loading, or only its score tables."""
+"""A study simulated with virtual people: their trials as arrays, and tables of scores."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -9,12 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.loading.course import Rows
-from analysis.loading.records import AttemptRow, SessionRow, TouchRow
-from analysis.loading.sessions import Sessions, sessions_of
-from analysis.loading.study_data import StudyData, broken_rules, study_data
-from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind, cohort, joined
-from device.people.answering import SAME, answer_of
+from analysis.loading.study_data import broken_rules
+from analysis.simulation.cohort import Cohort, PlannedTrials, cohort, joined
+from device.people.answering import SAME
 from device.people.person import (
     DEFAULT,
     PARAMETERS,
@@ -24,99 +21,8 @@ from device.people.person import (
     people_of,
     person_name,
     session_name,
-    truth_of,
 )
 from protocol.study.study import Study
-
-# Simulated sessions as the tables that loading makes of a journal.
-
-
-def loaded_sessions(
-    made: Sequence[tuple[PlannedTrials, Cohort]], names: list[str], seed: int | str, world: World
-) -> Sessions:
-    """Return each person's sessions, in order, as if they had been read from a journal."""
-    rows = Rows()
-    for person, name in enumerate(names):
-        for planned, of in made:
-            group, slot = planned.place(int(of.slots[person]))
-            rows.sessions.append(
-                SessionRow(
-                    participant=name,
-                    session=planned.session,
-                    # Virtual answers must never pass for those of people.
-                    session_kind="rehearsal",
-                    conditions=planned.study.conditions,
-                    session_completed=bool(of.answered[person].all()),
-                    slot=slot,
-                    group=group,
-                    seed=seed,
-                    virtual=truth_of(of.people[person], world),
-                )
-            )
-            _add_trials(rows, planned, of, person)
-    return sessions_of(rows)
-
-
-def _add_trials(rows: Rows, planned: PlannedTrials, made: Cohort, person: int) -> None:
-    """Add the trials of a session up to the one that is left, each with its touches."""
-    touch = 0
-    for trial in planned.plan(int(made.slots[person])).trials:
-        kind = planned.kinds[made.kinds[person, trial.index]]
-        answered = bool(made.answered[person, trial.index])
-        said = int(made.change[person, trial.index])
-        asked = trial.question if answered else None
-        change = None if asked is None else answer_of(asked, said)
-        rows.attempts.append(
-            AttemptRow.begun(
-                trial,
-                session_id=rows.sessions.last_id,
-                attempt=1,
-                answered=answered,
-                change=change,
-                agrees=None if change is None else change == trial.expected,
-                score=_given(made.score[person, trial.index]),
-                reaction_time_s=_given(made.reaction_s[person, trial.index]),
-                score_reaction_time_s=_given(made.score_reaction_s[person, trial.index]),
-                resonance_hz=planned.study.rig.nominal_resonance_hz,
-            )
-        )
-        for number, mark in enumerate(kind.marks):
-            _add_touch(rows, planned, kind, number, float(made.force_n[person, touch]))
-            # One sample is enough, because only the median of a resting finger's place is read.
-            if not mark.slides:
-                place_m = mark.start_m + float(made.people.place_offset_m[person])
-                rows.sampled.append(rows.touches.last_id)
-                rows.samples.extend((0.0, float(made.force_n[person, touch]), place_m))
-            touch += 1
-        if not answered:
-            return
-
-
-def _given(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
-
-
-def _add_touch(
-    rows: Rows, planned: PlannedTrials, kind: TrialKind, number: int, force_n: float
-) -> None:
-    resonance_hz = planned.study.rig.nominal_resonance_hz
-    touch = kind.trial.touches[number].at(resonance_hz)
-    rows.touches.append(
-        TouchRow.begun(
-            touch,
-            attempt_id=rows.attempts.last_id,
-            beam=touch.beam or planned.study.touch.beam,
-            commanded_voltage_v=touch.voltage_v,
-            commanded_frequency_hz=touch.frequency * resonance_hz,
-            start_voltage_v=touch.voltage_v,
-            end_voltage_v=touch.end_voltage_v,
-            start_frequency_hz=touch.frequency * resonance_hz,
-            end_frequency_hz=touch.end_frequency * resonance_hz,
-            # The journal keeps a touch's force to a tenth of a millinewton.
-            force_n=round(force_n, 4),
-        )
-    )
-
 
 # Tables of scores of many cohorts at once, after the study's rules on who is left out.
 
@@ -245,19 +151,16 @@ class Simulation:
     population: Population = DEFAULT
     world: World = field(default_factory=World)
 
-    def data(self, participants: int, seed: int | str) -> StudyData:
-        """Return what the estimators take: the sessions of one cohort, as they are loaded.
+    def cohort(self, participants: int, seed: int | str) -> Cohort:
+        """Return the sessions of one cohort as arrays; `planned` has the trials.
 
         The `seed` is a number, or any text that is a spawn key.
         """
-        names = names_of(participants)
-        made = list(zip(self._planned, self._sessions(self._who(participants, seed)), strict=True))
-        found = loaded_sessions(made, names, seed, self.world)
-        return study_data(found, rehearsals=True, rules=self.study.exclusions)
+        return joined(self.sessions(participants, seed))
 
-    def cohort(self, participants: int, seed: int | str) -> Cohort:
-        """Return the same sessions as arrays, in a tenth of the time; `planned` has the trials."""
-        return joined(self._sessions(self._who(participants, seed)))
+    def sessions(self, participants: int, seed: int | str) -> list[Cohort]:
+        """Return the same, with the first sessions of all, their second ones and so on apart."""
+        return self._sessions(self._who(participants, seed))
 
     def score_tables(self, participants: int, seeds: Sequence[int | str]) -> FloatArray:
         """Return the table of scores of each seed's cohort, see `Tables`."""
@@ -287,10 +190,11 @@ class Simulation:
     @property
     def planned(self) -> PlannedTrials:
         """The trials of the study, drawn once; the kinds of trial are those of all sessions."""
-        return self._planned[0]
+        return self.plans[0]
 
     @cached_property
-    def _planned(self) -> list[PlannedTrials]:
+    def plans(self) -> list[PlannedTrials]:
+        """The trials of each number of the session."""
         first = PlannedTrials(study=self.study)
         later = range(2, self.study.design.sessions + 1)
         return [first, *(replace(first, session=session) for session in later)]
@@ -320,5 +224,5 @@ class Simulation:
                 slots,
                 self.world,
             )
-            for planned in self._planned
+            for planned in self.plans
         ]

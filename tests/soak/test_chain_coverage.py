@@ -14,6 +14,7 @@ from analysis.trials.contrasts import scored_trials, trial_contrasts
 from device.people.person import Normal, Person, Population
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.simulation.simulated_data import simulated_data
 from tests.system.in_process_sessions import loaded_rehearsals
 
 pytestmark = pytest.mark.soak
@@ -53,6 +54,6 @@ def test_a_thousand_simulated_studies() -> None:
     found = [
         within
         for seed in range(1000)
-        for within in covered(simulation.data(9, f"coverage/{seed}"), STUDY)
+        for within in covered(simulated_data(simulation, 9, f"coverage/{seed}"), STUDY)
     ]
     assert share(found, "fast") >= LEAST

@@ -11,6 +11,7 @@ from analysis.simulation.simulation import Simulation
 from device.people.person import DEFAULT, Population
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.simulation.simulated_data import simulated_data
 from tests.system.in_process_sessions import loaded_rehearsals
 
 GIVEN = [
@@ -34,7 +35,7 @@ def different(folder: Path, text: str, people: int, seed: int) -> list[tuple[Any
     study = study.model_copy(update={"exclusions": type(study.exclusions)()})
     whole = answers(loaded_rehearsals(folder, text, people, seed, rules=study.exclusions))
     world = SimulatedBeam(seed).world
-    fast = answers(Simulation(study=study, world=world).data(people, seed))
+    fast = answers(simulated_data(Simulation(study=study, world=world), people, seed))
     assert len(whole) == len(fast) > 0
     rows = zip(whole.to_numpy(), fast.to_numpy(), strict=True)
     return [(one.tolist(), other.tolist()) for one, other in rows if (one != other).any()]
@@ -53,7 +54,7 @@ def test_somebody_who_leaves_does_so_at_the_same_question(tmp_path: Path) -> Non
     whole = loaded_rehearsals(tmp_path, template("paper"), 4, 1, population=people)
     world = SimulatedBeam(1).world
     fast = Simulation(study=parsed_study(template("paper")), population=people, world=world)
-    found = fast.data(4, 1)
+    found = simulated_data(fast, 4, 1)
     assert whole.unfinished == found.unfinished != ()
     assert answers(whole).equals(answers(found))
 

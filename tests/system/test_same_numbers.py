@@ -25,6 +25,7 @@ from analysis.report.results import paragraphs
 from analysis.simulation.simulation import Simulation
 from device.people.person import SENSITIVE
 from tests.analysis.reports import ORIGIN, PAPER, imported
+from tests.analysis.simulation.simulated_data import simulated_data
 
 NEAR, SMALL = 1e-7, 1e-3
 """Numbers agree within `NEAR` of the larger one, or of `SMALL`."""
@@ -69,7 +70,7 @@ OTHERS = {
 
 
 def demo(people: int = 9) -> StudyData:
-    return Simulation(study=PAPER, population=SENSITIVE).data(people, 1)
+    return simulated_data(Simulation(study=PAPER, population=SENSITIVE), people, 1)
 
 
 def scored(scores: ArrayLike) -> StudyData:

@@ -29,6 +29,7 @@ from protocol.registration.registration import effect_of
 from protocol.study.factor import Group
 from protocol.study.rules import Exclusions
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.simulation.simulated_data import simulated_data
 
 
 def simulated(participants: int = 9, repeats: int = 1) -> PeopleCohorts:
@@ -133,7 +134,7 @@ def test_what_is_noticed_is_tested_as_in_the_report() -> None:
     study = designed(parsed_study(template("extended")), Design(participants=6, repeats=4))
     made = PeopleCohorts(study=study, participants=6)
     row = row_of(made)
-    trials = TrialStatistics(data=Simulation(study=study).data(6, "1"), study=study)
+    trials = TrialStatistics(data=simulated_data(Simulation(study=study), 6, "1"), study=study)
     *conditions, whole = trials.noticed
     assert isinstance(whole.found, Detection)
     assert row["noticed p"] == pytest.approx(whole.found.p, rel=1e-9)
@@ -149,7 +150,7 @@ def test_groups_factors_and_sessions_are_tested_as_in_the_report() -> None:
     text = text.partition("\n")[2].partition("```")[0]
     study = parsed_study(text.replace('"noticed"\n\n', '"always"\n\n', 1))
     row = row_of(PeopleCohorts(study=study, participants=12))
-    data = Simulation(study=study).data(12, "1")
+    data = simulated_data(Simulation(study=study), 12, "1")
     of = np.array([study.groups.index(data.groups[who]) for who in data.table.subjects])
     made = group_statistics(
         data.table.scores, np.zeros(12), of, study.groups, data.table.conditions

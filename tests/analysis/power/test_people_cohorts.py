@@ -15,6 +15,7 @@ from device.people.person import DEFAULT, Population, World
 from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.simulation.simulated_data import simulated_data
 
 NO_RULES = Exclusions()
 RULES = Exclusions(
@@ -57,7 +58,7 @@ def _as_reported(
     """Return subjects, the arrays of their trials, and their true gains, by way of the tables."""
     world = World(damping_ratio=RIG.damping_ratio, gain=RIG.gain)
     try:
-        data = Simulation(study=study, population=people, world=world).data(6, key)
+        data = simulated_data(Simulation(study=study, population=people, world=world), 6, key)
     except NothingToReport:
         return (), {}, np.zeros(0)
     contrasts = trial_contrasts(study, data.trials, data.touches, RIG)

@@ -17,6 +17,7 @@ from protocol.plan.plan import plan
 from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.simulation.simulated_data import simulated_data
 
 PUBLISHED = published_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
 PAPER = parsed_study(template("paper"))
@@ -50,7 +51,7 @@ def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
     seeds: list[int | str] = [3, "a spawn key"]
     tables = simulation.score_tables(6, seeds)
     for table, seed in zip(tables, seeds, strict=True):
-        loaded = simulation.data(6, seed).table
+        loaded = simulated_data(simulation, 6, seed).table
         whole = {f"P{row + 1:02d}": scores for row, scores in enumerate(table)}
         kept = np.array([whole[name] for name in loaded.subjects])
         assert np.array_equal(loaded.scores, kept, equal_nan=True)
@@ -84,7 +85,7 @@ def test_the_rules_leave_out_whom_the_report_leaves_out(
     varied = {"reaction_median_s": DEFAULT.varied["reaction_median_s"]}
     people = Population(typical=person, varied=varied)
     simulation = Simulation(study=study, population=people)
-    table, data = simulation.score_tables(8, [1])[0], simulation.data(8, 1)
+    table, data = simulation.score_tables(8, [1])[0], simulated_data(simulation, 8, 1)
     assert data.left_out
     rows = [int(name[1:]) - 1 for name in data.table.subjects]
     assert np.array_equal(table[rows], data.table.scores, equal_nan=True)
@@ -93,7 +94,7 @@ def test_the_rules_leave_out_whom_the_report_leaves_out(
 
 def test_people_who_leave_are_unfinished_and_keep_what_they_answered() -> None:
     simulation = Simulation(study=PAPER, population=Population(typical=Person(dropout=0.1)))
-    data = simulation.data(20, 1)
+    data = simulated_data(simulation, 20, 1)
     answers = data.trials.groupby("participant")["trial_index"].agg(["max", "count"])
     assert (answers["count"] == answers["max"] + 1).all(), "nothing after they left"
     assert set(answers.index[answers["count"] < 7]) == set(data.unfinished)
@@ -111,15 +112,17 @@ def test_the_world_may_differ_from_the_analysis() -> None:
 
 
 def test_the_truth_is_loaded_with_the_scores() -> None:
-    data = Simulation(study=PAPER, world=World(law="coulomb")).data(3, 1)
+    data = simulated_data(Simulation(study=PAPER, world=World(law="coulomb")), 3, 1)
     assert {truth.law for truth in data.virtual.values()} == {"coulomb"}
     assert len({truth.gain for truth in data.virtual.values()}) == 3
 
 
 def test_touches_are_judged_by_the_force_that_was_pressed() -> None:
     hard = Population(typical=Person(force_factor=1.2, force_error=0.05))
-    forces = Simulation(study=PAPER, population=hard).data(9, 1).touches["force_n"]
-    planned = Simulation(study=PAPER, population=Population()).data(9, 1).touches["force_n"]
+    forces = simulated_data(Simulation(study=PAPER, population=hard), 9, 1).touches["force_n"]
+    planned = simulated_data(Simulation(study=PAPER, population=Population()), 9, 1).touches[
+        "force_n"
+    ]
     ratio = (forces / planned).to_numpy()
     assert ratio.mean() == pytest.approx(1.2, rel=0.02)
     assert ratio.std() == pytest.approx(0.06, rel=0.2)
@@ -128,7 +131,7 @@ def test_touches_are_judged_by_the_force_that_was_pressed() -> None:
 def test_each_group_has_the_orders_that_its_participants_will_have() -> None:
     groups = tuple(Group(name=name, size=4) for name in ("young", "old"))
     study = PAPER.model_copy(update={"group": groups})
-    data = Simulation(study=study).data(8, 1)
+    data = simulated_data(Simulation(study=study), 8, 1)
     assert sorted(data.groups.values()) == ["old"] * 4 + ["young"] * 4
     assert sorted(order.slot for order in data.orders) == [0, 0, 1, 1, 2, 2, 3, 3]
     places = islice(arrivals(study, "participant"), 8)
@@ -142,8 +145,8 @@ def test_people_of_a_group_come_from_its_population() -> None:
     study = PAPER.model_copy(update={"group": groups})
     numb = Population(typical=replace(DEFAULT.typical, gain=0.5), varied={})
     people = replace(DEFAULT, groups={"old": numb})
-    data = Simulation(study=study, population=people).data(8, 1)
-    whole = Simulation(study=study, population=DEFAULT).data(8, 1)
+    data = simulated_data(Simulation(study=study, population=people), 8, 1)
+    whole = simulated_data(Simulation(study=study, population=DEFAULT), 8, 1)
     for name, group in data.groups.items():
         alike = data.virtual[name].gain == whole.virtual[name].gain
         assert alike == (group == "young")

@@ -16,6 +16,7 @@ from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.report.sections.test_registered import REGISTERED
 from tests.analysis.reports import EXTENDED, ORIGIN, PAPER, plain_report
+from tests.analysis.simulation.simulated_data import simulated_data
 
 STUDIES = {
     "agrees": EXTENDED,
@@ -28,7 +29,7 @@ STUDIES = {
 
 @cache
 def simulated(study: str = "agrees") -> StudyData:
-    return Simulation(study=STUDIES[study]).data(6, 1)
+    return simulated_data(Simulation(study=STUDIES[study]), 6, 1)
 
 
 def made(data: StudyData, study: Study = EXTENDED) -> Report:

@@ -127,7 +127,7 @@ size = 20
 
 With `assign_groups = "by an answer"` the operator is asked before the session is opened:
 `when = { question = "age", at_least = 60 }` in a group, and a `[[question]]` called `age` with
-`when = "desk"`. The first group of the file that an answer leads to is the participant's.
+`when = "desk"`. An answer that leads into two groups is refused.
 
 With `assign_groups = "at random"` the seed decides which group comes next. Somebody who is
 excluded leaves the place to the next participant.

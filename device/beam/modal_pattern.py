@@ -8,6 +8,7 @@ its end correction, and exactly along the chord where it is almost a corner.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -138,25 +139,30 @@ class _Cells:
         kept = np.where(self.starts_right[drive, cell], part - turned, turned)
         return np.asarray(kept * self.widths_m[cell])
 
-    def before(self, drive: Rows, end_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return right-moving length, ∫|W|dx and doubt between the stretch's start and each end."""
-        cell = np.clip(
-            np.searchsorted(self.places_m, end_m, side="right") - 1, 0, self.widths_m.size - 1
+    @cached_property
+    def whole_right_m(self) -> FloatArray:
+        """The right-moving length of each cell."""
+        turned = self.second - self.first
+        return np.where(self.starts_right, 1.0 - turned, turned) * self.widths_m
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """∫|W|dx over each cell."""
+        (start, stop), (slope, stop_slope) = (
+            (values[:, :-1], values[:, 1:]) for values in (self.deflection, self.slope)
         )
+        return _areas(start, slope, stop, stop_slope, self.widths_m)
+
+    def before(self, drive: Rows, end_m: FloatArray, span: slice) -> tuple[FloatArray, FloatArray]:
+        """Return right-moving length and ∫|W|dx between the start of some cells and each end."""
+        cell = np.searchsorted(self.places_m, end_m, side="right") - 1
+        cell = np.clip(cell, span.start, span.stop - 1)
         width = self.widths_m[cell]
         part = np.minimum((end_m - self.places_m[cell]) / width, 1.0)
-        turned = self.second - self.first
-        whole = np.where(self.starts_right, 1.0 - turned, turned) * self.widths_m
-        areas = _areas(
-            self.deflection[:, :-1],
-            self.slope[:, :-1],
-            self.deflection[:, 1:],
-            self.slope[:, 1:],
-            self.widths_m,
-        )
-        right = _running(whole)[drive, cell] + self.right_m(drive, cell, part)
-        area = _running(areas)[drive, cell] + self._part_area(drive, cell, part)
-        return right, area, _running(self.doubt_m)[drive, cell]
+        from_start = drive, cell - span.start
+        right = _running(self.whole_right_m[:, span])[from_start] + self.right_m(drive, cell, part)
+        area = _running(self.areas[:, span])[from_start] + self._part_area(drive, cell, part)
+        return right, area
 
     def _part_area(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
         width = self.widths_m[cell]
@@ -270,9 +276,14 @@ class ModalPattern(Pattern):
         """See `Pattern`; of shape (n,) if each place has its own drive."""
         return self.window(np.full(self.drive.size, self.length_m), self.length_m)
 
+    @cached_property
+    def _only(self) -> _Cells:
+        """All cells of the only drive, or the first, which every call shares."""
+        return _cells(self.basis, self.weights[:1], self.direction_error[:1], slice(None))
+
     def direction(self) -> tuple[FloatArray, FloatArray]:
         """Return places and -Re(W ψ*) there as the first drive's cells have it, shape (n,)."""
-        cells = _cells(self.basis, self.weights[:1], self.direction_error[:1], slice(None))
+        cells = self._only
         parts = _QUARTERS[:-1, None]
         places = cells.places_m[:-1] + parts * cells.widths_m
         values = _along(tuple(row[0] for row in cells.direction), parts)
@@ -293,14 +304,19 @@ class ModalPattern(Pattern):
         """Return right-moving length, ∫|W|dx and doubt of some windows, shape (3, n)."""
         places = self.basis.places_m
         low = max(int(np.searchsorted(places, start_m.min(), side="right")) - 2, 0)
-        high = int(np.searchsorted(places, end_m.max())) + 2
-        used, local = np.unique(drive, return_inverse=True)
-        cells = _cells(self.basis, self.weights[used], self.direction_error[used], slice(low, high))
-        both = cells.before(np.tile(local, 2), np.concatenate([start_m, end_m]))
-        right, area, _ = (column[end_m.size :] - column[: end_m.size] for column in both)
-        around = _running(cells.doubt_m)
-        cell = np.searchsorted(cells.places_m, [start_m, end_m], side="right") - 1
-        last = np.minimum(cell[1] + 2, cells.widths_m.size)
+        high = min(int(np.searchsorted(places, end_m.max())) + 2, places.size)
+        if len(self.weights) == 1:
+            cells, local, first = self._only, drive, low
+        else:
+            used, local = np.unique(drive, return_inverse=True)
+            errors, first = self.direction_error[used], 0
+            cells = _cells(self.basis, self.weights[used], errors, slice(low, high))
+        span = slice(first, first + high - low - 1)
+        both = cells.before(np.tile(local, 2), np.concatenate([start_m, end_m]), span)
+        right, area = (column[end_m.size :] - column[: end_m.size] for column in both)
+        around = _running(cells.doubt_m[:, span])
+        cell = np.searchsorted(cells.places_m, [start_m, end_m], side="right") - 1 - first
+        last = np.minimum(cell[1] + 2, around.shape[1] - 1)
         doubt = around[local, last] - around[local, np.maximum(cell[0] - 1, 0)]
         return np.stack([right, area, doubt])
 

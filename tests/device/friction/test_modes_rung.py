@@ -132,6 +132,16 @@ def test_all_natural_frequencies_at_once_are_those_found_one_by_one() -> None:
             assert found[mode - 1] == pytest.approx(single, rel=1e-14)
 
 
+def test_places_asked_for_in_parts_give_what_they_give_together() -> None:
+    scene = Scene(drive=Drive(frequency_hz=23_200.0), touch=FingerContact(contact_m=2e-3))
+    places = np.random.default_rng(4).uniform(0.0, 0.1, 300)
+    together = friction_coefficient(scene, rung=REDUCED_RUNG, x_m=places)
+    for size in (1, 7, 100):
+        parts = [places[first : first + size] for first in range(0, places.size, size)]
+        found = [friction_coefficient(scene, rung=REDUCED_RUNG, x_m=part) for part in parts]
+        np.testing.assert_allclose(np.concatenate(found), together, rtol=1e-12)
+
+
 def test_a_drive_beyond_its_modes_is_refused() -> None:
     scene = Scene(drive=Drive(frequency_hz=2.1e5))
     message = "frequency_hz must be at most 200097 on the rung timoshenko-modes; take"

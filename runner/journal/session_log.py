@@ -1,22 +1,17 @@
 """The log of one session: checks each event against the state, stores it, updates the state."""
 
-from datetime import datetime
-from typing import TypeVar
-
 from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
 from protocol.journal.state import SessionState, folded, next_state
 from runner.clock import Clock
 from runner.journal.store import Journal
 from runner.signals import stops_deferred
 
-_Kind = TypeVar("_Kind", bound=Event)
-
 
 class SessionLog:
     """Appends a session's events; `state` is the state that results from them."""
 
     def __init__(self, journal: Journal, session: str, clock: Clock) -> None:
-        self._journal = journal
+        self.journal = journal
         self._session = session
         self._clock = clock
         # Nothing else is kept beside the events: what a resumed session knows follows from them.
@@ -24,20 +19,12 @@ class SessionLog:
         self._next_seq = len(events)
         self.state: SessionState = folded(events)
 
-    def of_all_sessions(self, kind: type[_Kind]) -> list[tuple[datetime, _Kind]]:
-        """Return what the study's journal holds of one kind of event, each with its UTC."""
-        return self._journal.records_of(kind)
-
     def append(self, event: Event) -> None:
         """Store `event`, on the disk when this returns; raises `NotAllowed` if it may not come."""
         # Checked before it is stored, because an event can never be taken back.
         next_state(self.state.name, event.TAG)
         with stops_deferred():  # a signal between storing and counting would repeat the number
             self._store(event)
-
-    def checkpoint(self) -> None:
-        """Keep the write-ahead log small; without effect while another process prevents it."""
-        self._journal.checkpoint()
 
     def _store(self, event: Event) -> None:
         stored = StoredEvent(
@@ -48,7 +35,7 @@ class SessionLog:
             payload=event.to_json(),
         )
         # Stored first: if this fails, the state is still that of the journal.
-        self._journal.append(self._session, stored)
+        self.journal.append(self._session, stored)
         self._next_seq += 1
         self.state.take(stored)
 

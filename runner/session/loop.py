@@ -57,7 +57,7 @@ def _run_trials(context: SessionContext) -> None:
         # The journal's log grows with each event. It is copied between blocks only, because nobody
         # touches the beam then and nobody's reaction is timed.
         if block not in {None, left[0].block}:
-            context.log.checkpoint()
+            context.log.journal.checkpoint()
         block = left[0].block
         pause_if_wanted(context, left[0])
         introduce(context, left[0], last)

@@ -52,5 +52,5 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
 def _recorded_today(context: SessionContext, wanted: WatchdogTested) -> bool:
     # The day of the laboratory, not that of UTC, which may change in the middle of a session.
     today = context.clock.utc().astimezone().date()
-    tests = context.log.of_all_sessions(WatchdogTested)
+    tests = context.log.journal.records_of(WatchdogTested)
     return any(utc.astimezone().date() == today and test == wanted for utc, test in tests)

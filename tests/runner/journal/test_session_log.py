@@ -54,9 +54,9 @@ def test_events_of_one_kind_are_those_of_all_sessions_that_are_not_erased(
     gone.append(opened)
     gone.append(NoteTaken(text="b"))
     now = FakeClock().utc()
-    assert [note.text for _, note in log.of_all_sessions(NoteTaken)] == ["a", "b"]
+    assert [note.text for _, note in log.journal.records_of(NoteTaken)] == ["a", "b"]
     journal.erase_payloads(["P02/1"])
-    assert log.of_all_sessions(NoteTaken) == [(now, NoteTaken(text="a"))]
+    assert log.journal.records_of(NoteTaken) == [(now, NoteTaken(text="a"))]
 
 
 @pytest.mark.parametrize("paused", [True, False])
@@ -85,5 +85,5 @@ def test_the_write_ahead_log_is_kept_small(
 ) -> None:
     called: list[bool] = []
     monkeypatch.setattr(journal, "checkpoint", lambda: called.append(True))
-    log.checkpoint()
+    log.journal.checkpoint()
     assert called == [True]

@@ -22,6 +22,7 @@ from filelock import FileLock, Timeout
 from protocol.address import SIMULATED
 from protocol.errors import WorkFailed
 from protocol.study.fields import printable
+from runner.study.files import opened_itself
 
 _ON_A_NETWORK = {"socket", "rfc2217"}
 COMMON = Path("/tmp")  # noqa: S108 - the locks are in a folder that only the user can open
@@ -113,7 +114,7 @@ def _is_held(holder_file: Path) -> bool:
 
     try:
         wrote_s = holder_file.lstat().st_mtime
-        with open(holder_file, encoding="ascii", opener=_open_no_link) as file:
+        with open(holder_file, encoding="ascii", opener=opened_itself) as file:
             return bool(psutil.Process(int(file.read(20))).create_time() <= wrote_s + 1)
     except (OSError, ValueError, psutil.Error):
         return False
@@ -154,17 +155,13 @@ def _holder(path: Path) -> str:
     import psutil
 
     try:
-        with open(path, encoding="ascii", opener=_open_no_link) as file:
+        with open(path, encoding="ascii", opener=opened_itself) as file:
             process = psutil.Process(int(file.read(20)))
         command, place = process.cmdline(), process.cwd()
     except (OSError, ValueError, psutil.Error):
         return "another session"
     words = " ".join(shlex.join(command[1:]).split())
     return printable(f"{words} in {place} (process {process.pid})")
-
-
-def _open_no_link(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
 
 
 def _folder(common: Path) -> Path:

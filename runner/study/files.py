@@ -156,6 +156,11 @@ def _replace(place: Path, data: bytes, mode: int) -> None:
         beside.unlink(missing_ok=True)
 
 
+def opened_itself(path: str, flags: int) -> int:
+    """Open `path` for `open`: no link is followed, and no pipe in its place waited for."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+
+
 def create(path: Path, data: bytes, mode: int) -> None:
     """Create the file `path`, whose permissions are never wider than `mode`."""
     with open(path, "xb", opener=partial(os.open, mode=mode)) as file:

@@ -22,7 +22,7 @@ from typing import ClassVar
 from protocol.errors import WorkFailed
 from runner.journal.database import log_of
 from runner.journal.store import Journal
-from runner.study.files import create, require_end, state_folder, write_files
+from runner.study.files import create, opened_itself, require_end, state_folder, write_files
 
 VARIABLE = "TOUCHBEAM_CACHE"
 """Names another folder than the user's cache, or is `off`."""
@@ -45,7 +45,7 @@ class KeptFiles:
     def get(self, name: str) -> bytes | None:
         path = self._folder / name
         try:
-            with open(path, "rb", opener=_opened_itself) as file:
+            with open(path, "rb", opener=opened_itself) as file:
                 stored = file.read(MOST_BYTES)
             digest, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
             if digest == _digest(name, content):
@@ -148,12 +148,6 @@ def _is_private(folder: Path) -> bool:
         return stat.S_ISDIR(status.st_mode)
     mine = status.st_uid == os.geteuid() and not status.st_mode & 0o022
     return stat.S_ISDIR(status.st_mode) and mine
-
-
-def _opened_itself(path: str, flags: int) -> int:
-    # No link is followed, and a pipe in its place is opened without waiting for somebody who
-    # writes.
-    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
 
 
 def _remove_oldest(everything: Path) -> None:

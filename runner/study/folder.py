@@ -5,7 +5,7 @@ import os
 import re
 import shlex
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -30,12 +30,8 @@ LARGEST_SIDE = 4_096
 _FORMATS = ("PNG", "JPEG")
 
 
-def picture_digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Return the SHA-256 of each picture that may be shown: one that decodes, small, no link."""
-    return {name: digest for name in names if (digest := _digest(folder, name)) is not None}
-
-
-def _digest(folder: Path, name: str) -> str | None:
+def picture_digest(folder: Path, name: str) -> str | None:
+    """Return the SHA-256 of a picture that may be shown: one that decodes, small, no link."""
     if not is_picture_name(name):
         return None
     try:
@@ -126,8 +122,9 @@ class StudyFolder:
         """Return the study file with its languages and pictures' digests, or raise `BadInput`."""
         text = self._study_text()
         names = picture_names(text) if "picture" in text else []
-        digests = picture_digests(self.path, names)
-        return with_pictures(with_languages(text, self._languages()), digests)
+        digests = {name: picture_digest(self.path, name) for name in names}
+        shown = {name: digest for name, digest in digests.items() if digest is not None}
+        return with_pictures(with_languages(text, self._languages()), shown)
 
     def add_language(self, code: str) -> Path:
         """Copy the texts of a built-in language, else the English ones, into a new file.

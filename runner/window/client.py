@@ -256,7 +256,6 @@ class WindowProcess:
 def participant_window(
     command: Sequence[str],
     settings: messages.Settings,
-    monotonic_s: Callable[[], float] = time.monotonic,
     say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[WindowParticipant]:
     """Run `command`, which opens the window; yield its participant; leave the last page up.
@@ -274,7 +273,7 @@ def participant_window(
         try:
             peer.send(messages.settings_message(settings))
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
-            participant = WindowParticipant(peer, monotonic_s, settings.readable_s)
+            participant = WindowParticipant(peer, time.monotonic, settings.readable_s)
             try:
                 yield participant
             except BaseException as error:

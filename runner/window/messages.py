@@ -70,7 +70,6 @@ def settings_of(message: Mapping[str, Any]) -> Settings:
 
 
 def show_message(number: int, screen: Screen) -> dict[str, Any]:
-    """Return the message that shows `screen` as the `number`-th one."""
     values = {entry.name: getattr(screen, entry.name) for entry in fields(screen)}
     if isinstance(screen, Ask):
         values["question"] = screen.question.model_dump(mode="json")

@@ -141,15 +141,6 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             )
 
 
-def require_fit(study: Study, wording: participant_texts.Wording, consent: str | None) -> None:
-    """Raise `BadInput` if a text of the session or its consent reference does not fit its place."""
-    if misfit := next(misfits(foreseen(study, consent), wording), None):
-        text, hint = misfit
-        raise BadInput(
-            f"a text must fit its place on the participant's screen, got {text!r}; {hint}"
-        )
-
-
 def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
     """Return the path of `text` in the study file; empty for a built-in text."""
     for key in (*study.texts.get(wording.code, {}), *wording.texts):
@@ -181,8 +172,11 @@ def study_window(
     say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
     """Return the window, to be entered before any drive; raises `BadInput` if a text misfits."""
-    # The consent's reference is known only now, so that it could not be checked with the study.
-    require_fit(study, settings.wording, consent)
     shown, readable_s = foreseen(study, consent), study.timing.readable_s
+    # The consent's reference is known only now, so that it could not be checked with the study.
+    for text, hint in misfits(shown, settings.wording):
+        raise BadInput(
+            f"a text must fit its place on the participant's screen, got {text!r}; {hint}"
+        )
     settings = replace(settings, readable_s=readable_s, foreseen=shown)
     return participant_window([*touchbeam, "participant-window"], settings, say=say)

@@ -465,11 +465,6 @@ def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
             return _longer(question, now, " " if target == SPACE else target)
 
 
-def on_scale(question: StudyQuestion, x: float) -> Choice:
-    """Return the choice of the place nearest to `x`."""
-    return Choice(chosen=str(nearest(x, question)))
-
-
 def inputs_for(question: StudyQuestion, answer: str) -> tuple[Input, ...]:
     """Return what a person presses to choose `answer`; nothing to skip the question.
 

@@ -10,7 +10,7 @@ from typing import Any
 from runner.screens import Ask, Screen
 from runner.window.elements import Dragged, Input, Key, Pressed, Released, Typed
 from runner.window.pages import target_at, targets
-from runner.window.question_pages import Choice, by_key, by_press, on_scale, score_at
+from runner.window.question_pages import Choice, by_key, by_press, nearest, score_at
 
 EARLY_S = 0.15
 """Shorter than any reaction time: an earlier press was meant for the previous screen."""
@@ -110,7 +110,8 @@ class PendingResponse:
         place = score_at(x, self.screen.question)
         # Not rounded: the path shows hesitation between two places of the scale.
         self.path.append({"t_s": round(t_s, 4), "at": round(place, 2), "by": "pointer"})
-        self._choose(on_scale(self.screen.question, x), "pointer", t_s)
+        now = Choice(chosen=str(nearest(x, self.screen.question)))
+        self._choose(now, "pointer", t_s)
 
     def _choose(self, choice: Choice, by: str, t_s: float) -> None:
         self.typed = choice.typed

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from protocol.study_file.loading import StudyError, text_digest
-from runner.study.folder import LARGEST_BYTES, StudyFolder, picture_digests
+from runner.study.folder import LARGEST_BYTES, StudyFolder, picture_digest
 from tests.runner.command_line import typed
 
 PAGE = """
@@ -111,11 +111,11 @@ def test_a_link_is_refused(study: StudyFolder, tmp_path: Path) -> None:
     inside = study.path / "pictures" / "hand.png"
     outside = inside.rename(tmp_path / "hand.png")
     inside.symlink_to(outside)
-    assert picture_digests(study.path, ["pictures/hand.png"]) == {}
+    assert picture_digest(study.path, "pictures/hand.png") is None
     inside.unlink()
     (study.path / "pictures").rmdir()
     (study.path / "pictures").symlink_to(tmp_path)
-    assert picture_digests(study.path, ["pictures/hand.png"]) == {}
+    assert picture_digest(study.path, "pictures/hand.png") is None
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,9 @@ from runner.screens import (
     pacing,
 )
 from runner.window.elements import CANVAS, Dot, Outline, Text
+from runner.window.messages import Settings
 from runner.window.pages import beam_x, fingers, page, targets
-from runner.window.preflight import fit_problems, foreseen, require_fit
+from runner.window.preflight import fit_problems, foreseen, study_window
 from runner.window.question_pages import (
     SCALE_BOX,
     PageState,
@@ -168,9 +169,9 @@ def test_a_band_of_a_languages_own_is_reported_in_its_file() -> None:
 
 
 def test_a_consent_reference_that_is_too_long_is_refused() -> None:
-    require_fit(study(), wording("en"), "C-2026-0042")
+    study_window((), study(), Settings(wording=wording("en")), "C-2026-0042")
     with pytest.raises(BadInput, match=r"fit its place .* got 'Consent form: x{90}"):
-        require_fit(study(), wording("en"), "x" * 90)
+        study_window((), study(), Settings(wording=wording("en")), "x" * 90)
 
 
 SCALES = [(0, 10), (0, 100), (1, 7), (0, 1), (5, 105), (100, 199), (0, 660), (340, 1000)]

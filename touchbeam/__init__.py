@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from touchbeam.asked import track
-    from touchbeam.model import friction, predict
+    from touchbeam.model import fit, friction, predict
     from touchbeam.rig import OpenRig, open_rig
     from touchbeam.study import Study, load
-    from touchbeam.thresholds import fit
 
     __version__: str
 
@@ -38,7 +37,7 @@ _HOME = {
     "load": "study",
     "friction": "model",
     "predict": "model",
-    "fit": "thresholds",
+    "fit": "model",
     "OpenRig": "rig",
     "open_rig": "rig",
     "track": "asked",

@@ -1,4 +1,4 @@
-"""The friction model for Python programs: tables of scenes, and arrays of their values."""
+"""The friction model and psychometric functions for Python programs, without a study."""
 
 import math
 from collections.abc import Mapping
@@ -8,6 +8,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
+    from analysis.thresholds.curve_posterior import Shape
+    from analysis.thresholds.psychometric import Task
     from device.beam.eq15 import Overlap
 
 
@@ -91,3 +93,39 @@ def friction(
     table = column_table("scenes", cells, math.prod(shape))
     options = PredictOptions(law=law, rung=rung, tolerance=tolerance)
     return predicted_table(table, options).predictions["mu_effective"].reshape(shape)
+
+
+def fit(
+    answers: "pd.DataFrame",
+    *,
+    task: "Task" = "two intervals",
+    shape: "Shape" = "weibull",
+    threshold_at: float | None = None,
+    lapse: float | None = None,
+) -> "pd.DataFrame":
+    """Return a row per participant and track with threshold, slope and lapse rate.
+
+    The columns are those of `touchbeam fit --json`; an interval is a pair of its ends.
+
+    Args:
+        answers: the columns participant, track, level, trials and correct; without trials a row
+            is one trial, and correct is 1 or 0. In yes-no correct counts "yes".
+        task: `yes or no`, `two intervals` or `three intervals`.
+        shape: `normal` is a curve of the level, `weibull` one of its logarithm.
+        threshold_at: the share correct that defines the threshold; else the curve's midpoint.
+        lapse: the lapse rate if it is known, and in yes-no the share of false alarms.
+
+    Raises:
+        ValueError: a column or a cell is wrong; line 2 is the first row.
+    """
+    import pandas as pd
+
+    from analysis.thresholds.answer_table import fits_of, tracks_in
+
+    source = "answers"
+    tracks = tracks_in(answers.to_csv(index=False), source, shape)
+    found = fits_of(tracks, source, task=task, shape=shape, threshold_at=threshold_at, lapse=lapse)
+    places = ("participant", "track")
+    return pd.DataFrame(
+        [{name: getattr(track, name) for name in places} | vars(fit) for track, fit in found]
+    ).drop(columns="band")

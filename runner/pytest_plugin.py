@@ -91,7 +91,7 @@ def cohort(study: "Study", registration: "Registration | None") -> "tuple[Plan, 
     from protocol.plan.plan import cohort_plans
     from protocol.registration.registration import locked
 
-    seeded = study if registration is None else locked(study, registration.digest)
+    seeded = locked(study, registration.digest if registration else None)
     return cohort_plans(seeded, study.design.participants or 40)
 
 

@@ -274,7 +274,7 @@ class Study:
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
             # A registration's digest seeds the plan of the sessions that run under it.
-            file = self.file if registered is None else locked(self.file, registered.digest)
+            file = locked(self.file, registered.digest if registered else None)
             who = (states(journal), participant, "participant", chain)
             group = group_for(file, *who)
             slot = slot_for(*who, group)

@@ -179,8 +179,10 @@ def shared_registration(text: str, source: str = FILE) -> events.StoredEvent:
     )
 
 
-def locked(study: Study, digest: str) -> Study:
-    """Return the study with its random streams seeded by the digest of its registration."""
+def locked(study: Study, digest: str | None) -> Study:
+    """Return the study with its random streams seeded by the digest of its registration, if any."""
+    if digest is None:
+        return study
     # The whole digest, so that no two registrations share a seed.
     seed = int(digest, 16)
     return study.model_copy(update={"study": study.study.model_copy(update={"seed": seed})})
@@ -384,7 +386,7 @@ def as_run(study_text: str, digest: str | None, group: str | None) -> Study:
         study = parsed_study(study_text)
     except BadInput as error:
         raise ValueError(str(error)) from error
-    return (study if digest is None else locked(study, digest)).of_group(group)
+    return locked(study, digest).of_group(group)
 
 
 # A plan is drawn once though `verify` and the report both ask, and sessions share a file.

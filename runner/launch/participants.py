@@ -14,10 +14,10 @@ from pathlib import Path
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
 from device.people.person import person_of, session_name
-from device.simulator.client import BeamControl, swapping
+from device.simulator.client import swapping
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
-from runner.clock import Clock, SteppedClock
+from runner.clock import SteppedClock
 from runner.launch.device_access import SessionRig
 from runner.people.operator_console import (
     Display,
@@ -51,7 +51,6 @@ Watched = tuple[Callable[[], Reading | None], Callable[[], Forces | None]]
 def participant_and_operator(
     session: Session,
     rig: SessionRig,
-    clock: Clock,
     say: Say,
     window: WindowParticipant | None,
     finger: Finger | None,
@@ -60,18 +59,16 @@ def participant_and_operator(
 
     `finger` is what a virtual participant feels with, None if the participant is a person.
     """
-    watched = (lambda: rig.device.reading, lambda: rig.device.forces)
-    swap = _swap(session, rig, finger)
+    swap, watched = _swap(session, rig, finger), _watched(rig)
     if session.slides:
-        with _block_and_operator(session, rig, clock, say, swap, watched) as people:
+        with _block_and_operator(session, rig, say, swap) as people:
             yield people
     elif finger is not None:
-        participant = _virtual_participant(session, finger, clock, rig.control)
+        participant = _virtual_participant(session, rig, finger)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
-        quiet = isinstance(clock, SteppedClock)
-        with keys_and_display(say, watched, quiet=quiet) as (typed, display):
-            operator = OperatorConsole(typed, display, swap, alone=alone)
+        quiet = isinstance(rig.clock, SteppedClock)
+        with operator_at_terminal(say, watched, swap, alone=alone, quiet=quiet) as operator:
             if window is not None:
                 window.call_operator = operator.participant_called
                 participant = VirtualAtWindow(participant, window)
@@ -82,35 +79,29 @@ def participant_and_operator(
             yield window, operator
     else:
         lines = TypedLines(sys.stdin)
-        wording = study_wording(session.study, session.language)
-        console_participant = ConsoleParticipant(lines, say, wording)
-        yield console_participant, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
+        person = ConsoleParticipant(lines, say, study_wording(session.study, session.language))
+        yield person, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
 @contextmanager
 def _block_and_operator(
-    session: Session,
-    rig: SessionRig,
-    clock: Clock,
-    say: Say,
-    swap: Callable[[str], None],
-    watched: Watched,
+    session: Session, rig: SessionRig, say: Say, swap: Callable[[str], None]
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the block of a sliding experiment and the operator, who draws it on a real device."""
     plot = SlidePlot()
     with operator_at_terminal(
         say,
-        watched,
+        _watched(rig),
         swap,
-        lambda width, rows: plot.lines(width, rows, clock.monotonic_s()),
+        lambda width, rows: plot.lines(width, rows, rig.clock.monotonic_s()),
         unit="pass",
         alone=rig.control is not None,
-        quiet=isinstance(clock, SteppedClock),
+        quiet=isinstance(rig.clock, SteppedClock),
     ) as operator:
         block = SlidingBlock(
             operator=operator,
             forces=lambda: rig.device.forces,
-            clock=clock,
+            clock=rig.clock,
             plan=session.plan,
             load_n=session.study.touch.force_n,
             plot=plot,
@@ -119,22 +110,24 @@ def _block_and_operator(
         yield block, operator
 
 
+def _watched(rig: SessionRig) -> Watched:
+    return (lambda: rig.device.reading, lambda: rig.device.forces)
+
+
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
     if rig.control is not None:
         return swapping(rig.control, session.study.beams)
     return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
 
 
-def _virtual_participant(
-    session: Session, finger: Finger, clock: Clock, control: BeamControl | None
-) -> Participant:
+def _virtual_participant(session: Session, rig: SessionRig, finger: Finger) -> Participant:
     assert session.virtual is not None, "a virtual participant has parameters"
     person = person_of(session.virtual)
-    if control is not None:
-        control.sensor("skin", person.skin)
-        control.sensor("mu0", person.mu0)
+    if rig.control is not None:
+        rig.control.sensor("skin", person.skin)
+        rig.control.sensor("mu0", person.mu0)
     name = session_name(session.seed, session.participant, session.number)
-    return VirtualParticipant(control=finger, clock=clock, person=person, name=name)
+    return VirtualParticipant(control=finger, clock=rig.clock, person=person, name=name)
 
 
 def _operator_by_lines(

@@ -210,9 +210,8 @@ def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
 
 def with_group(request: Request, say: Callable[[str], None]) -> Request:
     """Return the request with the group that the operator knows; `BadInput` for another one."""
-    options, study = request.options, request.study
-    if request.registration is not None:
-        study = locked(study, request.registration.digest)
+    options, registered = request.options, request.registration
+    study = locked(request.study, registered.digest if registered else None)
     if options.slides or not (study.group or options.group):
         return request
     known = recorded(request, lambda journal: (states(journal), request.chain(journal)))

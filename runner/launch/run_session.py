@@ -121,7 +121,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
 
     finger = _finger(request, rig, say, resonance_hz)
     participant, operator = stack.enter_context(
-        participant_and_operator(session, rig, clock, say, window, finger)
+        participant_and_operator(session, rig, say, window, finger)
     )
     operator.recall(recalled(before))
     stack.enter_context(checkpointed(journal))
@@ -192,7 +192,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
     """
     options, registered = request.options, request.registration
     digest = None if registered is None else registered.digest
-    study = request.study if digest is None else locked(request.study, digest)
+    study = locked(request.study, digest)
     with journal.alone():
         require_registered(journal, registered, rehearsal=request.rehearsal)
         sessions, chain = states(journal), request.chain(journal)

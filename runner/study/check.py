@@ -92,8 +92,8 @@ def checked(
         from runner.study.registered import checked_registration
 
         # The registration seeds the orders: without it the plans shown would not be those run.
-        if registered := checked_registration(folder):
-            study = locked(study, registered.digest)
+        registered = checked_registration(folder)
+        study = locked(study, registered.digest if registered else None)
     size = participants or study.design.participants or 1
     at_levels = (touch for track in tracks for touch in track.touches())
     shown = preview(study, size, at_levels)

@@ -126,7 +126,6 @@ class Ask:
 
 
 def ask_change(question: study_question.Question) -> Ask:
-    """Return the question what changed."""
     return Ask(question=study_question.change_question(question))
 
 
@@ -136,7 +135,6 @@ def ask_track(found: str, intervals: int) -> Ask:
 
 
 def ask_score(rating: Rating) -> Ask:
-    """Return the question how strong the change is."""
     return Ask(question=study_question.score_question(rating), bands=rating.bands)
 
 
@@ -252,7 +250,6 @@ class OperatorView:
         return shown + (f", {left}" if self.left_s > 0 else "")
 
     def output(self) -> str:
-        """Return the state of the output in words."""
         if self.unknown:
             # Before all else: what the device said before does not count any more.
             return UNKNOWN.removeprefix("output ")

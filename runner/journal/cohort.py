@@ -33,7 +33,6 @@ class SessionSummary:
     group: str | None
 
     def record(self) -> dict[str, Any]:
-        """Return the summary for programs."""
         return {name: value for name, value in asdict(self).items() if name != "group" or value}
 
 

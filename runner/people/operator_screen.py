@@ -305,7 +305,6 @@ class Scale:
     targets: list[float]
 
     def line(self, label: str, value: float | None, remark: str) -> Text:
-        """Return the bar of `value` with its figure, its targets, and a remark."""
         figure = "-" if value is None else self._written(value)
         aims = " to ".join(dict.fromkeys(map(self._written, self.targets)))
         remarks = ", ".join(filter(None, [aims and f"target {aims}", remark]))

@@ -38,7 +38,6 @@ class Drawing:
     duration_s: float
 
     def mark_m(self, now_s: float) -> float:
-        """Return where the mark is, m."""
         share = min(max((now_s - self.moves_s) / self.duration_s, 0.0), 1.0)
         return self.start_m + share * (self.end_m - self.start_m)
 

@@ -4,6 +4,7 @@ import sys
 from array import array
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from random import Random
 from statistics import fmean
 
@@ -123,36 +124,27 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
     return tangential, normal
 
 
+_optional = partial(StudyQuestion, required=False)
 OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
     "skin state": (
         "What is the state of the skin (dry, normal, moist)?",
-        StudyQuestion(
+        _optional(
             name="skin_state",
             kind="choice",
             labels=tuple(Label(value=state) for state in ("dry", "normal", "moist")),
-            required=False,
         ),
     ),
     "room temperature": (
         "What is the room temperature, in °C?",
-        StudyQuestion(
-            name="room_temperature",
-            kind="number",
-            minimum=0,
-            maximum=50,
-            decimals=2,
-            required=False,
-        ),
+        _optional(name="room_temperature", kind="number", minimum=0, maximum=50, decimals=2),
     ),
     "humidity": (
         "What is the relative humidity of the air, in %?",
-        StudyQuestion(
-            name="humidity", kind="number", minimum=0, maximum=100, decimals=2, required=False
-        ),
+        _optional(name="humidity", kind="number", minimum=0, maximum=100, decimals=2),
     ),
     "cleaning": (
         "How and when was the beam cleaned?",
-        StudyQuestion(name="cleaning", kind="text", max_length=200, required=False),
+        _optional(name="cleaning", kind="text", max_length=200),
     ),
 }
 """How the operator is asked what the study wants to know, and what may be the answer."""

@@ -219,7 +219,6 @@ def wait_for(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thi
 
 
 def response(context: SessionContext) -> screens.Response:
-    """Return the participant's answer to the current screen."""
     return wait_for(context, context.participant.poll)
 
 

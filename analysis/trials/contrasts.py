@@ -373,15 +373,16 @@ def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -
             for factor in FACTORS
         },
         by_speed={
-            f"{factor * speed:.4g}": predicted_contrast(_at_speed(change, factor * speed), rig=rig)
+            f"{factor * speed:.4g}": predicted_contrast(_faster(change, factor), rig=rig)
             for factor in FACTORS
         },
     )
 
 
-def _at_speed(change: Change, speed_m_s: float) -> Change:
+def _faster(change: Change, factor: float) -> Change:
     before, after = (
-        replace(moment, sliding_speed_m_s=speed_m_s) for moment in (change.before, change.after)
+        replace(moment, sliding_speed_m_s=factor * moment.sliding_speed_m_s)
+        for moment in (change.before, change.after)
     )
     return replace(change, before=before, after=after)
 

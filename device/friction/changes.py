@@ -133,7 +133,7 @@ def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> M
         coverage=touch.coverage,
         force_n=study.touch.force_n * touch.press,
         contact_m=study.touch.contact_m,
-        sliding_speed_m_s=study.touch.sliding_speed_m_s,
+        sliding_speed_m_s=touch.sliding_speed_m_s or study.touch.sliding_speed_m_s,
         has_bodies=beam is None or study.beams[beam] > 0,
     )
 

@@ -417,6 +417,7 @@ def levels(touches: Sequence[Touch]) -> dict[str, list[Any]]:
         "frequency": [_course(touch.frequency, touch.end_frequency) for touch in touches],
         "frequency_hz": [touch.frequency_hz for touch in touches],
         "press": [touch.press for touch in touches],
+        "sliding_speed_m_s": [touch.sliding_speed_m_s for touch in touches],
         "direction": [touch.direction for touch in touches],
         "beam": [touch.beam for touch in touches],
     }

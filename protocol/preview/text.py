@@ -61,16 +61,18 @@ def _trial_rows(shown: preview.Preview, model: preview.Prediction) -> Iterator[t
             _courses(touch.drive_ends for touch in trial.touches),
             "" if contrast is None else f"{contrast:+.3f}",
             trial.expected or "",
-            _finger(trial, shown.study.touch.beam),
+            _finger(trial, shown.study),
         )
 
 
-def _finger(trial: Trial, own_beam: str | None) -> str:
-    """Return what else changes between touches: the direction, the pressure, the beam."""
+def _finger(trial: Trial, shown: Study) -> str:
+    """Return what else changes between touches: the direction, the pressure, beam and speed."""
     set_by = preview.levels(trial.touches)
     presses = [f"x{press:g}" for press in set_by["press"]]
-    beams = [str(beam or own_beam) for beam in set_by["beam"]]
-    courses = (set_by["direction"], presses, beams)
+    own = shown.touch
+    beams = [str(beam or own.beam) for beam in set_by["beam"]]
+    speeds = [f"{speed or own.sliding_speed_m_s:g} m/s" for speed in set_by["sliding_speed_m_s"]]
+    courses = (set_by["direction"], presses, beams, speeds)
     return "; ".join("/".join(course) for course in courses if len(set(course)) > 1)
 
 

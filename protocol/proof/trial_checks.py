@@ -65,7 +65,7 @@ def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
 
 def _touch_s(study: Study, touch: Touch) -> float:
     left_m, right_m = study.touch.path_m
-    slide_s = (right_m - left_m) / study.touch.sliding_speed_m_s
+    slide_s = (right_m - left_m) / (touch.sliding_speed_m_s or study.touch.sliding_speed_m_s)
     return touch.duration_s or (slide_s if touch.place == "path" else study.touch.hold_s)
 
 
@@ -167,8 +167,9 @@ def _course(touch: Touch, level: float, *, backwards: bool) -> tuple[list[float]
         changing = [changing[1], changing[0], changing[3], changing[2]]
     hertz = (touch.frequency_hz, touch.sweep_to_hz)
     staying = [touch.place, touch.direction, touch.coverage, touch.press, touch.beam]
+    staying += [touch.duration_s, touch.sliding_speed_m_s, touch.instruction]
     turned = backwards and touch.sweep_to is not None
-    return changing, [*staying, touch.duration_s, touch.instruction, hertz[:: -1 if turned else 1]]
+    return changing, [*staying, hertz[:: -1 if turned else 1]]
 
 
 def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list[object]]) -> bool:

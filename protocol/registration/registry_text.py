@@ -190,6 +190,7 @@ def _touch(touch: Touch) -> str:
         # At 0 V there is no drive that could have a frequency.
         frequency if touch.peak_voltage_v else "",
         f"{touch.duration_s:g} s" if touch.duration_s else "",
+        f"{touch.sliding_speed_m_s:g} m/s" if touch.sliding_speed_m_s else "",
     )
     return ", ".join(filter(None, parts))
 

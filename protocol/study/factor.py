@@ -29,6 +29,7 @@ Varied = Literal[
     "sweep_to",
     "sweep_to_hz",
     "press",
+    "sliding_speed_m_s",
     "direction",
     "place",
     "coverage",
@@ -36,7 +37,7 @@ Varied = Literal[
     "duration_s",
     "instruction",
 ]
-_UNITS = {"_v": "V", "to_v": "V", "_s": "s"}
+_UNITS = {"_v": "V", "_m_s": "m/s", "_s": "s"}
 MOST_CONDITIONS = 30
 """Written or crossed: with more a session is too long, and a table cannot be read."""
 CONDITION = "condition"

@@ -30,6 +30,9 @@ SHORTEST_S, LONGEST_S = 0.1, 600.0
 TouchTime = Annotated[Positive, Field(ge=SHORTEST_S, le=LONGEST_S)]
 Hertz = Annotated[Positive, Field(ge=1_000, le=100_000)]
 """Of a drive that does not follow the resonance."""
+# Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
+SlidingSpeed = Annotated[Positive, Field(ge=0.001, le=1)]
+"""Of a mark that paces a finger or a block, m/s."""
 Relative = Annotated[Positive, Field(ge=0.1, le=10)]
 """To a resonance or a force: a tenth or ten times of it is another experiment."""
 
@@ -41,8 +44,7 @@ class TouchDefaults(Record):
     force_n: Positive = setting(0.5, "force of the finger on the beam", ge=0.01, le=10)
     # A fingertip covers some 10 mm, a probe 1 mm, a flat hand 100 mm.
     contact_m: Positive = setting(0.010, "length of beam under one finger", ge=0.001, le=0.1)
-    # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
-    sliding_speed_m_s: Positive = setting(0.04, ge=0.001, le=1)
+    sliding_speed_m_s: SlidingSpeed = 0.04
     """speed of the mark that paces the finger"""
     path_m: Way = (0.010, 0.081)
     """the finger's way on the beam (0.1 m), right edge of the finger, clamp at 0"""
@@ -79,6 +81,8 @@ class Touch(Record):
     beam: Name | None = setting(None, "one of `[beams]`; the operator mounts it first")
     duration_s: TouchTime | None = None
     """instead of `touch.hold_s` or the time the path takes"""
+    sliding_speed_m_s: SlidingSpeed | None = None
+    """of a slide, instead of `touch.sliding_speed_m_s`"""
     instruction: Name | None = None
     """key of the text that replaces the built-in instruction"""
 
@@ -148,7 +152,7 @@ def touch_s(touch: Touch, finger: TouchDefaults) -> float:
     if touch.place == "smooth":
         return finger.hold_s
     left_m, right_m = touch.own_path_m or finger.path_m
-    return (right_m - left_m) / finger.sliding_speed_m_s
+    return (right_m - left_m) / (touch.sliding_speed_m_s or finger.sliding_speed_m_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,8 +253,7 @@ class Slide(Record):
     """how often each driven pass is made; all come once before one comes again"""
     directions: tuple[Direction, ...] = setting(("right",), min_length=1, max_length=2)
     """directions of the block"""
-    # A hand keeps no lower speed, and at 1 m/s a pass is over at once.
-    speeds_m_s: tuple[Annotated[Positive, Field(ge=0.001, le=1)], ...] = setting(
+    speeds_m_s: tuple[SlidingSpeed, ...] = setting(
         (0.005,), "speeds of the mark that paces the block", min_length=1, max_length=10
     )
     paths_m: tuple[Way, ...] = setting(((0.010, 0.081),), min_length=1, max_length=20)

@@ -348,6 +348,14 @@ def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
             unit_hint(("press",)),
             "press",
         )
+    if touch.sliding_speed_m_s is not None:
+        value = f"{touch.sliding_speed_m_s:g} m/s"
+        if touch.place != "path":
+            rule, hint = 'is for place = "path"', "leave it out: this finger rests"
+            yield rule, value, hint, "sliding_speed_m_s"
+        elif touch.duration_s is not None:
+            hint = "each follows from the other and the path: leave one out"
+            yield "must not be given beside duration_s", value, hint, "sliding_speed_m_s"
 
 
 def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:

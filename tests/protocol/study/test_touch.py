@@ -2,11 +2,17 @@
 
 import pytest
 
+from device.friction.changes import friction_difference
+from device.friction.scenes import NOMINAL
+from protocol.errors import BadInput
 from protocol.plan.blocks import at_level, opposite, opposite_expected
+from protocol.plan.plan import plan
+from protocol.proof.trial_checks import plan_problems
 from protocol.study.rig_settings import Rig
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch, TouchDefaults, driven_s, touch_s
 from protocol.study_file.loading import parsed_study, template
+from runner.study.check import validated_study
 
 FINGER, RIG = TouchDefaults(), Rig()
 RAMP = Touch(place="smooth", voltage_v=0, ramp_to_v=200, duration_s=6)
@@ -86,3 +92,50 @@ def test_a_ramp_that_goes_nowhere_is_no_change() -> None:
     hold = Touch(place="smooth", voltage_v=50)
     flat = hold.model_copy(update={"ramp_to_v": 50.0})
     assert opposite_expected(condition.model_copy(update={"touches": (hold, flat)})) is None
+
+
+def test_a_slide_of_its_own_speed_takes_as_long_as_its_way() -> None:
+    finger = TouchDefaults(sliding_speed_m_s=0.04, path_m=(0.01, 0.09))
+    usual = Touch(place="path", voltage_v=0)
+    fast = usual.model_copy(update={"sliding_speed_m_s": 0.1})
+    assert touch_s(usual, finger) == pytest.approx(2.0)
+    assert touch_s(fast, finger) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ('place = "smooth", sliding_speed_m_s = 0.1', 'is for place = "path"'),
+        ('place = "path", duration_s = 2, sliding_speed_m_s = 0.1', "must not be given beside"),
+        ('place = "path", sliding_speed_m_s = 40', "at most 1"),
+    ],
+)
+def test_a_speed_that_no_slide_has_is_refused(keys: str, message: str) -> None:
+    text = template("threshold").replace(
+        'standard = { place = "smooth", voltage_v = 0 }', f"standard = {{ {keys}, voltage_v = 0 }}"
+    )
+    with pytest.raises(BadInput, match=message):
+        validated_study(text, "study.toml")
+
+
+def test_speeds_of_touches_are_shown_proved_and_felt() -> None:
+    text = (
+        template("threshold")
+        .replace(
+            'standard = { place = "smooth", voltage_v = 0 }\ncomparison = { place = "smooth" }',
+            'standard = { place = "path", voltage_v = 100, sliding_speed_m_s = 0.02 }\n'
+            'comparison = { place = "path", sliding_speed_m_s = 0.1 }',
+            1,
+        )
+        .replace("from = 4, to = 160", "from = 110, to = 160")
+    )
+    study = validated_study(text, "study.toml")
+    assert list(plan_problems(study, plan(study, 0))) == []
+    track = study.track[0]
+    assert track.standard is not None
+    same = track.at(9).model_copy(update={"sliding_speed_m_s": 0.02})
+    slow, fast = (
+        friction_difference(study, track.standard, it, NOMINAL) for it in (same, track.at(9))
+    )
+    # Whether the same amplitude lowers friction more depends on how fast the finger goes.
+    assert slow != pytest.approx(fast, abs=1e-3)

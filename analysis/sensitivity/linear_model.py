@@ -20,6 +20,8 @@ from analysis.sensitivity.lines import (
 )
 
 POINTS = 400
+AT_ONCE = 8_000
+"""Matrices of as many points times subjects."""
 # Variance of a single subject's gain relative to itself, which would be 0.
 SMALLEST = 1e-12
 # log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
@@ -231,8 +233,10 @@ def linear_lines(ratings: Ratings) -> LineMixture | NotEstimable:
 
 def _log_posterior(sums: LineSums, points: FloatArray) -> FloatArray:
     """Return the log posterior, but for the priors of τ_gain and ρ."""
-    known = line_posterior(sums, *_components(points))
-    return np.asarray(known.log_likelihood + log_prior_of_spread(points[:, 1]))
+    # In stretches, because the matrices of a large study at all points would fill the memory.
+    stretches = np.array_split(points, -(-points.shape[0] * len(sums.counts) // AT_ONCE))
+    known = [line_posterior(sums, *_components(some)).log_likelihood for some in stretches]
+    return np.asarray(np.concatenate(known) + log_prior_of_spread(points[:, 1]))
 
 
 def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:

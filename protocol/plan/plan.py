@@ -18,7 +18,7 @@ from protocol.plan.blocks import (
 )
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
-from protocol.study.study import Condition, Opening, Study
+from protocol.study.study import Condition, Study
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Slide, SlidePass
 
@@ -78,7 +78,11 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
 
     order = ordered_conditions(study, slot, session) if study.condition else []
     practice = _practice(study, stream_name("practice"))
-    trials = [*map(_opening_trial, study.opening), *practice, *_main(study, order, stream_name)]
+    opening = (
+        Trial(kind=item.kind, question=item.question, expected=item.expected, touches=item.touches)
+        for item in study.opening
+    )
+    trials = [*opening, *practice, *_main(study, order, stream_name)]
     blocks = order[-1][0] if order else 0
     trials += track_trials(study, blocks + 1, stream_name("tracks"))
     return Plan(
@@ -94,19 +98,6 @@ def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
     places = islice(arrivals(study, "participant"), participants) if study.group else ()
     grouped = (replace(plan(study.of_group(name), slot), group=name) for name, slot in places)
     return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
-
-
-def _opening_trial(item: Opening) -> Trial:
-    return Trial(
-        index=0,
-        block=0,
-        kind=item.kind,
-        condition=None,
-        question=item.question,
-        expected=item.expected,
-        scored=False,
-        touches=item.touches,
-    )
 
 
 def _practice(study: Study, name: Name) -> Iterator[Trial]:
@@ -152,7 +143,6 @@ def _trial(
 ) -> Trial:
     touches = at_level(condition.touches, level)
     return Trial(
-        index=0,
         block=block,
         kind="trial",
         condition=condition.name,
@@ -330,13 +320,6 @@ def _passes(slide: Slide, drive: _Drive) -> Iterator[Trial]:
             path_m=path_m,
             duration_s=round((path_m[1] - path_m[0]) / speed_m_s, 9),
         )
-        yield Trial(
-            index=0,
-            block=1,
-            kind="pass",
-            condition=", ".join([drive.label, *(text for text, many in said.items() if many > 1)]),
-            question=None,
-            expected=None,
-            scored=False,
-            touches=(made.model_copy(update={"frequency": drive.frequency}),),
-        )
+        named = ", ".join([drive.label, *(text for text, many in said.items() if many > 1)])
+        touches = (made.model_copy(update={"frequency": drive.frequency}),)
+        yield Trial(block=1, kind="pass", condition=named, touches=touches)

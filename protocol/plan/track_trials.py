@@ -66,13 +66,8 @@ def _intervals(track: Track, stream: Stream) -> Iterator[int]:
 
 def _trial(track: Track, role: str, interval: int | None) -> Trial:
     return Trial(
-        index=0,
-        block=0,
         kind="track",
-        condition=None,
-        question=None,
         expected=right_answer(track, role, interval),
-        scored=False,
         touches=touches_of(track, role, interval, track.comparison),
         track=PlannedTrack(name=track.name, role=role, interval=interval),
     )

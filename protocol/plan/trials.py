@@ -24,13 +24,13 @@ class Trial:
     file has them: the level is chosen when the trial begins.
     """
 
-    index: int
-    block: int
+    index: int = 0
+    block: int = 0
     kind: TrialKind
-    condition: str | None
-    question: Question | None
-    expected: str | None
-    scored: bool
+    condition: str | None = None
+    question: Question | None = None
+    expected: str | None = None
+    scored: bool = False
     touches: tuple[Touch, ...]
     level: float = 1.0
     opposite: bool = False

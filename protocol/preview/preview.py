@@ -342,6 +342,11 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         for name, own in by_group(shown.plans).items()
         if name
     ]
+    passes = [
+        {"index": trial.index, "drive": trial.condition}
+        for trial in (shown.slide.trials if shown.slide else ())
+    ]
+    slide_s = round(shown.slide_s, 1)
     return {
         "participants": [
             {
@@ -365,7 +370,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "contrast_rung": model.rung,
         **({"contrast_rig": model.rig} if model.rig else {}),
         **({} if channel.rate_hz is None else {"recorded": recorded}),
-        **({} if shown.slide is None else {"slide": _slide_record(shown.slide, shown.slide_s)}),
+        **({"slide": {"passes": passes, "duration_s": slide_s}} if shown.slide else {}),
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
@@ -387,11 +392,6 @@ def _balance_record(carryover: CarryOver) -> dict[str, Any]:
         "imbalance": carryover.imbalance,
         "promised": carryover.guaranteed,
     }
-
-
-def _slide_record(sliding: Plan, duration_s: float) -> dict[str, Any]:
-    passes = [{"index": trial.index, "drive": trial.condition} for trial in sliding.trials]
-    return {"passes": passes, "duration_s": round(duration_s, 1)}
 
 
 def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, Any]:

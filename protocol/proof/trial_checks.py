@@ -333,7 +333,7 @@ def _groups(study: Study, plan: Plan) -> Violations:
     if asked == "block":
         stretches = [list(some) for _, some in groupby(main, key=lambda trial: trial.block)]
     for stretch in stretches:
-        seen = [beams for beams, _ in groupby(sets[trial.condition or ""] for trial in stretch)]
+        seen = [beams for beams, _ in groupby(sets.get(trial.condition or "") for trial in stretch)]
         if len(seen) != len(set(seen)):
             yield f"trials on the same beams must be grouped within each {asked}", str(seen)
 

@@ -72,7 +72,7 @@ class Registration:
     @property
     def analysis_sha256(self) -> str:
         """The digest of the analysis settings."""
-        return settings_digest(self.analysis)
+        return sha256(json.dumps(dict(self.analysis), sort_keys=True).encode()).hexdigest()
 
     def text(self) -> str:
         """Return the file: its first line is the digest of the others."""
@@ -104,11 +104,6 @@ class Registration:
             "analysis": {"sha256": self.analysis_sha256, "settings": self.analysis},
             "power": self.power,
         }
-
-
-def settings_digest(settings: Mapping[str, Setting]) -> str:
-    """Return the digest of the settings of an analysis."""
-    return sha256(json.dumps(dict(settings), sort_keys=True).encode()).hexdigest()
 
 
 def registration_in(text: str, source: str = FILE) -> Registration:

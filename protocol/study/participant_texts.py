@@ -193,10 +193,6 @@ _OF_TRACKS = (
 """How the keys begin of texts that only a study with tracks has."""
 
 
-def _is_of_tracks(key: str) -> bool:
-    return key.startswith(_OF_TRACKS) and key != "answer.not swapped"
-
-
 def _track_texts(study: Study) -> Iterator[str]:
     """Yield the keys of the texts that are read in the trials of the study's tracks."""
     for track in study.track:
@@ -221,7 +217,8 @@ def read_in_reference(study: Study, code: str) -> tuple[str, ...]:
     return tuple(
         key
         for key, older in languages.later_texts().items()
-        if given.isdisjoint({key, older}) and not _is_of_tracks(key)
+        if given.isdisjoint({key, older})
+        and (key == "answer.not swapped" or not key.startswith(_OF_TRACKS))
     )
 
 

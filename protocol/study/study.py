@@ -7,7 +7,7 @@ amplitude (peak), a frequency is relative to the resonance that the rig measures
 from collections.abc import Iterator
 from hashlib import sha256
 from itertools import chain, count
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -44,9 +44,6 @@ class Item(Record):
                 f"for the question {self.question}, got {self.expected!r}"
             )
         return self
-
-
-AnyItem = TypeVar("AnyItem", bound=Item)
 
 
 class Opening(Item):
@@ -154,10 +151,15 @@ class Study(Record):
         if self.group and self.design.participants is None:
             size = {"participants": sum(group.size for group in self.group)}
             object.__setattr__(self, "design", self.design.model_copy(update=size))
+        hz = self.rig.nominal_resonance_hz
         crossed = chain.from_iterable(map(self._crossed, count(), self.condition))
         for key, items in (("condition", crossed), ("opening", self.opening)):
+            at_resonance = (
+                item.model_copy(update={"touches": tuple(it.at(hz) for it in item.touches)})
+                for item in items
+            )
             # A frozen record sets its own fields in this way alone.
-            object.__setattr__(self, key, tuple(map(self._at_resonance, items)))
+            object.__setattr__(self, key, tuple(at_resonance))
         return self
 
     def _crossed(self, number: int, condition: Condition) -> Iterator[Condition]:
@@ -179,10 +181,6 @@ class Study(Record):
             own._cell = {CONDITION: condition.name} if several else {}
             own._cell |= dict(zip((factor.name for factor in self.factor), named, strict=True))
             yield own
-
-    def _at_resonance(self, item: AnyItem) -> AnyItem:
-        hz = self.rig.nominal_resonance_hz
-        return item.model_copy(update={"touches": tuple(it.at(hz) for it in item.touches)})
 
     @property
     def factors(self) -> dict[str, tuple[str, ...]]:

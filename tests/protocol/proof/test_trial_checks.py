@@ -146,5 +146,12 @@ def test_scattered_beams_are_detected() -> None:
     assert "at most 2 beam swaps are allowed" in rules
 
 
+def test_a_scored_trial_of_no_condition_is_a_problem_where_trials_are_grouped() -> None:
+    design = STUDY.design.model_copy(update={"group_by_beam": "block"})
+    broken = changed(lambda t: t.kind == "baseline", lambda t: replace(t, kind="trial"))
+    found = plan_problems(STUDY.model_copy(update={"design": design}), broken)
+    assert any("every condition must come" in str(problem) for problem in found)
+
+
 def test_a_plan_without_trials_is_a_problem() -> None:
     assert plan_problems(STUDY, replace(PLAN, trials=()))

@@ -120,13 +120,12 @@ COMMANDS = (
     "check .",
     "translate . fr",
     "run . --participant P01 --ratings virtual --rehearsal",
-    "run . --participant P02 --ratings virtual --rehearsal",
     "slide .",
     "register .",
     "status .",
     "verify .",
-    "exclude . --participant P02 --reason tired --rehearsal",
-    "include . --participant P02 --reason rested --rehearsal",
+    "exclude . --participant P01 --reason tired --rehearsal",
+    "include . --participant P01 --reason rested --rehearsal",
     "backup . copy.db",
     "verify copy.db",
     "export . csv --format csv --rehearsals",
@@ -135,7 +134,7 @@ COMMANDS = (
     "export . rocrate --format rocrate --rehearsals",
     "import bids again",
     "report . --rehearsals --sections table4",
-    "withdraw . --participant P02 --rehearsal --yes",
+    "withdraw . --participant P01 --rehearsal --yes",
     "predict scenes.csv --out friction.csv",
     "claims",
     "device list",
@@ -163,8 +162,9 @@ def sent(tmp_path: Path) -> Sender:
 def test_no_command_obeys_what_lies_in_the_study_or_above(sent: Sender, tmp_path: Path) -> None:
     (sent.study / "scenes.csv").write_text("voltage_v\n100\n")
     with cluster_in(tmp_path, 1) as (address, _):
-        power = [f"power . {TESTED} 1 --workers 2", f"power . {TESTED} 2 --scheduler {address}"]
-        typed = [(command, False) for command in (*COMMANDS, *power)]
+        typed = [
+            (command, False) for command in (*COMMANDS, f"power . {TESTED} 2 --scheduler {address}")
+        ]
         for command, above in (*typed, *((command, True) for command in ABOVE)):
             done = sent.types(*command.split(), above=above)
             assert (done.returncode, done.stderr) == (0, ""), command

@@ -6,16 +6,25 @@ The import of psychopy needs a display, so only the window's own process imports
 import ctypes
 import sys
 import time
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from pathlib import Path
 from typing import Any
 
 import pyglet
-from psychopy import logging, visual
 from pyglet.window import key, mouse
 
 from protocol.errors import WorkFailed
 from runner.window import elements
 from runner.window.messages import Settings
+
+# Psychopy imports it for the calibration of monitors alone, which no session has: the window opens
+# sooner by a third if it comes only when it is used.
+if (spec := find_spec("scipy.interpolate")) and spec.loader:
+    spec.loader = LazyLoader(spec.loader)
+    sys.modules[spec.name] = module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[spec.name])
+
+from psychopy import logging, visual
 
 SMALL_WINDOW_PX = (800, 600)
 MOST_KEPT = 1000

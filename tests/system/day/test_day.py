@@ -18,14 +18,18 @@ from tests.system.day.invariants import Violation
 from tests.system.day.lab import Lab
 from tests.system.day.studies import drawn_study
 
-SEEDS = 80
+# On these days everything happens that happens on any of the first 80.
+SEEDS = (
+    *(0, 2, 8, 14, 15, 19, 20, 21, 24, 29, 33, 34, 35, 37, 38, 39),
+    *(40, 47, 48, 50, 56, 57, 60, 62, 63, 64, 68, 69, 70, 74, 77, 78),
+)
 SOAKED = 5000
-_A_BATCH = 10
+_A_BATCH = 8
 
 
-@pytest.mark.parametrize("first", range(0, SEEDS, _A_BATCH))
+@pytest.mark.parametrize("first", range(0, len(SEEDS), _A_BATCH))
 def test_days_keep_every_invariant(first: int) -> None:
-    for seed in range(first, first + _A_BATCH):
+    for seed in SEEDS[first : first + _A_BATCH]:
         done = day(seed)
         assert done.happened["killed"] >= 1, "and resumed, or the day would not have ended"
         assert done.happened["broken"] >= 2
@@ -62,7 +66,7 @@ def _stored_after_a_wrong_touch(folder: Path) -> Callable[[str, str, str], None]
 
 
 def test_a_day_depends_on_its_seed_alone() -> None:
-    seeds = (3, 5, 7, 12, 1283)
+    seeds = (3, 12, 1283)
     forwards = {seed: digest(seed) for seed in seeds}
     assert {seed: digest(seed) for seed in reversed(seeds)} == forwards
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

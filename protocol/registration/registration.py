@@ -245,20 +245,41 @@ def threshold_of(track: str, other: str = "") -> str:
     return f"threshold of {track}" + (f" above that of {other}" if other else "")
 
 
-def hypotheses_of(study: Study) -> dict[str, str]:
-    """Return the test of each hypothesis of a study, by its name; those of conditions first."""
+def weber_below(name: str) -> tuple[str, float] | None:
+    """Return the track and the limit that a hypothesis on a Weber fraction names; None for another.
+
+    >>> weber_below("Weber fraction of stairs below 0.15")
+    ('stairs', 0.15)
+    """
+    found = re.fullmatch(r"Weber fraction of (.+) below (0?\.\d{1,6})", name)
+    return (found[1], float(found[2])) if found and float(found[2]) > 0 else None
+
+
+def hypotheses_of(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
+    """Return the test of each hypothesis of a study, by its name; those of conditions first.
+
+    `named` are some that may have a number of their own, such as the limit of a Weber fraction.
+    """
     found = {}
     if study.condition:
         catch_trials = study.design.catch_trials
         found = hypotheses(
             study.conditions, study.groups, factors_of(study), catch_trials=catch_trials
         )
-    return found | hypotheses_of_tracks(study.track)
+    return found | hypotheses_of_tracks(study.track, named)
 
 
-def hypotheses_of_tracks(tracks: Iterable[Track]) -> dict[str, str]:
+def hypotheses_of_tracks(tracks: Iterable[Track], named: Iterable[str] = ()) -> dict[str, str]:
     """Return the test of each hypothesis on thresholds, by its name."""
     tracks = tuple(tracks)
+    # Of a place no contrast is predicted, nor of a comparison with nothing.
+    felt = {track.name for track in tracks if track.standard and track.axis != "place"}
+    limited = {
+        name: "the 95% t interval of the geometric mean of the participants' Weber fractions, "
+        "measured where friction was recorded of all of them, else predicted, lies below the limit"
+        for name in named
+        if (of := weber_below(name)) and of[0] in felt
+    }
     # On one axis: volts are not compared with metres.
     pairs = ((a, b) for a, b in permutations(tracks, 2) if a.axis == b.axis)
     found = {
@@ -267,7 +288,7 @@ def hypotheses_of_tracks(tracks: Iterable[Track]) -> dict[str, str]:
         for a, b in pairs
     }
     estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
-    return found | {threshold_of(track.name): estimated for track in tracks}
+    return found | {threshold_of(track.name): estimated for track in tracks} | limited
 
 
 def hypotheses(

@@ -86,7 +86,7 @@ def registry_text(study: Study, registered: Registration) -> str:
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
-    tests = hypotheses_of(study)
+    tests = hypotheses_of(study, registered.hypotheses)
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."

@@ -172,7 +172,8 @@ def new_registration(
     """
     from device.friction.changes import LAW, RUNG
 
-    known, (primary, secondary) = hypotheses_of(study), hypotheses
+    primary, secondary = hypotheses
+    known = hypotheses_of(study, filter(None, (primary, *secondary)))
     primary = primary or next(iter(known))
     for name in (primary, *secondary):
         require_known(name, known)

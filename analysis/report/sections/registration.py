@@ -46,6 +46,7 @@ from protocol.registration.registration import (
     hypotheses,
     hypotheses_of_tracks,
     threshold_of,
+    weber_below,
 )
 
 # The settings of the analysis that a registration fixes beside the study file.
@@ -158,7 +159,8 @@ def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEst
     if name.endswith(NOTICED):
         return _noticed(found, name.removesuffix(NOTICED).strip())
     return (
-        _of_tracks(found, name)
+        _of_weber(found, name)
+        or _of_tracks(found, name)
         or _of_factors(found, name)
         or _of_groups(found, name)
         or _pair(found, name)
@@ -195,6 +197,23 @@ def _of_tracks(found: Findings, name: str) -> _Computed | NotEstimable | None:
             told = f"ratio {number(ratio, 2)}, {p_equals(test.p)}"
             return told, test.p, ratio > 1 and test.p < LEVEL
     return NotEstimable("nobody has a threshold") if name in map(threshold_of, tracks) else None
+
+
+def _of_weber(found: Findings, name: str) -> _Computed | NotEstimable | None:
+    """Return whether a Weber fraction is below its limit; None where the name is of no such."""
+    if (limited := weber_below(name)) is None:
+        return None
+    track, limit = limited
+    cohort = found.thresholds.cohort if found.thresholds else ()
+    each = next((each for each in cohort if each.track == track), None)
+    if each is None or isinstance(each.weber, NotEstimable):
+        return NotEstimable("nobody's Weber fraction is known")
+    ends = each.weber_interval
+    if isinstance(ends, NotEstimable):
+        return ends
+    told = f"{number(each.weber, 3)} ({each.weber_of} friction), 95% CI {interval(ends, 3)}"
+    # An interval decides, so that there is no p.
+    return told, None, ends[1] < limit
 
 
 def _of_factors(found: Findings, name: str) -> _Computed | NotEstimable | None:
@@ -288,7 +307,9 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
     asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
     asked |= {name: NOTICE for name in names if name.endswith(NOTICED)}
-    asked |= dict.fromkeys(set(names) & set(hypotheses_of_tracks(found.study.track)), THRESHOLDS)
+    asked |= dict.fromkeys(
+        set(names) & set(hypotheses_of_tracks(found.study.track, names)), THRESHOLDS
+    )
     asked |= dict.fromkeys(hypotheses((), (), factors_of(found.study)).keys() - asked, FACTORS)
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (

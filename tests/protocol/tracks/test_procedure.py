@@ -1,5 +1,7 @@
 """Staircases and limits against PsychoPy's, published convergence, and their bounds."""
 
+import json
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -75,6 +77,24 @@ def test_plain_staircases_are_those_of_psychopy(first: str) -> None:
         assert levels_asked(ours, answers) == theirs.intensities
         place = procedure.place_after(ours, map(Answer, theirs.intensities, answers))
         assert list(place.turned_at) == theirs.reversalIntensities
+
+
+WEIGHTED = json.loads((Path(__file__).parent / "sweetspot_sequences.json").read_text())
+"""Made with SweetSpot 1.15: highest level, steps down and up, first level, answers, levels."""
+
+
+@pytest.mark.parametrize("row", WEIGHTED, ids=map(str, range(len(WEIGHTED))))
+def test_weighted_staircases_are_those_of_sweetspot(row: Any) -> None:
+    top, down, up, begin, answers, theirs = row
+    ours = track(
+        levels={"values": list(range(1, top + 2))},
+        start=begin + 1,
+        rule="1 down 1 up",
+        step_db=(),
+        step_levels=[down],
+        up_step_levels=[up],
+    )
+    assert levels_asked(ours, [answer == "1" for answer in answers]) == theirs
 
 
 def staircase(rule: str, streak: str = "consecutive", **steps: Any) -> Staircase:

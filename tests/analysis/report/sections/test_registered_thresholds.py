@@ -10,10 +10,10 @@ from analysis.estimates import NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Findings
-from analysis.report.sections.registration import _of_tracks
+from analysis.report.sections.registration import _of_tracks, _of_weber
 from analysis.trials.track_fits import thresholds
 from device.friction.scenes import NOMINAL
-from protocol.registration.registration import threshold_of
+from protocol.registration.registration import hypotheses_of, threshold_of
 from protocol.study_file.loading import parsed_study
 from tests.analysis.tracks import TRACKS, session
 
@@ -62,3 +62,31 @@ def test_other_hypotheses_are_left_to_others_and_missing_thresholds_are_said(
     nobody = cast(Findings, SimpleNamespace(study=found.study, thresholds=None))
     assert isinstance(_of_tracks(nobody, threshold_of(QUEST)), NotEstimable)
     assert isinstance(_of_tracks(nobody, threshold_of(QUEST, STAIRCASE)), NotEstimable)
+
+
+def test_a_weber_fraction_is_below_a_limit_if_its_interval_is(found: Findings) -> None:
+    made = found.thresholds
+    assert made is not None
+    (cohort,) = (each for each in made.cohort if each.track == QUEST)
+    assert not isinstance(cohort.weber_interval, NotEstimable)
+    upper = cohort.weber_interval[1]
+    for limit, holds in ((round(1.1 * upper, 4), True), (round(0.9 * upper, 4), False)):
+        told = _of_weber(found, f"Weber fraction of {QUEST} below {limit:g}")
+        assert isinstance(told, tuple)
+        assert told[1:] == (None, holds)
+        assert "(predicted friction), 95% CI [" in told[0]
+    nobody = cast(Findings, SimpleNamespace(study=found.study, thresholds=None))
+    unknown = _of_weber(nobody, f"Weber fraction of {QUEST} below 0.1")
+    assert isinstance(unknown, NotEstimable)
+
+
+def test_only_a_share_is_a_limit_of_a_weber_fraction() -> None:
+    study = parsed_study(TRACKS)
+    right = f"Weber fraction of {QUEST} below 0.15"
+    for wrong in (
+        f"Weber fraction of {QUEST} below 15",
+        f"Weber fraction of {QUEST} below 0",
+        "Weber fraction of nothing below 0.15",
+        f"Weber fraction of {QUEST}",
+    ):
+        assert [*hypotheses_of(study, [right, wrong])][-1] == right

@@ -135,6 +135,9 @@ def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable 
     `given` has shape (subjects, conditions); each subject and condition has a score.
     """
     compared = given.T.astype(np.intp) @ given  # by how many subjects each pair is
+    # As nearly always: the search for chains would take a tenth of the tests of a small table.
+    if compared.all():
+        return None
     group = connected_components(compared, directed=False)[1]
     linked = group == group[0]
     if linked.all():

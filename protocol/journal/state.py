@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, get_args
 
 from protocol.errors import WorkFailed
 from protocol.journal import events
-from protocol.journal.events import Event, Opening, StoredEvent
+from protocol.journal.events import TAGS, Event, Opening, StoredEvent
 from protocol.journal.records import TrackAnswer
 
 # The states of a session and the events that each allows; all other events are refused.
@@ -18,58 +18,39 @@ EXCLUDED = ("excluded", "dropped")
 UNFINISHED = ("idle", "armed", "paused", "trial", "touching", "driving")
 _LIVING = (*UNFINISHED, "completed")
 
-_TABLE: dict[tuple[str, type[Event]], str] = {
-    ("new", events.SessionOpened): "idle",
-    ("new", events.ScoresImported): "completed",
-    ("new", events.StudyAmended): "amended",
-    ("amended", events.StudyAmended): "amended",
-    ("registered", events.StudyAmended): "amended",
-    **{(state, events.StudyRegistered): "registered" for state in ("new", "amended", "registered")},
-    ("idle", events.SessionResumed): "idle",
-    ("idle", events.PracticeRenewed): "idle",
-    ("idle", events.DeviceArmed): "armed",
-    # Only from `idle`: no session counts as complete whose output was not read back as off.
-    ("idle", events.SessionCompleted): "completed",
-    ("armed", events.WatchdogTested): "armed",
-    ("armed", events.RigDescribed): "armed",
-    ("armed", events.ResonanceMeasured): "armed",
-    ("armed", events.BeamMounted): "armed",
-    ("armed", events.TrialStarted): "trial",
-    # In a trial the operator corrects an answer.
-    **{(it, events.QuestionAnswered): it for it in ("armed", "paused", "trial", "touching")},
-    ("armed", events.Paused): "paused",
-    ("paused", events.Unpaused): "armed",
-    ("armed", events.DeviceOff): "idle",
-    ("paused", events.DeviceOff): "idle",
-    ("trial", events.BeamMounted): "trial",
-    ("trial", events.TouchStarted): "touching",
-    ("touching", events.TouchRecorded): "touching",
-    ("touching", events.TouchEnded): "trial",
-    ("trial", events.Answered): "armed",
-    ("trial", events.TrialAborted): "armed",
-    # A touch that was broken off has no end of its own.
-    ("touching", events.TrialAborted): "armed",
-    ("trial", events.TrialDeferred): "armed",
-    ("armed", events.PracticeRenewed): "armed",
-    ("armed", events.TrialsNotNeeded): "armed",
-    ("armed", events.DriveStarted): "driving",
-    ("driving", events.DriveStarted): "driving",
-    ("driving", events.TouchRecorded): "driving",
-    ("driving", events.DriveEnded): "armed",
-    ("driving", events.DeviceOff): "idle",
-    ("idle", events.TrialExcluded): "idle",
-    ("completed", events.TrialExcluded): "completed",
-    ("idle", events.TrialIncluded): "idle",
-    ("completed", events.TrialIncluded): "completed",
-    ("idle", events.SessionExcluded): "dropped",
-    ("completed", events.SessionExcluded): "excluded",
-    ("dropped", events.SessionIncluded): "idle",
-    ("excluded", events.SessionIncluded): "completed",
-    **{(state, events.NoteTaken): state for state in _LIVING},
-    **{(state, events.Withdrawn): "withdrawn" for state in (*_LIVING, *EXCLUDED)},
-}
+_TABLE = """
+new        session-opened idle        scores-imported completed  study-amended amended
+new        study-registered registered
+amended    study-amended amended      study-registered registered
+registered study-amended amended      study-registered registered
+idle       session-resumed idle       practice-renewed idle      device-armed armed
+idle       session-completed completed
+armed      watchdog-tested armed      rig-described armed        resonance-measured armed
+armed      beam-mounted armed         trial-started trial        question-answered armed
+armed      paused paused              device-off idle            practice-renewed armed
+armed      trials-not-needed armed    drive-started driving
+paused     question-answered paused   unpaused armed             device-off idle
+trial      question-answered trial    beam-mounted trial         touch-started touching
+trial      answered armed             trial-aborted armed        trial-deferred armed
+touching   question-answered touching touch-recorded touching    touch-ended trial
+touching   trial-aborted armed
+driving    drive-started driving      touch-recorded driving     drive-ended armed
+driving    device-off idle
+idle       trial-excluded idle        trial-included idle        session-excluded dropped
+completed  trial-excluded completed   trial-included completed   session-excluded excluded
+dropped    session-included idle
+excluded   session-included completed
+"""
+# A session is completed only from `idle`: none counts as complete whose output was not read back as
+# off. In a trial the operator corrects an answer. A touch that is broken off has no end of its own.
 TRANSITIONS: dict[tuple[str, str], str] = {
-    (state, event.TAG): after for (state, event), after in _TABLE.items()
+    **{
+        (state, TAGS[tag].TAG): after
+        for state, *moves in map(str.split, _TABLE.strip().splitlines())
+        for tag, after in zip(moves[::2], moves[1::2], strict=True)
+    },
+    **{(state, events.NoteTaken.TAG): state for state in _LIVING},
+    **{(state, events.Withdrawn.TAG): "withdrawn" for state in (*_LIVING, *EXCLUDED)},
 }
 """(state, event) → state. `armed`: the device may be driven. `idle`: it is off and not armed."""
 
@@ -97,26 +78,25 @@ def next_state(state: str, tag: str) -> str:
         raise NotAllowed(f"a session that is {state} does not allow the event {tag!r}") from None
 
 
-_FOLDED = frozenset(
-    kind.TAG
-    for kind in (
-        events.SessionOpened,
-        events.ScoresImported,
-        events.SessionResumed,
-        events.RigDescribed,
-        events.BeamMounted,
-        events.PracticeRenewed,
-        events.TrialStarted,
-        events.TouchStarted,
-        events.TrialAborted,
-        events.TrialDeferred,
-        events.TrialsNotNeeded,
-        events.Answered,
-        events.QuestionAnswered,
-        events.TrialExcluded,
-        events.TrialIncluded,
-    )
+_OfSetup = events.SessionResumed | events.BeamMounted | events.RigDescribed
+_Judgement = events.TrialExcluded | events.TrialIncluded
+_OfTrial = (
+    events.TrialStarted
+    | events.TrialAborted
+    | events.TrialDeferred
+    | events.TrialsNotNeeded
+    | events.Answered
 )
+_Folded = (
+    Opening
+    | _OfSetup
+    | _Judgement
+    | _OfTrial
+    | events.PracticeRenewed
+    | events.QuestionAnswered
+    | events.TouchStarted
+)
+_FOLDED = frozenset(kind.TAG for kind in get_args(_Folded))
 """The other events change only the name of the state, so that long traces need not be parsed."""
 
 
@@ -204,8 +184,6 @@ class SessionState:
         match event:
             case events.SessionOpened() | events.ScoresImported():
                 self.opened = event
-            case events.SessionResumed() | events.BeamMounted() | events.RigDescribed():
-                self._take_setup(event)
             case events.PracticeRenewed():
                 # Practice that is renewed counts as not answered: the session then asks for it
                 # again.
@@ -217,40 +195,25 @@ class SessionState:
             case events.TouchStarted():
                 self.touch = event.touch
                 self.windowless = bool(event.instruction and event.instruction.trace is None)
-            case events.TrialExcluded() | events.TrialIncluded():
-                self._take_judgement(event)
-            case (
-                events.TrialStarted()
-                | events.TrialAborted()
-                | events.TrialDeferred()
-                | events.TrialsNotNeeded()
-                | events.Answered()
-            ):
-                self._take_trial(event)
+        if isinstance(event, _OfSetup):
+            self._take_setup(event)
+        elif isinstance(event, _Judgement):
+            self._take_judgement(event)
+        elif isinstance(event, _OfTrial):
+            self._take_trial(event)
 
-    def _take_setup(
-        self, event: events.SessionResumed | events.BeamMounted | events.RigDescribed
-    ) -> None:
+    def _take_setup(self, event: _OfSetup) -> None:
         if isinstance(event, events.RigDescribed):
             self.described = event.answers
         else:  # another beam may have been mounted during an interruption
             self.beam = event.beam if isinstance(event, events.BeamMounted) else None
 
-    def _take_judgement(self, event: events.TrialExcluded | events.TrialIncluded) -> None:
+    def _take_judgement(self, event: _Judgement) -> None:
         self.excluded.pop(event.index, None)
         if isinstance(event, events.TrialExcluded):
             self.excluded[event.index] = event.reason
 
-    def _take_trial(
-        self,
-        event: (
-            events.TrialStarted
-            | events.TrialAborted
-            | events.TrialDeferred
-            | events.TrialsNotNeeded
-            | events.Answered
-        ),
-    ) -> None:
+    def _take_trial(self, event: _OfTrial) -> None:
         self.trial = event.index if isinstance(event, events.TrialStarted) else None
         self.touch = None
         match event:

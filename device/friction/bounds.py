@@ -54,16 +54,6 @@ class _Resonance:
     inertia_ratio: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TopTerms:
-    """Ranges of the terms that determine the top rung's friction coefficient."""
-
-    same_direction: Range
-    relative_tip_speed: Range
-    inertial_ratio: Range
-    printed_inertial_ratio: Range
-
-
 @lru_cache(maxsize=1)
 def _table() -> Mapping[str, Any]:
     text = files("device.friction").joinpath("certified_bounds.json").read_text(encoding="utf-8")
@@ -131,15 +121,17 @@ def _bins(beam: Beam, frequency_hz: FloatArray) -> NDArray[np.intp]:
 
 def _terms(
     batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
-) -> TopTerms:
+) -> ContactTerms:
     """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
     contact = batch.contact
     reference = rungs.reference_tip_speed_m_s(rungs.TOP_RUNG)
     factor = contact.lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
     per_metre = 1.0 / contact.load_n_per_m
     printed = contact.covered_m / (contact.body_count * contact.body_load_n)
-    return TopTerms(
+    return ContactTerms(
+        friction_coefficient=np.asarray(contact.friction_coefficient),
         same_direction=same_direction,
+        opposing=1.0 - same_direction[::-1],
         relative_tip_speed=tip_speed * factor,
         inertial_ratio=inertia_n_per_m * per_metre,
         printed_inertial_ratio=inertia_n_per_m * printed,
@@ -180,7 +172,7 @@ def _same_direction(batch: Batch, right: Range) -> Range:
     return right if batch.contact.direction == "right" else 1.0 - right[::-1]
 
 
-def resonant_terms(batch: Batch) -> TopTerms:
+def resonant_terms(batch: Batch) -> ContactTerms:
     """Return the ranges for scenes driven at the resonance of a mode in the table."""
     top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
     omega = 2 * math.pi * natural_frequency_hz(beam, mode)
@@ -199,7 +191,7 @@ def resonant_terms(batch: Batch) -> TopTerms:
     )
 
 
-def driven_terms(batch: Batch) -> TopTerms:
+def driven_terms(batch: Batch) -> ContactTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
     envelope, scale = _table()["envelope"], batch.beam.frequency_scale
     bins = _bins(batch.beam, batch.frequency_hz)
@@ -214,21 +206,19 @@ def driven_terms(batch: Batch) -> TopTerms:
     return _terms(batch, _same_direction(batch, up_to(1.0)), up_to(speed), up_to(inertia))
 
 
-def _corner(terms: TopTerms, speed: FloatArray, batch: Batch, *, lowest: bool) -> ContactTerms:
-    """Return the corner of the ranges at which a law is lowest (or highest) for one tip speed."""
-    end = 0 if lowest else 1
+def _corner(terms: ContactTerms, end: int) -> ContactTerms:
+    """Return the corner of the ranges at which a law is lowest (0) or highest (1) at any speed."""
     ratio = terms.same_direction[1 - end]  # the law falls with it
-    return ContactTerms(
-        friction_coefficient=np.asarray(batch.contact.friction_coefficient),
+    return replace(
+        terms,
         same_direction=ratio,
         opposing=1.0 - ratio,
-        relative_tip_speed=speed,
         inertial_ratio=terms.inertial_ratio[end],
         printed_inertial_ratio=terms.printed_inertial_ratio[end],
     )
 
 
-def _with_printed_ratio(terms: TopTerms, batch: Batch, choice: LawChoice) -> TopTerms:
+def _with_printed_ratio(terms: ContactTerms, batch: Batch, choice: LawChoice) -> ContactTerms:
     """Return the terms with Eq 15's a/u, equal on every rung, if the law uses it."""
     contact = batch.contact
     if not choice.takes_eq15 or contact.coverage == "full":
@@ -244,14 +234,11 @@ def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
     return _law_range(terms, batch, choice)
 
 
-def _law_range(terms: TopTerms, batch: Batch, choice: LawChoice) -> Range:
+def _law_range(terms: ContactTerms, batch: Batch, choice: LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
     terms = _with_printed_ratio(terms, batch, choice)
     # (1): in s either end may be the extreme. As rows, so that the rest is computed once for both.
-    lowest, highest = (
-        np.atleast_2d(choice.law(_corner(terms, terms.relative_tip_speed, batch, lowest=lowest)))
-        for lowest in (True, False)
-    )
+    lowest, highest = (np.atleast_2d(choice.law(_corner(terms, end))) for end in (0, 1))
     return np.stack([lowest.min(axis=0), highest.max(axis=0)])
 
 
@@ -278,7 +265,8 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     )
     speed = rotation + float(np.array(table["rotation"])[reference][0])
     inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
-    ranges = TopTerms(
+    ranges = replace(
+        terms,
         same_direction=_same_direction(batch, _part_about(window.right, slack)),
         relative_tip_speed=_around(terms.relative_tip_speed, speed),
         inertial_ratio=_around(terms.inertial_ratio, inertia),

@@ -33,14 +33,7 @@ from protocol.study_file.toml import key_lines, line_of, toml_document, unit_hin
 
 def with_languages(text: str, contents: Mapping[str, str]) -> str:
     """Return the text of a study file together with the files of its own languages, by code."""
-    if not contents:
-        return text
-    # A string of JSON is one of TOML, but for one control character.
-    lines = [
-        f"{code} = {json.dumps(content, ensure_ascii=False)}".replace("\x7f", "\\u007f")
-        for code, content in contents.items()
-    ]
-    return "\n".join([text.rstrip("\n"), "", "[languages]", *lines, ""])
+    return _with_table(text, "languages", contents)
 
 
 def picture_names(text: str) -> list[str]:
@@ -54,13 +47,17 @@ def picture_names(text: str) -> list[str]:
 
 def with_pictures(text: str, digests: Mapping[str, str]) -> str:
     """Return the text of a study together with the digests of its pictures, by name."""
-    if not digests:
-        return text
+    quoted = {json.dumps(name, ensure_ascii=False): digest for name, digest in digests.items()}
+    return _with_table(text, "pictures", quoted)
+
+
+def _with_table(text: str, name: str, entries: Mapping[str, str]) -> str:
+    # A string of JSON is one of TOML, but for one control character.
     lines = [
-        f"{json.dumps(name, ensure_ascii=False)} = {json.dumps(digest)}"
-        for name, digest in digests.items()
+        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
+        for key, value in entries.items()
     ]
-    return "\n".join([text.rstrip("\n"), "", "[pictures]", *lines, ""])
+    return "\n".join([text.rstrip("\n"), "", f"[{name}]", *lines, ""]) if entries else text
 
 
 def whole_document(text: str) -> dict[str, Any] | Problem:

@@ -251,7 +251,7 @@ def predictive_figure(data: Sequence[PredictiveStatistic], words: plot.Words) ->
         plot.name_places(axes, [each.name.replace(" ", "\n") for each in data])
         axes.set_ylim(bottom=0)
         axes.set_ylabel("distance from the model, relative")
-        axes.legend(frameon=False)
+        axes.legend(loc="best", frameon=False)
 
     return plot.drawing(words, draw)
 

@@ -1,11 +1,12 @@
 """Figures of the report: names that the font can draw, and the scale of the scores."""
 
 import re
+from itertools import count
 
 import numpy as np
 import pytest
 
-from analysis.report.drawing import FORMATS, Words, marked
+from analysis.report.drawing import FORMATS, Panel, Series, Words, marked, panels_figure
 from analysis.report.figure_data import (
     factor_figure,
     noticed_figure,
@@ -97,3 +98,11 @@ def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
     shares = {f"{name} {number}": np.full((30, 3), 0.5) for number in range(6)}
     for drawn in (means, noticed_figure(factors["condition"], shares, words)):
         assert set(drawn.files()) == set(FORMATS)
+
+
+def test_a_slow_computer_is_not_blamed_for_a_legend(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Matplotlib warns where it looks longer than a second for the best place.
+    monkeypatch.setattr("matplotlib.legend.time.perf_counter", count(step=2).__next__)
+    two = tuple(Series(label=label, x=np.arange(2.0), y=np.arange(2.0)) for label in "ab")
+    panel = Panel(title="", x_label="", y_label="", series=two)
+    assert panels_figure([panel]).startswith(b"<svg")

@@ -6,7 +6,7 @@ from math import prod
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.special import ncfdtr
+from scipy.special import fdtrc, ncfdtr
 
 import analysis.statistics.factorial as module
 from analysis.estimates import NotEstimable
@@ -109,6 +109,26 @@ def test_f_is_that_of_least_squares(seed: int) -> None:
             noncentral = end / (1 - end) * found.df[1]
             told = ncfdtr(*found.df, noncentral, found.f)
             assert told == pytest.approx(chance, abs=1e-6) or (end == 0 and told < chance)
+
+
+ANOVA_RM = [
+    (1, (6, 3, 4), (0,), 0.8620689655, 10, 0.4514351841),
+    (1, (6, 3, 4), (1,), 0.9250739402, 15, 0.4526491519),
+    (1, (6, 3, 4), (0, 1), 1.1445783133, 30, 0.3613826770),
+    (2, (9, 2, 3, 2), (0, 2), 4.9230769231, 8, 0.0572891734),
+    (2, (9, 2, 3, 2), (0, 1), 2.8588410104, 16, 0.0867864852),
+]
+"""F, the error's df and p without correction, by AnovaRM of statsmodels 0.15."""
+
+
+@pytest.mark.parametrize(("seed", "shape", "factors", "f", "df", "p"), ANOVA_RM)
+def test_f_is_that_of_statsmodels(
+    seed: int, shape: tuple[int, ...], factors: tuple[int, ...], f: float, df: int, p: float
+) -> None:
+    found = effect_of(scores_of(seed, *shape, effect=0.5), *factors)
+    assert (found.f, found.df[1]) == pytest.approx((f, df))
+    assert fdtrc(*found.df, found.f) == pytest.approx(p)
+    assert found.p_f == pytest.approx(fdtrc(*np.multiply(found.epsilon, found.df), found.f))
 
 
 def test_random_shufflings_agree_with_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,9 +37,6 @@ class Finding:
     def line(self) -> str:
         mark = "FAIL" if not self.ok else "missing" if self.missing else "ok  "
         return f"{mark}  {self.what}: {self.value}" + (f" ({self.hint})" if self.hint else "")
-
-    def record(self) -> dict[str, object]:
-        return asdict(self)
 
 
 def findings(touchbeam: Sequence[str] = ("touchbeam",)) -> list[Finding]:

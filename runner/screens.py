@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
 Order = Literal["pause", "stop", "repeat", "emergency stop"]
 
-LAST_NOTICES = frozenset({"thanks", "stopped"})
-"""Texts that end a session; the window shows them for a while and can then be closed."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
@@ -142,7 +139,8 @@ Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask
 
 
 def is_last(screen: Screen) -> bool:
-    return isinstance(screen, Notice) and screen.text in LAST_NOTICES
+    """Return whether no screen follows: the window shows it for a while and can then be closed."""
+    return isinstance(screen, Notice) and screen.text in {"thanks", "stopped"}
 
 
 @dataclass(frozen=True, kw_only=True)

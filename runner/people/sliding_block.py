@@ -69,18 +69,15 @@ class SlidePlot:
         # Over all passes, so that the axis stays and passes can be compared.
         self._low, self._high = min(self._low, friction), max(self._high, friction)
 
-    def summary(self) -> str:
+    def end(self, *, driven: bool) -> str:
+        """End the pass and return it in words; one at 0 V is what others are compared with."""
         if self.drawing is None or not self._points:
             return "no forces were measured: was the block on the beam?"
         values = [friction for _, friction in self._points]
         mean = sum(values) / len(values)
+        if not driven:
+            self.resting = mean
         return f"{self.drawing.label}: mu {mean:.3f}, from {min(values):.3f} to {max(values):.3f}"
-
-    def end(self, *, driven: bool) -> str:
-        """End the pass and return it in words; one at 0 V is what others are compared with."""
-        if not driven and self._points:
-            self.resting = sum(friction for _, friction in self._points) / len(self._points)
-        return self.summary()
 
     def lines(self, width: int, rows: int, now_s: float) -> list[str]:
         """Return `rows` lines of at most `width` columns; a few hold the pace alone."""

@@ -41,9 +41,6 @@ class FrameTimes:
     interval_s: float
     shown_s: list[float] = field(default_factory=list, init=False)
 
-    def add(self, t_s: float) -> None:
-        self.shown_s.append(t_s)
-
     def record(self) -> dict[str, Any]:
         """Return the intervals' statistics in milliseconds and each dropped frame, for the journal.
 
@@ -69,20 +66,16 @@ class ShownScreen:
     """The `number`-th screen of the session; times are seconds on the monotonic clock."""
 
     number: int
-    screen: Screen
-    interval_s: float
-    readable_s: float = 0.0
+    pending: PendingResponse
+    frames: FrameTimes
     progress: tuple[int, int] | None = None
-    start: float = 0.5
     saved: bool = field(default=False, init=False)
     finger: OwnFinger | None = field(default=None, init=False)
-    pending: PendingResponse = field(init=False)
-    frames: FrameTimes = field(init=False)
     called_s: list[float] = field(default_factory=list, init=False)
 
-    def __post_init__(self) -> None:
-        self.pending = PendingResponse(self.screen, self.readable_s, self.start)
-        self.frames = FrameTimes(self.interval_s)
+    @property
+    def screen(self) -> Screen:
+        return self.pending.screen
 
     def take(self, given: Input, t_s: float) -> None:
         """Apply an input; ignore it before the first frame, when the screen is not yet visible."""
@@ -306,14 +299,8 @@ class WindowServer:
             self._ends_s += ORPHANED_S
 
     def _show(self, number: int, screen: Screen) -> None:
-        self._standing = ShownScreen(
-            number,
-            screen,
-            self._interval_s,
-            self.settings.readable_s,
-            self._progress,
-            start=self.random(),
-        )
+        pending = PendingResponse(screen, self.settings.readable_s, self.random())
+        self._standing = ShownScreen(number, pending, FrameTimes(self._interval_s), self._progress)
 
     def _frame(self) -> None:
         first, page_now = not self._standing.frames.shown_s, self._page()
@@ -324,7 +311,7 @@ class WindowServer:
             flipped_s, self._drawn = self.canvas.flip(), page_now
         else:
             flipped_s = self.now_s()
-        self._standing.frames.add(flipped_s)
+        self._standing.frames.shown_s.append(flipped_s)
         earliest_s = flipped_s - self._interval_s
         # Added to the time that was due, so that small delays do not add up; but a long one is not
         # made good by a burst of frames, and the frame after a page that came early is not late.

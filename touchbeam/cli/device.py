@@ -144,7 +144,7 @@ def doctor(as_json: options.JsonOption = False) -> None:
 
     results = findings(touchbeam_command())
     if as_json:
-        print_json([finding.record() for finding in results])
+        print_json([vars(finding) for finding in results])
     else:
         for finding in results:
             say(finding.line())

@@ -271,7 +271,7 @@ def test_a_drawing_window_sends_alive_five_times_a_second() -> None:
 def test_dropped_frames_are_distinguished_from_late_ones() -> None:
     frames = FrameTimes(0.016)
     for t_s in (1.0, 1.016, 1.032, 1.055, 1.087, 1.103):
-        frames.add(t_s)
+        frames.shown_s.append(t_s)
     assert frames.record() == {
         "frames": 6,
         "dropped": [[0.087, 32.0]],

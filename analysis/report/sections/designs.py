@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
 from itertools import groupby
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from analysis.estimates import FloatArray, Json, NotEstimable, or_null, plain
 from analysis.loading.study_data import WITHHELD_AS
 from analysis.report.as_json import unknown, with_reasons
 from analysis.report.blocks import (
-    Cell,
     Column,
     Figure,
     Section,
@@ -37,12 +37,11 @@ from analysis.statistics.factorial import (
     SESSION,
     Effect,
     LatentFactorial,
-    LatentLevel,
     LevelMean,
     TestedEffect,
     cell_intervals,
 )
-from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics, TwoGroups
+from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics
 from analysis.statistics.intervals import mean_interval
 from analysis.trials.answers import CATCH
 from analysis.trials.trial_statistics import Detected, detected_by
@@ -129,31 +128,17 @@ def _estimates(of: str) -> list[Column]:
     return [*estimate("d′", f"{of}found.d_prime"), *estimate("criterion", f"{of}found.criterion")]
 
 
-class _NoticedRow(NamedTuple):
-    """Trials with a name and how often a change was reported; catch trials have no more."""
-
-    name: str
-    rate: Rate | NotEstimable
-    of: Detected | None = None
-
-
-def _noticed_rows(shown: Sequence[Detected]) -> list[_NoticedRow]:
-    """Return the rows of the table: the trials with a signal, and the catch trials beside all."""
+def _noticed_table(shown: Sequence[Detected]) -> Table:
     rows = []
     for each in shown:
-        rows.append(_NoticedRow(_noticed_name(each.of), at(each, "found.hits"), each))
+        hits = at(each, "found.hits")
+        rows.append(SimpleNamespace(name=_noticed_name(each.of), rate=hits, of=each))
+        # Of the catch trials beside all conditions the rate alone is told.
         if "condition" not in each.of:
-            rows.append(
-                _NoticedRow(
-                    _noticed_name({"condition": CATCH, **each.of}), at(each, "found.false_alarms")
-                )
-            )
-    return rows
-
-
-def _noticed_table(shown: Sequence[Detected]) -> Table:
+            name, alarms = _noticed_name({"condition": CATCH, **each.of}), "found.false_alarms"
+            rows.append(SimpleNamespace(name=name, rate=at(each, alarms), of=None))
     return Table.over(
-        _noticed_rows(shown),
+        rows,
         [
             Column("trials", "name"),
             Column("change reported", "rate", _rate),
@@ -269,6 +254,7 @@ def groups(found: Findings) -> Section:
         return Section(name="groups", title="Groups", blocks=[])
     tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
     readings = {name: of.groups.p_holm for name, of in _reread(found) if of.groups}
+    people = _people(found)
     return Section(
         name="groups",
         title="Do the groups differ?",
@@ -277,7 +263,13 @@ def groups(found: Findings) -> Section:
             _METHOD,
             _without(found),
             _reread_groups(readings),
-            _people_table(found),
+            Table(
+                name="groups-people",
+                caption="Participants by group: planned, with a session that is not excluded, and "
+                "left after the study's rules, which are the same in each group.",
+                columns=columns("group", "planned", "took part", "analysed"),
+                rows=[[name, *map(str, counts)] for name, *counts in people],
+            ),
             _groups_figure(found, _names(made)),
             Table(
                 name="groups-measures",
@@ -287,7 +279,12 @@ def groups(found: Findings) -> Section:
                 rows=[[name, *_cells(made, test)] for name, test in tests.items()],
             ),
             Table.over(
-                _group_rows(tests),
+                [
+                    SimpleNamespace(measure=name, pair=pair)
+                    for name, test in tests.items()
+                    if isinstance(test, Compared)
+                    for pair in test.pairs
+                ],
                 [
                     Column("measure", "measure", kind="text"),
                     Column("pair", lambda row: f"{row.pair.a} − {row.pair.b}", kind="text"),
@@ -305,7 +302,17 @@ def groups(found: Findings) -> Section:
                 "over the pairs of a measure; of the conditions over all pairs in all of them.",
             ),
         ],
-        data={"groups": {**_groups_json(found, made), "p_holm_by_reading": plain(readings)}},
+        data={
+            "groups": {
+                "people": [dict(zip(_PEOPLE, each, strict=True)) for each in people],
+                **plain(made),
+                "differ_in": [
+                    {"condition": name, "a": pair.a, "b": pair.b}
+                    for name, pair in made.in_conditions
+                ],
+                "p_holm_by_reading": plain(readings),
+            }
+        },
     )
 
 
@@ -325,18 +332,6 @@ def _reread_groups(readings: Mapping[str, Mapping[str, float]]) -> str:
     return f"Withheld scores read otherwise, by Holm's correction: {'. '.join(told)}." * bool(told)
 
 
-@dataclass(frozen=True)
-class _GroupRow:
-    measure: str
-    pair: TwoGroups
-
-
-def _group_rows(tests: dict[str, Compared | NotEstimable]) -> Iterator[_GroupRow]:
-    for name, test in tests.items():
-        if isinstance(test, Compared):
-            yield from (_GroupRow(name, pair) for pair in test.pairs)
-
-
 def _names(made: GroupStatistics) -> list[str]:
     """Return the groups, as the first measure that can be compared has them."""
     tests = (made.score, made.gain, *made.conditions.values())
@@ -350,6 +345,9 @@ def _cells(made: GroupStatistics, test: Compared | NotEstimable) -> list[str]:
     error = f" ± {test.error:.1g}" if test.error else ""
     medians = [f"{number(group.median, 2)} ({group.n})" for group in test.groups]
     return [*medians, number(test.statistic, 2), p_value(test.p) + error]
+
+
+_PEOPLE = ("name", "planned", "took_part", "analysed")
 
 
 def _people(found: Findings) -> list[tuple[str, int, int, int]]:
@@ -366,16 +364,6 @@ def _people(found: Findings) -> list[tuple[str, int, int, int]]:
 def _without(found: Findings) -> str:
     without = [who for who in found.loaded.table.subjects if who not in found.loaded.groups]
     return f"Without a group, and not compared: {', '.join(without)}." if without else ""
-
-
-def _people_table(found: Findings) -> Table:
-    return Table(
-        name="groups-people",
-        caption="Participants by group: planned, with a session that is not excluded, and left "
-        "after the study's rules, which are the same in each group.",
-        columns=columns("group", "planned", "took part", "analysed"),
-        rows=[[name, *map(str, counts)] for name, *counts in _people(found)],
-    )
 
 
 def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
@@ -405,17 +393,6 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
 def _half(values: FloatArray) -> float:
     ends = mean_interval(values)
     return float("nan") if isinstance(ends, NotEstimable) else (ends[1] - ends[0]) / 2
-
-
-def _groups_json(found: Findings, made: GroupStatistics) -> Json:
-    people = ("name", "planned", "took_part", "analysed")
-    return {
-        "people": [dict(zip(people, each, strict=True)) for each in _people(found)],
-        **plain(made),
-        "differ_in": [
-            {"condition": name, "a": pair.a, "b": pair.b} for name, pair in made.in_conditions
-        ],
-    }
 
 
 # Effects of factors and sessions: main ones and interactions of two.
@@ -474,7 +451,11 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
             Column("general η²", "effect.generalized_eta2", 2),
             *[Column("latent p", lambda it: wald[it.factors].p, p_cell)] * bool(wald),
             *(
-                Column(f"Holm, {_READ_AS[name]}", partial(_of_reading, again), p_cell)
+                Column(
+                    f"Holm, {_READ_AS[name]}",
+                    partial(lambda of, it: of.get(it.name), again),
+                    p_cell,
+                )
                 for name, again in readings.items()
             ),
         ],
@@ -494,10 +475,6 @@ def _df(effect: Effect | NotEstimable) -> str:
     if isinstance(effect, NotEstimable):
         return effect.reason
     return f"{effect.df[0]}, {effect.df[1]}"
-
-
-def _of_reading(again: Mapping[str, float | NotEstimable], it: TestedEffect) -> object:
-    return again.get(it.name)
 
 
 def _model(latent: _Latent) -> str:
@@ -525,8 +502,8 @@ def _levels(levels: Sequence[LevelMean], latent: _Latent) -> Table:
             Column("mean", "mean", 2),
             *estimate("difference", "difference"),
             *(
-                Column(column.name, partial(_of_model, model, column))
-                for column in estimate("latent", "effect")
+                Column(own.name, partial(lambda own, it: own.cell(model[it.factor, it.level]), own))
+                for own in estimate("latent", "effect")
                 if known
             ),
         ],
@@ -535,12 +512,6 @@ def _levels(levels: Sequence[LevelMean], latent: _Latent) -> Table:
         "levels, in points, and the same in the ordinal mixed model, in standard deviations of its "
         "latent residual, each with its 95% interval.",
     )
-
-
-def _of_model(
-    model: Mapping[tuple[str, str], LatentLevel], column: Column, it: LevelMean
-) -> str | Cell:
-    return column.cell(model[it.factor, it.level])
 
 
 def _figures(found: Findings) -> Iterator[Figure]:

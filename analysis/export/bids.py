@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, json_text, tsv_cell, tsv_text
-from analysis.export.columns import COLUMNS, Column, known
+from analysis.export.columns import BY_NAME, Column, known
 from analysis.export.dataset import Dataset
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
@@ -47,21 +47,18 @@ _HED = {
     "catch": f"{_TOUCH}, Experimental-stimulus, Non-target",
 }
 """By kind of trial."""
-_KINDS = next(column for column in COLUMNS if column.name == "trial_kind")
-_EVENT_COLUMNS: dict[str, dict[str, Any]] = {
-    "onset": {"Description": "When the trial began, from the first one's beginning.", "Units": "s"},
-    "duration": {
-        "Description": "From the trial's beginning to its last answer; missing without one.",
-        "Units": "s",
-    },
-    "trial_type": {
-        "Description": _KINDS.description,
-        "Levels": {kind: _KINDS.levels[kind] for kind in _HED},
-        "HED": _HED,
-    },
-    "response_time": {"Description": "From the question to the answer.", "Units": "s"},
-    "trial_index": {"Description": "Place of the trial in the session's plan, from 0."},
-}
+_KINDS = BY_NAME["trial_kind"]
+_EVENT_COLUMNS = (
+    Column("onset", "When the trial began, from the first one's beginning.", unit="s"),
+    Column(
+        "duration",
+        "From the trial's beginning to its last answer; missing without one.",
+        unit="s",
+    ),
+    Column("trial_type", _KINDS.description, levels={kind: _KINDS.levels[kind] for kind in _HED}),
+    Column("response_time", "From the question to the answer.", unit="s"),
+    BY_NAME["trial_index"],
+)
 _OF_TRACKS = ("track", "level", "level_value", "interval", "correct", "reversal")
 """Columns of events where there are tracks."""
 _NAMES = """
@@ -150,11 +147,12 @@ def bids_recordings(data: Dataset) -> dict[str, bytes]:
         for touch in touches:
             recording = f"recording-trial{touch.trial_index}touch{touch.touch}"
             stem = f"{_stem(data, who, number)}_{recording}"
-            for suffix, columns, rows in (
+            for suffix, own, rows in (
                 ("physio", MEASURED, touch.measured()),
                 ("stim", DRIVEN, touch.driven()),
             ):
-                files[f"{stem}_{suffix}.tsv.gz"] = tsv_gz(columns, rows)
+                columns = {it.name: _described(it, data) for it in own}
+                files[f"{stem}_{suffix}.tsv.gz"] = tsv_gz([*columns], rows)
                 # BIDS has a type of its own for eye tracking alone.
                 kind = {"PhysioType": "generic"} if suffix == "physio" else {}
                 sidecar = {"TaskName": data.task_name, **kind, **described(touch, columns)}
@@ -179,22 +177,16 @@ def _sessions(data: Dataset) -> dict[str, str]:
         files[f"{stem}_beh.tsv"] = tsv_text(list(columns), cells(trials[names]))
         task = _task(data, trials)
         files[f"{stem}_beh.json"] = json_text({**task, **columns})
-        files |= _event_files(stem, trials, task, columns, tracks=bool(of_tracks(data.found)))
+        files |= _event_files(stem, trials, task, data)
     return files
 
 
 def _event_files(
-    stem: str,
-    trials: pd.DataFrame,
-    task: Mapping[str, Any],
-    columns: Mapping[str, Any],
-    *,
-    tracks: bool,
+    stem: str, trials: pd.DataFrame, task: Mapping[str, Any], data: Dataset
 ) -> dict[str, str]:
     """Return the table of a session's events, in the order of time, and its sidecar.
 
-    Published scores are no events. `task` is what each sidecar of the session says of it,
-    `columns` are those of its table of trials, some of which are of `tracks`.
+    Published scores are no events. `task` is what each sidecar of the session says of it.
     """
     # UTC, because the monotonic clock begins anew when an interrupted session goes on.
     timed = trials[trials["started_utc"].notna()]
@@ -203,13 +195,15 @@ def _event_files(
     began = pd.to_datetime(timed["started_utc"])
     table = timed.assign(onset=(began - began.min()).dt.total_seconds()).sort_values("onset")
     names = ["onset", "duration_s", "trial_kind", "reaction_time_s", "trial_index"]
-    told = {**_EVENT_COLUMNS}
-    if tracks:
+    told, hed = {it.name: _described(it, data) for it in _EVENT_COLUMNS}, _HED
+    if of_tracks(data.found):
         names += _OF_TRACKS
         hed = {**_HED, "track": _HED["trial"]}
-        levels = {kind: columns["trial_kind"]["Levels"][kind] for kind in hed}
-        told["trial_type"] = told["trial_type"] | {"Levels": levels, "HED": hed}
+        columns = {it.name: _described(it, data) for it in data.columns}
+        kinds = columns["trial_kind"]["Levels"]
+        told["trial_type"]["Levels"] = {kind: kinds[kind] for kind in hed}
         told |= {name: columns[name] for name in _OF_TRACKS}
+    told["trial_type"]["HED"] = hed
     rows = zip(*(values(table[name]) for name in names), strict=True)
     software = {
         "SoftwareName": "touchbeam",

@@ -48,10 +48,7 @@ def csv_recordings(data: Dataset) -> dict[str, bytes]:
         f"recordings/{data.subject_labels[who]}_session-{number}.csv": samples_csv(touches)
         for (who, number), touches in data.recorded_by_session()
     }
-    columns = {
-        name: known({"description": said["Description"], "unit": said.get("Units")})
-        for name, said in {"t_s": TIME, **MEASURED, **DRIVEN}.items()
-    }
+    columns = {it.name: _described(it, data) for it in (TIME, *MEASURED, *DRIVEN)}
     return {**files, "recordings/recordings.json": json_text(columns).encode()} if files else {}
 
 
@@ -80,8 +77,6 @@ def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dic
         chains: the events of all sessions, in their order.
         study_text: the study file with its own languages.
     """
-    keys = ["participant", "session", "session_kind"]
-    subjects = data.sessions.set_index(keys)["subject"].to_dict()
     files = {f"{FOLDER}/{STUDY_FILE}": study_text}
     for place, events in enumerate(chains):
         first = events[0]
@@ -94,7 +89,7 @@ def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dic
         if not isinstance(opened, SessionOpened | ScoresImported):
             continue
         # Only sessions of the tables go along, so that both tell of the same people.
-        subject = subjects.get((opened.participant, opened.session, opened.kind))
+        subject = data.subject_of.get((opened.participant, opened.session, opened.kind))
         if subject is not None:
             name = "_".join(data.entities(subject, opened.session))
             files[f"{FOLDER}/{name}{SUFFIX}"] = shared_text(place, events)

@@ -12,20 +12,12 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export.columns import (
-    COLUMNS,
-    PARTICIPANT_COLUMNS,
-    Column,
-    factor_columns,
-    in_tracks,
-    question_columns,
-)
+from analysis.export.columns import PARTICIPANT_COLUMNS, Column, factor_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import (
     contrast_table,
-    of_groups,
-    of_tracks,
     participant_table,
+    trial_columns,
     trial_table,
 )
 from analysis.felt.measured_statistics import with_measures
@@ -99,7 +91,8 @@ class Dataset:
 
     `trials` has the columns of `analysis.export.columns`, `sessions` those of
     `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
-    `questions` are the study's own, and those that were asked under an earlier study file.
+    `questions` are the study's own, and those that were asked under an earlier study file;
+    `factors` has the columns of its factors.
     `found` is what they were made from, `rig` the study's calibration at present.
     `source_sha256` is the digest of all the events that they were read from, empty if nobody asked
     for it, `broken_chains` are the sessions whose events are not as they were recorded.
@@ -109,6 +102,7 @@ class Dataset:
     sessions: pd.DataFrame
     trials: pd.DataFrame
     questions: tuple[StudyQuestion, ...]
+    factors: tuple[Column, ...]
     rehearsals_left_out: int
     sessions_withdrawn: int
     sessions_without_trials: int
@@ -143,15 +137,7 @@ class Dataset:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        tracks = of_tracks(self.found)
-        own = (*of_groups(self.sessions), *self.factors, *question_columns(self.questions))
-        # A study without tracks is exported as before.
-        return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
-
-    @cached_property
-    def factors(self) -> tuple[Column, ...]:
-        """Those of them that have the study's factors."""
-        return factor_columns(self.study, self.questions)
+        return trial_columns(self.found, self.sessions, self.questions, self.factors)
 
     @property
     def shared_columns(self) -> tuple[Column, ...]:
@@ -226,16 +212,17 @@ class Dataset:
     def by_session(self) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
         """Yield participant and number of each session, and its trials."""
         for name, trials in self.trials.groupby(_SESSION, sort=False):
-            yield (self._subjects[name], cast("SessionKey", name)[1]), trials
+            yield (self.subject_of[name], cast("SessionKey", name)[1]), trials
 
     def recorded_by_session(self) -> Iterator[tuple[tuple[str, int], tuple[RecordedTouch, ...]]]:
         """Yield participant and number of each session that recorded touches, and those."""
         for name, touches in self.recorded.items():
-            if name in self._subjects and touches:
-                yield (self._subjects[name], name[1]), touches
+            if name in self.subject_of and touches:
+                yield (self.subject_of[name], name[1]), touches
 
     @cached_property
-    def _subjects(self) -> "dict[Any, str]":
+    def subject_of(self) -> "dict[Any, str]":
+        """The subject by `SessionKey`."""
         return self.sessions.set_index(_SESSION)["subject"].to_dict()
 
     def summary(self) -> str:
@@ -363,6 +350,7 @@ def dataset(
         sessions=found.sessions[~rehearsal & begun],
         trials=trials,
         questions=questions,
+        factors=factors,
         rehearsals_left_out=int(rehearsal.sum()),
         sessions_withdrawn=found.withdrawn,
         sessions_without_trials=int((~rehearsal & ~begun).sum()),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.export.columns import Column, names_of
 from analysis.friction.recorded import decoded
 from protocol.journal.events import (
     Opening,
@@ -23,26 +24,22 @@ from protocol.journal.records import CHANNELS, DamagedSamplesError, ReadBack
 SessionKey = tuple[str, int, str]
 """Participant, number and kind of a session."""
 
-MEASURED: Mapping[str, Mapping[str, str]] = {
-    "tangential_n": {
-        "Description": "Force along the beam that resists the sliding finger.",
-        "Units": "N",
-    },
-    "normal_n": {"Description": "Force of the finger onto the beam.", "Units": "N"},
-    "position_m": {"Description": "Place of the finger's right edge along the beam.", "Units": "m"},
-}
-DRIVEN: Mapping[str, Mapping[str, str]] = {
-    "voltage_v": {
-        "Description": "Amplitude (peak) as read back, in between interpolated; missing before the "
-        "first and after the last reading.",
-        "Units": "V",
-    },
-    "frequency_hz": {"Description": "Frequency of the drive, likewise.", "Units": "Hz"},
-    "mark_moves": {
-        "Description": "Whether the mark moved that the finger was to follow, or to wait for."
-    },
-}
-TIME = {"Description": "Time on the clock of started_monotonic_s in the trials.", "Units": "s"}
+MEASURED = (
+    Column("tangential_n", "Force along the beam that resists the sliding finger.", unit="N"),
+    Column("normal_n", "Force of the finger onto the beam.", unit="N"),
+    Column("position_m", "Place of the finger's right edge along the beam.", unit="m"),
+)
+DRIVEN = (
+    Column(
+        "voltage_v",
+        "Amplitude (peak) as read back, in between interpolated; missing before the first and "
+        "after the last reading.",
+        unit="V",
+    ),
+    Column("frequency_hz", "Frequency of the drive, likewise.", unit="Hz"),
+    Column("mark_moves", "Whether the mark moved that the finger was to follow, or to wait for."),
+)
+TIME = Column("t_s", "Time on the clock of started_monotonic_s in the trials.", unit="s")
 _FORMS = {"position_m": "%.7g", "frequency_hz": "%.8g", "mark_moves": "%d"}
 _NUMBER = "%.6g"
 
@@ -139,16 +136,17 @@ def session_key(events: Sequence[StoredEvent]) -> SessionKey | None:
     return opening.participant, opening.session, opening.kind
 
 
-def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
-    """Return what a sidecar says of `columns` of this touch."""
+def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what a sidecar says of this touch and of its `columns`, described by name."""
     tare_n, clock_s = touch.recording.tare_n, touch.recording.clock_error_s
     zero = "as the sensor gave it: it was not measured on the untouched beam before"
-    told: dict[str, Any] = {name: dict(meaning) for name, meaning in columns.items()}
+    told = dict(columns)
     for number, name in enumerate(CHANNELS[:2]):
         if name in told:
             if tare_n is not None:
                 zero = f"less {tare_n[number]:.4g} N, measured on the untouched beam before"
-            told[name]["Description"] += f" It is {zero}."
+            description = f"{told[name]['Description']} It is {zero}."
+            told[name] = {**told[name], "Description": description}
     return {
         "SamplingFrequency": touch.recording.rate_hz,
         # Microseconds, as `t_s` in the other formats.
@@ -160,7 +158,7 @@ def described(touch: RecordedTouch, columns: Mapping[str, Mapping[str, str]]) ->
     }
 
 
-def tsv_gz(columns: Mapping[str, Any], rows: NDArray[np.float64]) -> bytes:
+def tsv_gz(columns: Sequence[str], rows: NDArray[np.float64]) -> bytes:
     """Return the rows as BIDS has them: tab-separated, without a header, compressed."""
     # Without the time of day in its header the same samples give the same bytes.
     return gzip.compress(_lines(columns, rows, "\t", b"n/a"), mtime=0)
@@ -168,7 +166,7 @@ def tsv_gz(columns: Mapping[str, Any], rows: NDArray[np.float64]) -> bytes:
 
 def samples_csv(touches: Sequence[RecordedTouch]) -> bytes:
     """Return the samples of all touches as one table."""
-    names = [*MEASURED, *DRIVEN]
+    names = names_of((*MEASURED, *DRIVEN))
     header = ",".join(["trial_index", "touch", "t_s", *names])
     return b"".join([f"{header}\n".encode(), *_csv_parts(touches, names)])
 
@@ -182,10 +180,7 @@ def _csv_parts(touches: Sequence[RecordedTouch], names: Sequence[str]) -> Iterat
 
 
 def _lines(
-    columns: Sequence[str] | Mapping[str, Any],
-    rows: NDArray[np.float64],
-    between: str,
-    missing: bytes,
+    columns: Sequence[str], rows: NDArray[np.float64], between: str, missing: bytes
 ) -> bytes:
     out = io.BytesIO()
     forms = ["%.6f" if name == "t_s" else _FORMS.get(name, _NUMBER) for name in columns]

@@ -11,7 +11,6 @@ import pandas as pd
 
 from analysis.cells import Cell
 from analysis.export.columns import (
-    BY_NAME,
     COLUMNS,
     CONTRAST_COLUMNS,
     GROUP,
@@ -60,8 +59,20 @@ def trial_table(
         answered_utc=_utc(trials["answered_utc"]),
         **_touches(found.touches, trials.index),
     )
-    own = (*of_tracks(found), *of_groups(sessions), *factors, *question_columns(questions))
-    return table[names_of((*COLUMNS, *own))]
+    return table[names_of(trial_columns(found, sessions, questions, factors))]
+
+
+def trial_columns(
+    found: Sessions,
+    sessions: pd.DataFrame,
+    questions: Sequence[StudyQuestion],
+    factors: Sequence[Column],
+) -> tuple[Column, ...]:
+    """Return the columns of a `trial_table` of the same arguments."""
+    tracks = of_tracks(found)
+    own = (*of_groups(sessions), *factors, *question_columns(questions))
+    # A study without tracks is exported as before.
+    return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
 
 
 def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
@@ -302,14 +313,11 @@ class Frames:
     @cached_property
     def _trials(self) -> pd.DataFrame:
         table = trials_with_answers(self.found, self._sessions, self.questions, self.factors)
-        own = (
-            *of_tracks(self.found),
-            *of_groups(self.kept),
-            *self.factors,
-            *question_columns(self.questions),
-        )
-        columns = (*COLUMNS, *own)
-        return table[[each.name for each in columns if not each.per_touch]].infer_objects()
+        return table[[it.name for it in self._columns if not it.per_touch]].infer_objects()
+
+    @property
+    def _columns(self) -> tuple[Column, ...]:
+        return trial_columns(self.found, self.kept, self.questions, self.factors)
 
     @cached_property
     def touches(self) -> pd.DataFrame:
@@ -332,13 +340,9 @@ class Frames:
 
     def described(self, scale: str) -> pd.DataFrame:
         """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
-        score = BY_NAME["score"]
-        score = replace(score, description=score.description.format(scale=scale))
-        added = (*of_tracks(self.found), *self.factors, *question_columns(self.questions))
-        own = {column.name: column for column in added}
-        known = BY_NAME | {"score": score, GROUP.name: GROUP} | own
-        if of_tracks(self.found):
-            known = {name: in_tracks(column) for name, column in known.items()}
+        known = {column.name: column for column in self._columns}
+        score = known["score"].description.format(scale=scale)
+        known["score"] = replace(known["score"], description=score)
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Mapping[str, Iterable[Column]] = {
             "participants": [people[str(name)] for name in self.participants],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.export.bids import bids_export, bids_recordings
+from analysis.export.columns import names_of
 from analysis.export.csv_tables import csv_recordings
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, RECORDINGS
@@ -109,7 +110,7 @@ def test_each_touch_has_its_samples_beside_its_drive() -> None:
         sidecar = json.loads(files[f"{stem}{suffix}.json"])
         assert sidecar["SamplingFrequency"] == RATE_HZ
         assert sidecar["StartTime"] == 105.0, "on the session's clock"
-        assert sidecar["Columns"] == list(columns)
+        assert sidecar["Columns"] == names_of(columns)
         assert all(sidecar[name]["Description"] for name in sidecar["Columns"])
     told = json.loads(files[f"{stem}physio.json"])
     assert "less 0.02 N" in told["normal_n"]["Description"]

@@ -1,6 +1,7 @@
 """A study's data, as everything that reads them composes them: loading, tables, the report."""
 
 import os
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -391,17 +392,21 @@ class AskedReport:
         recorded: "Sessions | None",
     ) -> "Report":
         """Return the report on `found`, data of the study; `recorded` are all sessions."""
-        from analysis.report.findings import origin_of
+        from analysis.report.findings import Origin
         from analysis.report.report import report
+        from protocol.study_file.loading import text_digest
 
-        origin = origin_of(
-            self.folder.path.resolve().name,
-            self.text,
-            rehearsals=self.rehearsals,
-            broken=broken,
+        options = ["--rehearsals"] * self.rehearsals
+        options += [] if self.named is None else ["--sections", ",".join(self.named)]
+        origin = Origin(
+            # Quoted, because a folder's name may have spaces and the line is to be run again.
+            command=shlex.join(["touchbeam", "report", self.folder.path.resolve().name, *options]),
+            study_sha256=text_digest(self.text),
+            broken_chains=tuple(broken),
             rig=self.rig,
             unlocked=self.unlocked,
-            sections=self.named,
+            # A `report.toml` chooses sections by itself.
+            alone=self.named is not None,
         )
         title = file.publication.title or file.study.name
         return report(title, found, file, origin, self.shown, recorded, keep=self.keep)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,14 +22,9 @@ from analysis.friction.measured_contrast import (
 from analysis.kept import Kept
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import Ratings
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.predictive_checks import checked_ordinal, checked_two_stage
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.trials.contrasts import TrialContrasts, detection_trials, scored_trials, trial_changes
+from analysis.trials.contrasts import TrialContrasts, scored_trials, trial_changes
 from analysis.trials.trial_checks import FTest, gain_differences
-from analysis.trials.trial_statistics import LawScore, law_scores
+from analysis.trials.trial_statistics import LawScore, SensitivityModels, law_scores
 from device.friction.changes import LAW, Change
 from protocol.study.study import Study
 
@@ -248,20 +243,17 @@ class ConditionContrast:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredStatistics:
-    """What the recordings of a study say; the models are those of `TrialStatistics`.
+class MeasuredStatistics(SensitivityModels):
+    """What the recordings of a study say.
 
-    They take each trial's best contrast in place of the predicted one (regression calibration).
-    The variance of its error, times the square of the gain, is part of the variance of a rating,
-    which they estimate. Each is computed when it is asked for.
+    The models take each trial's best contrast in place of the predicted one (regression
+    calibration). The variance of its error, times the square of the gain, is part of the variance
+    of a rating, which they estimate.
 
     `predicted`, shape (trials,), has the contrasts that the model predicts.
     """
 
-    study: Study
-    data: StudyData
     predicted: FloatArray
-    keep: Kept = field(default_factory=Kept)
 
     @cached_property
     def trials(self) -> MeasuredTrials:
@@ -301,28 +293,9 @@ class MeasuredStatistics:
         return dict(Counter(why for why, counts in whys if counts and why is not None))
 
     @cached_property
-    def _contrasts(self) -> TrialContrasts:
+    def contrasts(self) -> TrialContrasts:
+        """The best contrasts of all trials, in place of predicted ones."""
         return TrialContrasts(by_law={LAW: self.trials.best}, measured=self.trials.known)
-
-    @cached_property
-    def _ratings(self) -> Ratings:
-        return scored_trials(self.data, self._contrasts).ratings
-
-    @property
-    def m1(self) -> LinearSensitivity | NotEstimable:
-        """The simple comparison."""
-        return self.keep(linear_sensitivity, self._ratings)
-
-    @property
-    def m2(self) -> OrdinalSensitivity | NotEstimable:
-        """The headline."""
-        return self.keep(checked_ordinal, self._ratings).fit
-
-    @property
-    def m3(self) -> TwoStageSensitivity | NotEstimable:
-        """Noticing a change, then rating it."""
-        answered = detection_trials(self.data, self._contrasts, self.study)
-        return self.keep(checked_two_stage, answered).fit
 
     @property
     def noise_share(self) -> float | NotEstimable:
@@ -337,7 +310,7 @@ class MeasuredStatistics:
     @property
     def differences(self) -> FTest | NotEstimable:
         """The test of differences in gain between subjects."""
-        return self.keep(gain_differences, self._ratings)
+        return self.keep(gain_differences, self.scored.ratings)
 
     @cached_property
     def predictors(self) -> tuple[LawScore, ...]:

@@ -81,18 +81,17 @@ def _differ(universe: Universe) -> Judged | NotEstimable:
     W is the statistic over Σ(kᵢ - 1), which it cannot exceed, where subject i gave kᵢ scores; with
     no score missing it is Kendall's.
     """
-    tested = universe.reading
-    test = tested.friedman if tested.skillings_mack is None else tested.skillings_mack
+    test = universe.reading.omnibus
     if isinstance(test, NotEstimable):
         return test
     if isinstance(test, Friedman):
         ends = test.kendall_w_interval
         known = None if isinstance(ends, NotEstimable) else ends
         return Judged(effect=test.kendall_w, p=test.best_p, interval=known)
-    counts = tested.table4.table.given.sum(axis=1)
+    counts = universe.reading.table4.table.given.sum(axis=1)
     # A subject with one score ranks nothing.
     most = float(np.maximum(counts - 1, 0).sum())
-    return Judged(effect=test.statistic / most, p=test.monte_carlo.p)
+    return Judged(effect=test.statistic / most, p=test.best_p)
 
 
 def _above(pairs: tuple[tuple[str, str], ...], universe: Universe) -> Judged | NotEstimable:

@@ -1,7 +1,6 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
-import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -36,7 +35,6 @@ from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_o
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study import Study
-from protocol.study_file.loading import text_digest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,33 +61,6 @@ class Origin:
         in_force = {run.calibration for run in lock.sessions}
         is_later = self.rig.origin and self.rig.origin not in in_force
         return replace(self, rig=lock.rig, later=self.rig if is_later else None)
-
-
-def origin_of(
-    name: str,
-    study_text: str,
-    *,
-    rehearsals: bool,
-    broken: Sequence[str],
-    rig: Calibration,
-    unlocked: str = "",
-    sections: Sequence[str] | None = None,
-) -> Origin:
-    """Return the origin of a report on the study whose folder has this name.
-
-    `sections` are those that were asked for; a `report.toml` chooses them by itself.
-    """
-    options = ["--rehearsals"] * rehearsals
-    options += [] if sections is None else ["--sections", ",".join(sections)]
-    return Origin(
-        # Quoted, because a folder's name may have spaces, and the line is there to be run again.
-        command=shlex.join(["touchbeam", "report", name, *options]),
-        study_sha256=text_digest(study_text),
-        broken_chains=tuple(broken),
-        rig=rig,
-        unlocked=unlocked,
-        alone=sections is not None,
-    )
 
 
 class Scale(NamedTuple):

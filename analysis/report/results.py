@@ -153,10 +153,10 @@ def _who(found: Findings) -> str:
 
 
 def _omnibus(found: Findings, main: Reading) -> str:
-    test = main.friedman if main.skillings_mack is None else main.skillings_mack
+    test = main.omnibus
     if isinstance(test, NotEstimable):
         return f"No test of all conditions could be computed: {test.reason}."
-    p = test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
+    p = test.best_p
     differed = (
         "Ratings differed between conditions"
         if p < LEVEL and counts(found, OMNIBUS)
@@ -201,19 +201,24 @@ def _pair(found: Findings, pair: PairwiseTest) -> str:
     assert isinstance(test, SignedRank)
     names, means = found.loaded.table.conditions, found.table.main.table4.column_means
     mean = dict(zip(names, means, strict=True))
-    # Told with the higher condition first, so that every difference is above 0.
-    higher, lower = (pair.a, pair.b) if test.mean_difference >= 0 else (pair.b, pair.a)
-    sign = 1.0 if higher == pair.a else -1.0
-    ends = test.mean_difference_interval
-    if not isinstance(ends, NotEstimable) and sign < 0:
-        # Turning a difference round swaps the ends of its interval as well.
-        ends = (-ends[1], -ends[0])
-    by = f"{number(sign * test.mean_difference, 2)}{_ci(ends)}"
+    higher, lower, by = _higher_first(pair, test.mean_difference, test.mean_difference_interval)
+    r = test.rank_biserial if higher == pair.a else -test.rank_biserial
     return (
         f"{higher} (M = {number(mean[higher], 2)}) was rated above {lower} "
-        f"(M = {number(mean[lower], 2)}) by {by}, "
-        f"{p_equals(pair.p_holm)}, r = {bounded(sign * test.rank_biserial)}"
+        f"(M = {number(mean[lower], 2)}) by {by}, {p_equals(pair.p_holm)}, r = {bounded(r)}"
     )
+
+
+def _higher_first(
+    pair: PairwiseTest | TwoGroups, difference: float, ends: Interval | NotEstimable
+) -> tuple[str, str, str]:
+    """Return the names of a pair, the higher one first, so that the difference is never below 0."""
+    a, b = pair.a, pair.b
+    if difference < 0:
+        a, b, difference = b, a, -difference
+        # Turning a difference round swaps the ends of its interval as well.
+        ends = ends if isinstance(ends, NotEstimable) else (-ends[1], -ends[0])
+    return a, b, f"{number(difference, 2)}{_ci(ends)}"
 
 
 def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
@@ -260,12 +265,7 @@ def _profiles(made: GroupStatistics, found: Interaction | NotEstimable) -> str:
 
 def _higher(pair: TwoGroups) -> str:
     """Tell how far apart two groups are, with the higher one first."""
-    names, ends = (pair.a, pair.b), pair.shift_interval
-    if pair.shift < 0:
-        # Turning a difference round swaps the ends of its interval as well.
-        names = (pair.b, pair.a)
-        ends = ends if isinstance(ends, NotEstimable) else (-ends[1], -ends[0])
-    return f"{' above '.join(names)} by {number(abs(pair.shift), 2)}{_ci(ends)}"
+    return "{} above {} by {}".format(*_higher_first(pair, pair.shift, pair.shift_interval))
 
 
 def _factors(tests: Factorial) -> str:

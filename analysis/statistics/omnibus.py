@@ -239,6 +239,11 @@ class SkillingsMack:
     untied: float
     left_out: tuple[str, ...] = ()
 
+    @property
+    def best_p(self) -> float:
+        """The permutation p."""
+        return self.monte_carlo.p
+
 
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     """Return the Skillings-Mack test of the table, or why it is not possible.

@@ -62,12 +62,14 @@ class Reading:
     pairwise: tuple[PairwiseTest, ...]
 
     @property
+    def omnibus(self) -> Friedman | SkillingsMack | NotEstimable:
+        """The test of all conditions."""
+        return self.friedman if self.skillings_mack is None else self.skillings_mack
+
+    @property
     def omnibus_p(self) -> float | NotEstimable:
-        """The p of the test of all conditions, exact or by shuffling."""
-        test = self.friedman if self.skillings_mack is None else self.skillings_mack
-        if isinstance(test, NotEstimable):
-            return test
-        return test.monte_carlo.p if isinstance(test, SkillingsMack) else test.best_p
+        """Its p, exact or by shuffling."""
+        return self.omnibus if isinstance(self.omnibus, NotEstimable) else self.omnibus.best_p
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

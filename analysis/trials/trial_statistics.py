@@ -1,5 +1,6 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -199,25 +200,20 @@ class SignalAnswers:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TrialStatistics:
-    """The statistics of the trials that count, felt on that rig; each is computed when it is asked.
+class SensitivityModels(ABC):
+    """M1, M2 and M3 of the trials that count on their `contrasts`; each is fitted when asked for.
 
-    `ordinal` is by link, `laws` in a fixed order. `place_m2` is M2 of the conditions at a place
-    alone, where there are others too. `predictive` has the posterior predictive checks by model; a
-    model that fails is not estimable.
+    `predictive` has the posterior predictive checks by model; a model that fails is not estimable.
     """
 
     data: StudyData
     study: Study
-    rig: Calibration = NOMINAL
     keep: Kept = field(default_factory=Kept)
 
-    @cached_property
+    @property
+    @abstractmethod
     def contrasts(self) -> TrialContrasts:
         """Contrasts of all trials, by law."""
-        return trial_contrasts(
-            self.study, self.data.trials, self.data.touches, self.rig, keep=self.keep
-        )
 
     @cached_property
     def scored(self) -> ScoredTrials:
@@ -256,6 +252,24 @@ class TrialStatistics:
     @cached_property
     def _answered(self) -> AnsweredTrials:
         return detection_trials(self.data, self.contrasts, self.study)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialStatistics(SensitivityModels):
+    """The statistics of the trials that count, felt on that rig; each is computed when it is asked.
+
+    `ordinal` is by link, `laws` in a fixed order. `place_m2` is M2 of the conditions at a place
+    alone, where there are others too.
+    """
+
+    rig: Calibration = NOMINAL
+
+    @cached_property
+    def contrasts(self) -> TrialContrasts:
+        """Contrasts of all trials, by law."""
+        return trial_contrasts(
+            self.study, self.data.trials, self.data.touches, self.rig, keep=self.keep
+        )
 
     @cached_property
     def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:

@@ -12,14 +12,9 @@ from typing import Any, cast
 
 import pandas as pd
 
+from analysis.export import trial_table
 from analysis.export.columns import PARTICIPANT_COLUMNS, Column, factor_columns
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
-from analysis.export.trial_table import (
-    contrast_table,
-    participant_table,
-    trial_columns,
-    trial_table,
-)
 from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import values
 from analysis.loading.sessions import Sessions, load_sessions
@@ -137,7 +132,7 @@ class Dataset:
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        return trial_columns(self.found, self.sessions, self.questions, self.factors)
+        return trial_table.trial_columns(self.found, self.sessions, self.questions, self.factors)
 
     @property
     def shared_columns(self) -> tuple[Column, ...]:
@@ -147,7 +142,7 @@ class Dataset:
     @cached_property
     def participants(self) -> pd.DataFrame:
         """A row per participant, with the answers that were given once."""
-        return participant_table(self.sessions, self.trials, self.questions)
+        return trial_table.participant_table(self.sessions, self.trials, self.questions)
 
     @cached_property
     def contrasts(self) -> pd.DataFrame:
@@ -156,7 +151,7 @@ class Dataset:
         with suppress(BadInput):  # a registration that was changed holds nothing
             lock = study_lock(self.found.decisions, self.sessions)
         rig = default_rig(lock, self.kinds, self.rig)
-        return contrast_table(self.study, self.found, self.trials, rig)
+        return trial_table.contrast_table(self.study, self.found, self.trials, rig)
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:
@@ -336,7 +331,7 @@ def dataset(
     rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
     questions = asked_questions(study, found.answers)
     kept, factors = found.sessions[~rehearsal], factor_columns(study, questions)
-    trials = trial_table(found, kept, questions, factors)
+    trials = trial_table.trial_table(found, kept, questions, factors)
     if trials.empty:
         raise NothingToExport(
             # The message names the way out only where there is one.

@@ -14,16 +14,11 @@ from analysis.kept import Kept
 from analysis.loading.published import SCALE
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData
+from analysis.sensitivity import predictive_checks
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.predictive_checks import (
-    Checked,
-    PredictiveCheck,
-    checked_ordinal,
-    checked_two_stage,
-)
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
 from analysis.statistics.detection import Detection, detection
 from analysis.statistics.factorial import (
@@ -236,18 +231,18 @@ class SensitivityModels(ABC):
         return self._m3.fit
 
     @property
-    def predictive(self) -> Mapping[str, PredictiveCheck | NotEstimable]:
+    def predictive(self) -> Mapping[str, predictive_checks.PredictiveCheck | NotEstimable]:
         """The checks of M2 and M3."""
         return {"M2": self._m2.check, "M3": self._m3.check}
 
     # Fit and check are kept as one, because a fit that fails its check is withheld.
     @cached_property
-    def _m2(self) -> Checked[OrdinalSensitivity]:
-        return self.keep(checked_ordinal, self.scored.ratings)
+    def _m2(self) -> predictive_checks.Checked[OrdinalSensitivity]:
+        return self.keep(predictive_checks.checked_ordinal, self.scored.ratings)
 
     @cached_property
-    def _m3(self) -> Checked[TwoStageSensitivity]:
-        return self.keep(checked_two_stage, self._answered)
+    def _m3(self) -> predictive_checks.Checked[TwoStageSensitivity]:
+        return self.keep(predictive_checks.checked_two_stage, self._answered)
 
     @cached_property
     def _answered(self) -> AnsweredTrials:
@@ -320,8 +315,8 @@ class TrialStatistics(SensitivityModels):
         if len(ratings.rating) < LARGE:
             return
         calls: dict[str, partial[Any]] = {
-            "M2": partial(checked_ordinal, ratings),
-            "M3": partial(checked_two_stage, self._answered),
+            "M2": partial(predictive_checks.checked_ordinal, ratings),
+            "M3": partial(predictive_checks.checked_two_stage, self._answered),
             **{link: partial(ordinal_effects, self.scored.every.given, link) for link in LINKS},
             "M2 at places": partial(_place_m2, ratings, self._changes),
         }

@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.estimates import FloatArray, Json, NotEstimable, or_null, plain
 from analysis.loading.study_data import WITHHELD_AS
+from analysis.report import figure_data
 from analysis.report.as_json import unknown, with_reasons
 from analysis.report.blocks import (
     Column,
@@ -22,12 +23,6 @@ from analysis.report.blocks import (
     columns,
     estimate,
     p_cell,
-)
-from analysis.report.figure_data import (
-    MOST_INTERVALS,
-    factor_figure,
-    noticed_figure,
-    thinned,
 )
 from analysis.report.findings import Design, Findings
 from analysis.report.results import of_groups
@@ -208,7 +203,9 @@ def _noticed_by_condition(
                 own[CATCH] = each.found.false_alarms
     # Catch trials first, because everything else is compared with them.
     names = list(dict.fromkeys([CATCH, *(name for own in series.values() for name in own)]))
-    drawn = tuple(names[place] for place in thinned(len(names), MOST_INTERVALS))
+    drawn = tuple(
+        names[place] for place in figure_data.thinned(len(names), figure_data.MOST_INTERVALS)
+    )
     nothing = (np.nan,) * 3
     ends = {
         group: np.array(
@@ -221,7 +218,7 @@ def _noticed_by_condition(
         title="Noticed changes",
         caption="Share of trials on which a change in either direction was reported, with 95% "
         f"intervals; on catch trials nothing changed.{of_all(len(drawn), len(names), 'shares')}",
-        draw=partial(noticed_figure, drawn, ends),
+        draw=partial(figure_data.noticed_figure, drawn, ends),
         table=_noticed_table([*conditions, whole, *parts["levels"], *parts["groups"]]),
     )
 
@@ -370,7 +367,7 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
     """Return mean scores by condition and group; nothing where no group can be compared."""
     table, known = found.loaded.table, found.loaded.groups
     of = np.array([known.get(who, "") for who in table.subjects])
-    shown = thinned(len(table.conditions), MOST_INTERVALS)
+    shown = figure_data.thinned(len(table.conditions), figure_data.MOST_INTERVALS)
     own = [
         [column[(of == name) & ~np.isnan(column)] for name in names] for column in table.scores.T
     ]
@@ -386,7 +383,7 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
         title="Scores by group",
         caption="Mean scores of participants by condition and group, with the 95% interval (t) of "
         f"each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
-        draw=partial(factor_figure, factors, means, halves, found.scale),
+        draw=partial(figure_data.factor_figure, factors, means, halves, found.scale),
     )
 
 
@@ -533,7 +530,7 @@ def _figures(found: Findings) -> Iterator[Figure]:
             title=f"Scores by {name}",
             caption=f"Mean scores by {name}{by}, over the other factors, with 95% intervals that "
             "leave out differences between people's levels (Cousineau and Morey).",
-            draw=partial(factor_figure, factors, means, halves, found.scale),
+            draw=partial(figure_data.factor_figure, factors, means, halves, found.scale),
         )
 
 

@@ -8,13 +8,7 @@ import numpy as np
 
 from analysis.estimates import LEVEL, Interval, Json, NotEstimable, or_null, plain, why
 from analysis.loading.score_table import ScoreTable
-from analysis.report.as_json import (
-    friedman_json,
-    pair_json,
-    skillings_mack_json,
-    unknown,
-    with_reasons,
-)
+from analysis.report import as_json, figure_data
 from analysis.report.blocks import (
     Block,
     Cell,
@@ -25,13 +19,6 @@ from analysis.report.blocks import (
     columns,
     p_cell,
     spread_columns,
-)
-from analysis.report.figure_data import (
-    MOST_LINES,
-    people,
-    people_figure,
-    raincloud_figure,
-    thinned,
 )
 from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING, counts
@@ -122,7 +109,7 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
 
 def _scores_figure(found: Findings) -> Figure:
     table, means = found.loaded.table, found.table.main.table4.column_means
-    lines = table.scores[thinned(len(table.subjects), MOST_LINES)]
+    lines = table.scores[figure_data.thinned(len(table.subjects), figure_data.MOST_LINES)]
     drawn = of_all(len(lines), len(table.subjects), "subjects' lines")
     return Figure(
         name="scores",
@@ -130,7 +117,7 @@ def _scores_figure(found: Findings) -> Figure:
         caption="Scores by condition. Lines with circles show subjects, clouds the density of "
         "eight scores or more, bars the interquartile range with the median, and diamonds the "
         f"means.{drawn}",
-        draw=partial(raincloud_figure, table, lines, means, found.scale),
+        draw=partial(figure_data.raincloud_figure, table, lines, means, found.scale),
         table=_quartile_table(table),
         front=True,
     )
@@ -156,8 +143,8 @@ def _tests_json(main: Reading) -> Json:
     test = main.friedman
     w_ends = test.kendall_w_interval if isinstance(test, Friedman) else test
     return {
-        "friedman": friedman_json(main),
-        "skillings_mack": skillings_mack_json(main.skillings_mack),
+        "friedman": as_json.friedman_json(main),
+        "skillings_mack": as_json.skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
         "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
         **why("kendall_w", test),
@@ -168,7 +155,7 @@ def _tests_json(main: Reading) -> Json:
         if isinstance(test, Friedman)
         else None,
         **why("rank_sums", test),
-        "pairwise": [pair_json(pair) for pair in main.pairwise],
+        "pairwise": [as_json.pair_json(pair) for pair in main.pairwise],
     }
 
 
@@ -342,7 +329,7 @@ def _subject_table(table: TableStatistics) -> Table | None:
 
 
 def _people_figure(found: Findings) -> Figure:
-    scores, table = people(found), found.loaded.table
+    scores, table = figure_data.people(found), found.loaded.table
     if not scores:
         return Figure(name="people")
     some = (
@@ -357,13 +344,13 @@ def _people_figure(found: Findings) -> Figure:
         title="Every subject",
         caption="Scores of each subject's trials by condition (points), and the mean of all "
         f"subjects (grey line).{some}",
-        draw=partial(people_figure, table.conditions, scores, means, found.scale),
+        draw=partial(figure_data.people_figure, table.conditions, scores, means, found.scale),
     )
 
 
 def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
     if isinstance(icc, NotEstimable):
-        return unknown(icc, *_ICC)
+        return as_json.unknown(icc, *_ICC)
     values = {kind: getattr(icc, name) for kind, name in _ICC.items()}
     missing = [value.reason for value in values.values() if isinstance(value, NotEstimable)]
     ends = icc.intervals
@@ -379,18 +366,18 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
 def _additive_json(table: TableStatistics) -> Json:
     effects = table.additive
     if isinstance(effects, NotEstimable):
-        nothing = unknown(effects, "residual_sd", "subject_sd", "shrinkage")
+        nothing = as_json.unknown(effects, "residual_sd", "subject_sd", "shrinkage")
         return {"conditions": {}, "subjects": {}, **nothing}
     return {
-        **with_reasons(effects, "shrinkage"),
+        **as_json.with_reasons(effects, "shrinkage"),
         "subject_shrinkage": {name: or_null(s) for name, s in effects.subject_shrinkage.items()},
     }
 
 
 def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
     if isinstance(effects, NotEstimable):
-        return {"effects": {}, **unknown(effects, "subject_sd", "log_likelihood")}
+        return {"effects": {}, **as_json.unknown(effects, "subject_sd", "log_likelihood")}
     found, within = plain(effects), effects.interaction
     if isinstance(within, Interaction):
-        found["interaction"] = with_reasons(within, "sd_interval")
+        found["interaction"] = as_json.with_reasons(within, "sd_interval")
     return dict(found)

@@ -11,7 +11,7 @@ from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.statistics.omnibus import MonteCarlo, SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
-from analysis.trials.law_likelihood import LawLikelihood, LawOrder
+from analysis.trials.law_likelihood import LawOrder
 from analysis.trials.trial_statistics import LawScore
 
 
@@ -21,12 +21,12 @@ def unknown(found: NotEstimable, *names: str) -> Json:
     return {**dict.fromkeys(names), "reason": found.reason}
 
 
-def with_reasons(record: object, *names: str) -> Json:
-    """Return a record whose fields `names` are `null` where they are not known, each with why."""
+def with_reasons(record: object) -> Json:
+    """Return a record whose fields are `null` where they are not known, each with why."""
     found: Json = plain(record)
-    for name in names:
-        value = getattr(record, name)
-        found |= {name: or_null(value), **why(name, value)}
+    missing = {name: getattr(record, name) for name in found}
+    for name, value in missing.items():
+        found |= {name: None} | why(name, value) if isinstance(value, NotEstimable) else {}
     return found
 
 
@@ -80,8 +80,7 @@ def pair_json(pair: PairwiseTest) -> Json:
             *("mean_difference", "mean_difference_interval"),
         )
         return {**names, **nothing}
-    known = with_reasons(pair.test, "mean_difference_interval")
-    return {**names, **known, "p_holm": or_null(pair.p_holm)}
+    return {**names, **with_reasons(pair.test), "p_holm": or_null(pair.p_holm)}
 
 
 def fit_json(
@@ -134,12 +133,11 @@ def _line_json(line: Json) -> Json:
 
 def law_json(score: LawScore) -> Json:
     """Return how a law orders the conditions and fits the ratings."""
-    known = ("gain_p", "prediction_error") * isinstance(score.likelihood, LawLikelihood)
     return {
         "law": score.law,
         **_order_json(score.order),
         "predicted": plain(score.predicted),
-        "who_felt_what": with_reasons(score.likelihood, *known),
+        "who_felt_what": with_reasons(score.likelihood),
     }
 
 

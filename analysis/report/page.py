@@ -156,12 +156,12 @@ SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
 )
 """The sections of the page by name, in the order in which an author needs them."""
 
-FRONTS: Mapping[str, Callable[[Findings], Sequence[blocks.Block]]] = MappingProxyType(
+FRONTS: Mapping[str, Sequence[Callable[[Findings], blocks.Block]]] = MappingProxyType(
     {
-        "table4": scores.front,
-        "tests": effects.front,
-        "sensitivity": sensitivity.front,
-        "model": predictions.front,
+        "table4": (scores.score_table, scores.notes),
+        "tests": (effects.scores_figure,),
+        "sensitivity": (sensitivity.relative_figure,),
+        "model": (predictions.ratings_figure,),
     }
 )
 """What stands among the results whichever sections are shown, by the section that it belongs to."""

@@ -77,8 +77,11 @@ class Report(Findings):
         """Sections with at least what stands among the results."""
         own = {section.name: section for section in self.sections}
         return tuple(
-            own.get(name) or Section(name=name, title="", blocks=front(self)).keeping(self.keep)
-            for name, front in FRONTS.items()
+            own.get(name)
+            or Section(name=name, title="", blocks=[make(self) for make in own_blocks]).keeping(
+                self.keep
+            )
+            for name, own_blocks in FRONTS.items()
             if self._has(name)
         )
 

@@ -390,11 +390,3 @@ def curve_of(track: Track, found: PersonThreshold, distance: FloatArray) -> Floa
     log_width = np.log(curve.width / fit.slope)
     parts = (threshold, log_width, fit.lapse, fit.guess)
     return curve.share_correct(at, [np.array(part) for part in parts])
-
-
-def by_track(people: Sequence[PersonThreshold]) -> Mapping[str, list[PersonThreshold]]:
-    """Return the thresholds of each track, in the order of the tracks."""
-    found: dict[str, list[PersonThreshold]] = {}
-    for each in people:
-        found.setdefault(each.track, []).append(each)
-    return found

@@ -417,7 +417,7 @@ def factors(found: Findings) -> Section:
         data={
             "factors": {
                 "effects": [_effect_json(it) for it in tests.effects],
-                "levels": [with_reasons(it, "difference_interval") for it in tests.levels],
+                "levels": [with_reasons(it) for it in tests.levels],
                 "latent": plain(latent),
                 "p_holm_by_reading": {
                     name: {effect: or_null(p) for effect, p in again.items()}
@@ -538,4 +538,4 @@ def _effect_json(it: TestedEffect) -> Json:
     named = {"factors": list(it.factors), "p_holm": or_null(it.p_holm)}
     if isinstance(it.effect, NotEstimable):
         return {**named, **unknown(it.effect, *(each.name for each in fields(Effect)))}
-    return {**named, "p": it.effect.p, **with_reasons(it.effect, "partial_eta2_interval")}
+    return {**named, "p": it.effect.p, **with_reasons(it.effect)}

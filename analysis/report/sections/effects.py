@@ -10,7 +10,6 @@ from analysis.estimates import LEVEL, Interval, Json, NotEstimable, or_null, pla
 from analysis.loading.score_table import ScoreTable
 from analysis.report import as_json, figure_data
 from analysis.report.blocks import (
-    Block,
     Cell,
     Column,
     Figure,
@@ -47,15 +46,10 @@ def tests(found: Findings) -> Section:
             f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
             if main.pairwise
             else None,
-            _scores_figure(found),
+            scores_figure(found),
         ],
         data=_tests_json(main),
     )
-
-
-def front(found: Findings) -> list[Block]:
-    """Return what of it stands among the results."""
-    return [_scores_figure(found)]
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
@@ -107,7 +101,8 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
     ]
 
 
-def _scores_figure(found: Findings) -> Figure:
+def scores_figure(found: Findings) -> Figure:
+    """Return the scores, which stand among the results."""
     table, means = found.loaded.table, found.table.main.table4.column_means
     lines = table.scores[figure_data.thinned(len(table.subjects), figure_data.MOST_LINES)]
     drawn = of_all(len(lines), len(table.subjects), "subjects' lines")
@@ -369,7 +364,7 @@ def _additive_json(table: TableStatistics) -> Json:
         nothing = as_json.unknown(effects, "residual_sd", "subject_sd", "shrinkage")
         return {"conditions": {}, "subjects": {}, **nothing}
     return {
-        **as_json.with_reasons(effects, "shrinkage"),
+        **as_json.with_reasons(effects),
         "subject_shrinkage": {name: or_null(s) for name, s in effects.subject_shrinkage.items()},
     }
 
@@ -379,5 +374,5 @@ def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
         return {"effects": {}, **as_json.unknown(effects, "subject_sd", "log_likelihood")}
     found, within = plain(effects), effects.interaction
     if isinstance(within, Interaction):
-        found["interaction"] = as_json.with_reasons(within, "sd_interval")
+        found["interaction"] = as_json.with_reasons(within)
     return dict(found)

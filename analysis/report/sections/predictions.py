@@ -8,7 +8,7 @@ import numpy as np
 from analysis.estimates import NotEstimable, plain
 from analysis.report import figure_data
 from analysis.report.as_json import law_json
-from analysis.report.blocks import Block, Figure, Section, Table, columns, law_columns
+from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
@@ -26,7 +26,7 @@ def section(found: Findings) -> Section:
         title="Ratings against the model",
         blocks=[
             _signal_line(found.trials),
-            _ratings_figure(found, _prediction_table(found)),
+            ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
             _laws_line(found.trials),
             _law_table(found.trials.laws),
@@ -38,11 +38,6 @@ def section(found: Findings) -> Section:
             "contrast_rung": RUNG,
         },
     )
-
-
-def front(found: Findings) -> list[Block]:
-    """Return what of it stands among the results."""
-    return [_ratings_figure(found)]
 
 
 def _signal_line(trials: TrialStatistics) -> str:
@@ -63,7 +58,8 @@ _LINES = {
 }
 
 
-def _ratings_figure(found: Findings, table: Table | None = None) -> Figure:
+def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
+    """Return the ratings against the model, which stand among the results."""
     given = found.trials.scored.ratings.given
     count = len(given.rating)
     if not count:

@@ -28,7 +28,7 @@ def section(found: Findings) -> blocks.Section:
     return blocks.Section(
         name="table4",
         title="Other readings of withheld scores",
-        blocks=[*front(found), _readings_table(found)],
+        blocks=[score_table(found), notes(found), _readings_table(found)],
         data={
             "table4": {**_means_json(main), **_empty_json(found)},
             "missing_readings": _readings_json(found.table.readings),
@@ -38,12 +38,6 @@ def section(found: Findings) -> blocks.Section:
             "table4.tex": table4_tex(main, found.scale_in_words, found.table_notes),
         },
     )
-
-
-def front(found: Findings) -> list[blocks.Block]:
-    """Return what of it stands among the results."""
-    notes = blocks.Items(name="table4-notes", lines=found.table_notes, front=True)
-    return [_score_table(found), notes]
 
 
 def own_questions(found: Findings) -> blocks.Section:
@@ -102,7 +96,12 @@ def _caption(question: StudyQuestion) -> str:
     return f"{question.name}: {text}{scale}{unit}"
 
 
-def _score_table(found: Findings) -> blocks.Table:
+def notes(found: Findings) -> blocks.Items:
+    """Return the notes below Table 4."""
+    return blocks.Items(name="table4-notes", lines=found.table_notes, front=True)
+
+
+def score_table(found: Findings) -> blocks.Table:
     """Return Table 4; each score links to its trials, each mean to the predictions."""
     table, empty = found.loaded.table, found.loaded.empty
     header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))

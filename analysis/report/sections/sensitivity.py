@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report import figure_data, wording
 from analysis.report.as_json import fit_json, subjects_json
-from analysis.report.blocks import Block, Column, Figure, Items, Section, Table, estimate
+from analysis.report.blocks import Column, Figure, Items, Section, Table, estimate
 from analysis.report.findings import Findings
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.linear_model import LinearSensitivity
@@ -38,7 +38,7 @@ def section(found: Findings) -> Section:
             ),
             wording.SKIN if _fits(trials) else None,
             Items(heading="Limitations of these data.", lines=_limits(found)),
-            _relative_figure(trials),
+            relative_figure(found),
             _gains_figure(trials),
             _fits_table(_fits(trials)),
             None
@@ -54,11 +54,6 @@ def section(found: Findings) -> Section:
         ],
         data=_sensitivity_json(trials),
     )
-
-
-def front(found: Findings) -> list[Block]:
-    """Return what of it stands among the results."""
-    return [_relative_figure(found.trials)]
 
 
 def _headline(fit: OrdinalSensitivity | NotEstimable, ranges: Sequence[ContrastRange]) -> str:
@@ -156,7 +151,9 @@ def _drawn(lines: Lines) -> str:
     return wording.of_all(len(figure_data.drawn_subjects(lines)), len(lines.subjects), "subjects")
 
 
-def _relative_figure(trials: TrialStatistics) -> Figure:
+def relative_figure(found: Findings) -> Figure:
+    """Return the relative gains, which stand among the results."""
+    trials = found.trials
     model, lines = next(iter(figure_data.gains(trials).items()), ("", None))
     if lines is None or not lines.subjects[0].relative_gain_known:
         return Figure(name="relative-gains")

@@ -263,7 +263,7 @@ def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
     found: Json = plain(answers)
     if isinstance(answers, Discrimination):
         for name, rate in (("hits", answers.hits), ("false_alarms", answers.false_alarms)):
-            found[name] = with_reasons(rate, "interval")
+            found[name] = with_reasons(rate)
     return found
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 
@@ -17,7 +19,6 @@ from analysis.trials.track_fits import (
     CohortThreshold,
     PersonThreshold,
     Thresholds,
-    by_track,
     curve_of,
     curve_places,
 )
@@ -42,10 +43,11 @@ METHOD = (
 
 def section(found: Findings) -> Section:
     """Return the thresholds of people and of the cohort; nothing for a study without tracks."""
-    made, title = found.thresholds, "Thresholds"
+    made, title, study = found.thresholds, "Thresholds", found.study
     if made is None:
         return Section(name="thresholds", title=title, blocks=[])
-    drawn = by_track(made.people)
+    # People come track by track.
+    by_track = groupby(made.people, attrgetter("track"))
     return Section(
         name="thresholds",
         title=title,
@@ -56,8 +58,8 @@ def section(found: Findings) -> Section:
             _readings_table(made),
             *(
                 figure
-                for number, (name, people) in enumerate(drawn.items(), start=1)
-                for figure in _figures(found.study.track_of(name), people, number)
+                for number, (name, own) in enumerate(by_track, start=1)
+                for figure in _figures(study.track_of(name), list(own), number)
             ),
         ],
         data={

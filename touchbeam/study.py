@@ -124,20 +124,9 @@ class Study:
 
     @cached_property
     def _frames(self) -> "Frames":
-        from analysis.export.columns import factor_columns
-        from analysis.export.dataset import asked_questions
-        from analysis.export.trial_table import Frames
-        from analysis.felt.measured_statistics import with_measures
+        from analysis.export.trial_table import frames
 
-        sessions = self.recorded.sessions
-        rehearsed = sessions["session_kind"].eq("rehearsal")
-        questions = asked_questions(self.file, self.recorded.answers)
-        return Frames(
-            found=with_measures(self.file, self.recorded),
-            kept=sessions if self.rehearsals else sessions[~rehearsed],
-            questions=questions,
-            factors=factor_columns(self.file, questions),
-        )
+        return frames(self.file, self.recorded, rehearsals=self.rehearsals)
 
     @cached_property
     def _counted(self) -> "StudyData":

@@ -196,7 +196,7 @@ def _event_files(
     table = timed.assign(onset=(began - began.min()).dt.total_seconds()).sort_values("onset")
     names = ["onset", "duration_s", "trial_kind", "reaction_time_s", "trial_index"]
     told, hed = {it.name: _described(it, data) for it in _EVENT_COLUMNS}, _HED
-    if of_tracks(data.found):
+    if of_tracks(data.tables.found):
         names += _OF_TRACKS
         hed = {**_HED, "track": _HED["trial"]}
         columns = {it.name: _described(it, data) for it in data.columns}

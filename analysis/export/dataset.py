@@ -12,11 +12,9 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export import trial_table
-from analysis.export.columns import PARTICIPANT_COLUMNS, Column, factor_columns
+from analysis.export.columns import PARTICIPANT_COLUMNS, Column
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
-from analysis.felt.measured_statistics import with_measures
-from analysis.loading.records import values
+from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
 from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.scenes import NOMINAL, Calibration
@@ -30,7 +28,6 @@ from protocol.study.participant_texts import (
 )
 from protocol.study.rules import PAPERS_SCALE, Publication, Rating
 from protocol.study.study import Study
-from protocol.study.study_question import StudyQuestion
 from protocol.study.track import AXIS_UNITS
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
@@ -82,28 +79,20 @@ class NothingToExport(BadInput):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """A study's trials with the study file that they belong to.
+    """A study's tables with the study file that they belong to.
 
-    `trials` has the columns of `analysis.export.columns`, `sessions` those of
-    `analysis.loading.records.SessionRow`; a session in which no trial was begun is not among them.
-    `questions` are the study's own, and those that were asked under an earlier study file;
-    `factors` has the columns of its factors.
-    `found` is what they were made from, `rig` the study's calibration at present.
+    A session in which no trial was begun is not in `tables`. `rig` is the study's calibration at
+    present.
     `source_sha256` is the digest of all the events that they were read from, empty if nobody asked
     for it, `broken_chains` are the sessions whose events are not as they were recorded.
     """
 
     study: Study
-    sessions: pd.DataFrame
-    trials: pd.DataFrame
-    questions: tuple[StudyQuestion, ...]
-    factors: tuple[Column, ...]
+    tables: Frames
     rehearsals_left_out: int
-    sessions_withdrawn: int
     sessions_without_trials: int
     source_sha256: str
     touchbeam: str
-    found: Sessions
     rig: Calibration = NOMINAL
     broken_chains: tuple[str, ...] = ()
     recorded: Mapping[SessionKey, tuple[RecordedTouch, ...]] = field(default_factory=dict)
@@ -129,10 +118,20 @@ class Dataset:
         """What the task is called; its letters and digits are those of `task`."""
         return self.study.study.name if label(self.study.study.name) else UNNAMED_TASK
 
+    @property
+    def sessions(self) -> pd.DataFrame:
+        """The sessions, with the columns of `analysis.loading.records.SessionRow`."""
+        return self.tables.kept
+
+    @property
+    def trials(self) -> pd.DataFrame:
+        """The trials, with the columns of `analysis.export.columns`."""
+        return self.tables.exported
+
     @cached_property
     def columns(self) -> tuple[Column, ...]:
         """The columns of `trials`."""
-        return trial_table.trial_columns(self.found, self.sessions, self.questions, self.factors)
+        return self.tables.columns
 
     @property
     def shared_columns(self) -> tuple[Column, ...]:
@@ -142,16 +141,16 @@ class Dataset:
     @cached_property
     def participants(self) -> pd.DataFrame:
         """A row per participant, with the answers that were given once."""
-        return trial_table.participant_table(self.sessions, self.trials, self.questions)
+        return participant_table(self.sessions, self.trials, self.tables.questions)
 
     @cached_property
     def contrasts(self) -> pd.DataFrame:
         """A row per trial and friction law, with the predicted contrast."""
         lock = None
         with suppress(BadInput):  # a registration that was changed holds nothing
-            lock = study_lock(self.found.decisions, self.sessions)
+            lock = study_lock(self.tables.found.decisions, self.sessions)
         rig = default_rig(lock, self.kinds, self.rig)
-        return trial_table.contrast_table(self.study, self.found, self.trials, rig)
+        return contrast_table(self.study, self.tables.found, self.trials, rig)
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:
@@ -227,7 +226,7 @@ class Dataset:
             f"{counted(self.people, 'participant')} "
             f"({counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
             f"{counted(self.rehearsals_left_out, 'rehearsal')}, "
-            f"{counted(self.sessions_withdrawn, 'withdrawn session')}"
+            f"{counted(self.tables.found.withdrawn, 'withdrawn session')}"
         )
 
     @property
@@ -324,34 +323,27 @@ def dataset(
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
     if isinstance(source, Sessions):
-        found = with_measures(study, source)
+        sessions = source
     else:
-        chains = _recorded(_digested(source, digest), recorded)
-        found = with_measures(study, load_sessions(chains))
-    rehearsal = found.sessions["session_kind"].eq("rehearsal") & (not rehearsals)
-    questions = asked_questions(study, found.answers)
-    kept, factors = found.sessions[~rehearsal], factor_columns(study, questions)
-    trials = trial_table.trial_table(found, kept, questions, factors)
-    if trials.empty:
+        sessions = load_sessions(_recorded(_digested(source, digest), recorded))
+    tables = frames(study, sessions, rehearsals=rehearsals)
+    found, kept = tables.found, tables.kept
+    left_out = len(found.sessions) - len(kept)
+    if tables.exported.empty:
         raise NothingToExport(
             # The message names the way out only where there is one.
             "nothing but rehearsals here; add --rehearsals to include them"
-            if rehearsal.any()
+            if left_out
             else "no trials here: nobody has begun one, or all have withdrawn"
         )
-    begun = found.sessions.index.isin(found.attempts["session_id"])
+    begun = kept.index.isin(found.attempts["session_id"])
     return Dataset(
         study=study,
-        sessions=found.sessions[~rehearsal & begun],
-        trials=trials,
-        questions=questions,
-        factors=factors,
-        rehearsals_left_out=int(rehearsal.sum()),
-        sessions_withdrawn=found.withdrawn,
-        sessions_without_trials=int((~rehearsal & ~begun).sum()),
+        tables=replace(tables, kept=kept[begun]),
+        rehearsals_left_out=left_out,
+        sessions_without_trials=int((~begun).sum()),
         source_sha256="" if isinstance(source, Sessions) else digest.hexdigest(),
         touchbeam=touchbeam,
-        found=found,
         rig=rig,
         broken_chains=tuple(broken_chains),
         recorded=recorded,
@@ -364,19 +356,6 @@ def with_recordings(data: Dataset, chains: Iterable[Chain]) -> Dataset:
     for _ in _recorded(chains, recorded):
         pass
     return replace(data, recorded=recorded)
-
-
-def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:
-    """Return the questions of `study`, and those that were answered under an earlier study file."""
-    asked = {question.name: question for question in study.question}
-    given = zip(values(answers["name"]), values(answers["when"]), strict=True)
-    earlier = {
-        # The kind is no longer known; any answer can be shown as a text.
-        name: StudyQuestion(name=name, kind="text", when=when)
-        for name, when in given
-        if name not in asked
-    }
-    return (*asked.values(), *earlier.values())
 
 
 def counted(number: int, what: str) -> str:

@@ -44,7 +44,7 @@ def readme(data: Dataset, tables: str) -> str:
         f"{counted(len(data.trials), 'trial')}\n"
         f"- excluded: {counted(data.trials_excluded, 'trial')}\n"
         f"- not here: {counted(data.rehearsals_left_out, 'rehearsal')}, "
-        f"{counted(data.sessions_withdrawn, 'withdrawn session')}, "
+        f"{counted(data.tables.found.withdrawn, 'withdrawn session')}, "
         f"{counted(data.sessions_without_trials, 'session')} in which no trial was begun\n",
         *_facts(data),
         f"Written by touchbeam {data.touchbeam} from the study's journal "

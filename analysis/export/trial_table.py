@@ -20,10 +20,12 @@ from analysis.export.columns import (
     TRACE_COLUMNS,
     TRACK_COLUMNS,
     Column,
+    factor_columns,
     in_tracks,
     names_of,
     question_columns,
 )
+from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
@@ -41,40 +43,6 @@ _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclus
 _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 
 
-def trial_table(
-    found: Sessions,
-    sessions: pd.DataFrame,
-    questions: Sequence[StudyQuestion],
-    factors: Sequence[Column] = (),
-) -> pd.DataFrame:
-    """Return the trials of `sessions`, some of those `found`, as they are exported.
-
-    Values of a plan or an attempt are missing for a published score. Groups and `factors`, if there
-    are any, and the answers to `questions` stand in the last columns.
-    """
-    trials = trials_with_answers(found, session_table(sessions), questions, factors)
-    table = trials.assign(
-        score=_scores(trials["score"], whole=trials["attempts"].notna()),
-        started_utc=_utc(trials["started_utc"]),
-        answered_utc=_utc(trials["answered_utc"]),
-        **_touches(found.touches, trials.index),
-    )
-    return table[names_of(trial_columns(found, sessions, questions, factors))]
-
-
-def trial_columns(
-    found: Sessions,
-    sessions: pd.DataFrame,
-    questions: Sequence[StudyQuestion],
-    factors: Sequence[Column],
-) -> tuple[Column, ...]:
-    """Return the columns of a `trial_table` of the same arguments."""
-    tracks = of_tracks(found)
-    own = (*of_groups(sessions), *factors, *question_columns(questions))
-    # A study without tracks is exported as before.
-    return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
-
-
 def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
     """Return the column of groups if any of the `sessions` has one."""
     return (GROUP,) if sessions["group"].notna().any() else ()
@@ -83,89 +51,6 @@ def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
 def of_tracks(found: Sessions) -> tuple[Column, ...]:
     """Return the columns of tracks if any trial is of one."""
     return TRACK_COLUMNS if found.attempts["track"].notna().any() else ()
-
-
-def session_table(sessions: pd.DataFrame) -> pd.DataFrame:
-    """Return `sessions` with what the operator noted and the version in columns of their own."""
-    told = {
-        **{each.name: ("operator_noted", each.noted) for each in SESSION_COLUMNS if each.noted},
-        "touchbeam_version": ("versions", "touchbeam"),
-    }
-    texts = {
-        column: pd.Series([answers.get(key) for answers in sessions[of]], sessions.index, TEXT)
-        for column, (of, key) in told.items()
-    }
-    return sessions.rename(columns=_SESSION_NAMES).assign(**texts)
-
-
-def trials_with_answers(
-    found: Sessions,
-    of_session: pd.DataFrame,
-    questions: Sequence[StudyQuestion],
-    factors: Sequence[Column] = (),
-) -> pd.DataFrame:
-    """Return the trials of the sessions in a `session_table`, with all but the columns per touch.
-
-    The index is that of the trial's last attempt.
-    """
-    # Each attempt has its own digest: the study may be amended within a session.
-    trials = found.trials.join(of_session.drop(columns="study_sha256"), "session_id", "inner")
-    planned = trials["attempts"].notna()
-    excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
-    touches = found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
-    own = {each.name: trials["condition"].map(each.of_condition).astype(TEXT) for each in factors}
-    own |= _answers(found, trials, questions)
-    assigned = trials.assign(
-        # A published score has a place in its table, but none in a plan.
-        trial_index=trials["trial_index"].astype("Int64").where(planned),
-        level=trials["level"].where(planned),
-        opposite=trials["opposite"].astype("boolean").where(planned),
-        excluded=np.select(excluded, ["session", "trial"], "no"),
-        # A session's exclusion holds for all its trials, whatever else was said of one.
-        exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
-        inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
-        touches=touches.astype("Int64").where(planned),
-    )
-    # All at once: pandas warns of a hundred columns that come one by one.
-    # A question may have the name of a column that is not exported.
-    kept = assigned.drop(columns=[*own], errors="ignore")
-    return kept.join(pd.DataFrame(own, trials.index))
-
-
-def _answers(
-    found: Sessions, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
-) -> "dict[str, pd.Series[Any]]":
-    """Return answer and reaction time to each question for each of `trials`.
-
-    An answer about a trial belongs to its last attempt, one about a block to all of its trials,
-    any other to all trials of the session. One that is given once in the first session belongs to
-    all trials of the participant.
-    """
-    answers = found.answers.assign(row=np.arange(len(found.answers), dtype=np.float64))
-    of_trial, of_block = answers["attempt_id"].notna(), answers["block"].notna()
-    by_name = answers["name"].to_numpy()
-    blocks = pd.MultiIndex.from_frame(trials[["session_id", "block"]].astype(np.float64))
-    given = {name: values(answers[name]) for name in ("answer", "reaction_time_s")}
-    table: dict[str, pd.Series[Any]] = {}
-    for question in questions:
-        own = by_name == question.name
-        session = _last(answers[own & ~of_trial & ~of_block], ["session_id"])
-        rows = _last(answers[own & of_trial], ["attempt_id"]).reindex(trials.index)
-        # The nearest first: the trial, its block, its session, the participant.
-        about_block = _last(answers[own & of_block & ~of_trial], ["session_id", "block"])
-        rows = rows.fillna(pd.Series(about_block.reindex(blocks).to_numpy(), trials.index))
-        rows = rows.fillna(trials["session_id"].map(session))
-        if question.sessions == "first":
-            once = pd.Series(
-                session.to_numpy(), session.index.map(found.sessions["subject"].to_dict())
-            )
-            once = once[~once.index.duplicated()]
-            rows = rows.fillna(trials["subject"].map(once))
-        places = [None if np.isnan(row) else int(row) for row in rows]
-        for column, told in zip(question_columns([question]), given.values(), strict=True):
-            known = [None if place is None else told[place] for place in places]
-            table[column.name] = pd.Series(known, trials.index, object)
-    return table
 
 
 def _last(answers: pd.DataFrame, keys: list[str]) -> "pd.Series[float]":
@@ -252,7 +137,7 @@ def contrast_table(
     Args:
         study: the present study.
         found: what `trials` were made from, with measures.
-        trials: a `trial_table`.
+        trials: as they are `Frames.exported`.
         rig: of the trials for which no calibration was in force.
     """
     begun = found.trials.loc[trials.index]
@@ -276,10 +161,36 @@ def contrast_table(
 # and for the columns per touch, which stand in a table of touches.
 
 
+def frames(study: Study, recorded: Sessions, *, rehearsals: bool) -> "Frames":
+    """Return the tables of a study's sessions, rehearsals only if they are wanted, too."""
+    found = with_measures(study, recorded)
+    questions = asked_questions(study, found.answers)
+    return Frames(
+        found=found,
+        kept=found.sessions[rehearsals | found.sessions["session_kind"].ne("rehearsal")],
+        questions=questions,
+        factors=factor_columns(study, questions),
+    )
+
+
+def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion, ...]:
+    """Return the questions of `study`, and those that were answered under an earlier study file."""
+    asked = {question.name: question for question in study.question}
+    given = zip(values(answers["name"]), values(answers["when"]), strict=True)
+    earlier = {
+        # The kind is no longer known; any answer can be shown as a text.
+        name: StudyQuestion(name=name, kind="text", when=when)
+        for name, when in given
+        if name not in asked
+    }
+    return (*asked.values(), *earlier.values())
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frames:
-    """The tables of `sessions`, some of those `found`; `questions` are the study's own.
+    """The tables of the sessions `kept`, some of those `found`.
 
+    `questions` are the study's own, and those that were asked under an earlier study file;
     `factors` has the columns of its factors.
     """
 
@@ -298,7 +209,18 @@ class Frames:
 
     @cached_property
     def _sessions(self) -> pd.DataFrame:
-        return session_table(self.kept)
+        """The sessions with what the operator noted and the version in columns of their own."""
+        told = {
+            **{each.name: ("operator_noted", each.noted) for each in SESSION_COLUMNS if each.noted},
+            "touchbeam_version": ("versions", "touchbeam"),
+        }
+        texts = {
+            column: pd.Series(
+                [answers.get(key) for answers in self.kept[of]], self.kept.index, TEXT
+            )
+            for column, (of, key) in told.items()
+        }
+        return self.kept.rename(columns=_SESSION_NAMES).assign(**texts)
 
     @cached_property
     def participants(self) -> pd.DataFrame:
@@ -312,12 +234,99 @@ class Frames:
 
     @cached_property
     def _trials(self) -> pd.DataFrame:
-        table = trials_with_answers(self.found, self._sessions, self.questions, self.factors)
-        return table[[it.name for it in self._columns if not it.per_touch]].infer_objects()
+        names = [column.name for column in self.columns if not column.per_touch]
+        return self._answered[names].infer_objects()
+
+    @cached_property
+    def exported(self) -> pd.DataFrame:
+        """The same as it is written to files, with the columns per touch; by last attempt.
+
+        Values of a plan or an attempt are missing for a published score.
+        """
+        trials = self._answered
+        table = trials.assign(
+            score=_scores(trials["score"], whole=trials["attempts"].notna()),
+            started_utc=_utc(trials["started_utc"]),
+            answered_utc=_utc(trials["answered_utc"]),
+            **_touches(self.found.touches, trials.index),
+        )
+        return table[names_of(self.columns)]
 
     @property
-    def _columns(self) -> tuple[Column, ...]:
-        return trial_columns(self.found, self.kept, self.questions, self.factors)
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of `exported`; groups, factors and answers stand in the last ones."""
+        tracks = of_tracks(self.found)
+        own = (*of_groups(self.kept), *self.factors, *question_columns(self.questions))
+        # A study without tracks is exported as before.
+        return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
+
+    @cached_property
+    def _answered(self) -> pd.DataFrame:
+        """The trials with all but the columns per touch; the index is that of the last attempt."""
+        # Each attempt has its own digest: the study may be amended within a session.
+        trials = self.found.trials.join(
+            self._sessions.drop(columns="study_sha256"), "session_id", "inner"
+        )
+        planned = trials["attempts"].notna()
+        excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
+        touches = (
+            self.found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
+        )
+        own = {
+            each.name: trials["condition"].map(each.of_condition).astype(TEXT)
+            for each in self.factors
+        }
+        own |= self._answers(trials)
+        assigned = trials.assign(
+            # A published score has a place in its table, but none in a plan.
+            trial_index=trials["trial_index"].astype("Int64").where(planned),
+            level=trials["level"].where(planned),
+            opposite=trials["opposite"].astype("boolean").where(planned),
+            excluded=np.select(excluded, ["session", "trial"], "no"),
+            # A session's exclusion holds for all its trials, whatever else was said of one.
+            exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
+            inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
+            touches=touches.astype("Int64").where(planned),
+        )
+        # All at once: pandas warns of a hundred columns that come one by one.
+        # A question may have the name of a column that is not exported.
+        kept = assigned.drop(columns=[*own], errors="ignore")
+        return kept.join(pd.DataFrame(own, trials.index))
+
+    def _answers(self, trials: pd.DataFrame) -> "dict[str, pd.Series[Any]]":
+        """Return answer and reaction time to each question for each of `trials`.
+
+        An answer about a trial belongs to its last attempt, one about a block to all of its
+        trials, any other to all trials of the session. One that is given once in the first session
+        belongs to all trials of the participant.
+        """
+        answers = self.found.answers.assign(
+            row=np.arange(len(self.found.answers), dtype=np.float64)
+        )
+        of_trial, of_block = answers["attempt_id"].notna(), answers["block"].notna()
+        by_name = answers["name"].to_numpy()
+        blocks = pd.MultiIndex.from_frame(trials[["session_id", "block"]].astype(np.float64))
+        given = {name: values(answers[name]) for name in ("answer", "reaction_time_s")}
+        table: dict[str, pd.Series[Any]] = {}
+        for question in self.questions:
+            own = by_name == question.name
+            session = _last(answers[own & ~of_trial & ~of_block], ["session_id"])
+            rows = _last(answers[own & of_trial], ["attempt_id"]).reindex(trials.index)
+            # The nearest first: the trial, its block, its session, the participant.
+            about_block = _last(answers[own & of_block & ~of_trial], ["session_id", "block"])
+            rows = rows.fillna(pd.Series(about_block.reindex(blocks).to_numpy(), trials.index))
+            rows = rows.fillna(trials["session_id"].map(session))
+            if question.sessions == "first":
+                once = pd.Series(
+                    session.to_numpy(), session.index.map(self.found.sessions["subject"].to_dict())
+                )
+                once = once[~once.index.duplicated()]
+                rows = rows.fillna(trials["subject"].map(once))
+            places = [None if np.isnan(row) else int(row) for row in rows]
+            for column, told in zip(question_columns([question]), given.values(), strict=True):
+                known = [None if place is None else told[place] for place in places]
+                table[column.name] = pd.Series(known, trials.index, object)
+        return table
 
     @cached_property
     def touches(self) -> pd.DataFrame:
@@ -340,7 +349,7 @@ class Frames:
 
     def described(self, scale: str) -> pd.DataFrame:
         """Return meaning, unit and levels of each table's columns; `scale` is that of scores."""
-        known = {column.name: column for column in self._columns}
+        known = {column.name: column for column in self.columns}
         score = known["score"].description.format(scale=scale)
         known["score"] = replace(known["score"], description=score)
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}

@@ -33,7 +33,7 @@ def test_every_trial_that_was_begun_is_there_and_who_withdrew_is_not() -> None:
         ("D01", 1): 2,
         ("E01", 1): 7,
     }
-    left_out = (data.rehearsals_left_out, data.sessions_withdrawn, data.sessions_without_trials)
+    left_out = (data.rehearsals_left_out, data.tables.found.withdrawn, data.sessions_without_trials)
     assert left_out == (1, 1, 1)
     assert "R01" in exported(EVERYTHING, rehearsals=True).subject_labels
     assert data.summary() == (

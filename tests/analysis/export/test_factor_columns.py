@@ -6,7 +6,6 @@ from analysis.export.bids import bids_export
 from analysis.export.csv_tables import csv_tables
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.psychds import psychds_export
-from analysis.export.trial_table import Frames
 from analysis.loading.records import values
 from protocol.journal.events import Event, QuestionAnswered, StoredEvent
 from protocol.study_file.loading import parsed_study
@@ -58,9 +57,7 @@ def test_each_factor_is_a_column_by_its_name_or_one_that_is_free() -> None:
     files = bids_export(data)
     (told,) = (text for path, text in files.items() if path.endswith("_beh.tsv"))
     assert "\tvoltage\tfactor_seed\t" in told
-    frames = Frames(
-        found=data.found, kept=data.sessions, questions=data.questions, factors=data.factors
-    )
+    frames = data.tables
     assert values(frames.trials["voltage"]) == ["50 V", "50 V"]
     assert frames.described("0 to 10").loc[("trials", "voltage"), "meaning"] == (
         "Factor of the condition, which sets ramp_to_v of a touch."

@@ -472,7 +472,7 @@ def test_an_erased_session_is_passed_over() -> None:
         for e in session.events
     ]
     data = dataset([erased, kept.events], kept.study, "0", rehearsals=False)
-    assert (data.sessions["participant"].tolist(), data.sessions_withdrawn) == (["P01"], 1)
+    assert (data.sessions["participant"].tolist(), data.tables.found.withdrawn) == (["P01"], 1)
 
 
 def test_one_of_a_kind_is_counted_as_one() -> None:

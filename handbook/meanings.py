@@ -9,7 +9,7 @@ def meanings(kind: type) -> dict[str, str]:
     """Return what stands below the fields of a record, and of those that it is made of."""
     found: dict[str, str] = {}
     for record in kind.__mro__:
-        if not record.__module__.startswith("protocol."):
+        if not record.__module__.startswith(("protocol.", "device.")):
             continue
         (written,) = ast.parse(getsource(record)).body
         assert isinstance(written, ast.ClassDef)

@@ -3,6 +3,9 @@
 from dataclasses import fields
 
 from device.people.person import DEFAULT, PARAMETERS, Distribution, Person
+from handbook.meanings import meanings
+
+_MEANINGS = meanings(Person)
 
 
 def parameters_page() -> str:
@@ -42,7 +45,7 @@ def _row(name: str) -> str:
         f"{of.low:g}, {of.high:g}",
         shared,
         _in_words(varied) if varied else "" if f"{typical:g}" == shared else f"{typical:g}",
-        of.meaning,
+        _MEANINGS[name],
     ]
     return f"| {' | '.join(cells)} |"
 

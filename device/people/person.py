@@ -25,9 +25,8 @@ ASSUMED = "assumed"
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """What a parameter means, in which unit and between which limits, and where it is from."""
+    """In which unit and between which limits a parameter is, and where it is from."""
 
-    meaning: str
     unit: str
     source: str
     low: float = 0.0
@@ -35,25 +34,18 @@ class Parameter:
 
 
 def _of(
-    default: float,
-    meaning: str,
-    unit: str,
-    source: str = ASSUMED,
-    low: float = 0.0,
-    high: float = 1.0,
+    default: float, unit: str, source: str = ASSUMED, low: float = 0.0, high: float = 1.0
 ) -> Any:
-    of = Parameter(meaning=meaning, unit=unit, source=source, low=low, high=high)
+    of = Parameter(unit=unit, source=source, low=low, high=high)
     return field(default=default, metadata={"of": of})
 
 
-def _points(
-    default: float, meaning: str, source: str = TABLE_4, low: float = -50.0, high: float = 50.0
-) -> Any:
-    return _of(default, meaning, "points", source, low, high)
+def _points(default: float, source: str = TABLE_4, low: float = -50.0, high: float = 50.0) -> Any:
+    return _of(default, "points", source, low, high)
 
 
-def _share(default: float, meaning: str, source: str = ASSUMED, low: float = 0.0) -> Any:
-    return _of(default, meaning, "share", source, low)
+def _share(default: float, source: str = ASSUMED, low: float = 0.0) -> Any:
+    return _of(default, "share", source, low)
 
 
 _LINE = "Table 4, over a straight line in the contrast"
@@ -78,67 +70,68 @@ class Person:
     The defaults are a person who errs in nothing but feeling and scoring.
     """
 
-    bias: float = _points(7.0, "score of no change")
-    gain: float = _points(4.0, "score points per unit of felt change", TABLE_4, -200.0, 200.0)
-    felt_noise: float = _of(
-        0.11, "Weber fraction of friction: SD of a felt change", "log friction", _WEBER, 0.0, 10.0
-    )
-    criterion: float = _of(
-        0.08,
-        "a larger felt change is answered as smoother, stronger or swapped",
-        *("log friction", _EXPECTED, -10.0, 10.0),
-    )
-    criterion_less: float = _of(
-        0.13,
-        "a larger felt change the other way is answered as rougher or weaker",
-        *("log friction", ASSUMED, -10.0, 10.0),
-    )
-    lapse: float = _share(
-        0.0, "trials answered at random and scored as no change, whatever is felt", _LAPSES
-    )
-    rating_noise: float = _points(1.0, "SD of the noise of a score", low=0.0)
-    beyond_swing: float = _points(0.0, "added to a stronger or weaker swing along the path", _LINE)
-    beyond_strength: float = _points(0.0, "added to a stronger or weaker effect at a place", _LINE)
-    beyond_ramp: float = _points(0.0, "added to a change of roughness during a touch", _LINE)
-    beyond_swap: float = _points(0.0, "added to places that swap", _LINE)
-    beyond_press: float = _points(0.0, "added to a change of roughness under a harder press", _LINE)
-    ceiling: float = _points(10.0, "the highest score given", ASSUMED, 0.0, 10.0)
-    number_step: float = _points(
-        1.0, "scores are multiples of it: a person who uses few numbers", ASSUMED, 1.0, 10.0
-    )
-    end_aversion: float = _share(
-        0.0, "scores at an end of the scale that are moved one step inwards"
-    )
-    serial: float = _share(
-        0.0, "weight of the previous score in this one; below 0: contrast", _SERIAL, low=-1.0
-    )
-    adaptation: float = _share(
-        0.0, "by how much of the previous felt change this one is felt as smaller"
-    )
-    drift: float = _points(0.0, "score points added per trial", ASSUMED)
-    fatigue: float = _share(0.0, "growth of the noise of feeling and scoring per trial")
-    force_factor: float = _of(
-        1.0, "mean force, relative to the instructed one", "ratio", low=0.2, high=5.0
-    )
-    force_error: float = _share(0.0, "SD of the force from touch to touch, relative to its mean")
-    speed_factor: float = _of(1.0, "mean speed, relative to the mark's", "ratio", low=0.2, high=5.0)
-    speed_error: float = _share(0.0, "SD of the speed from touch to touch, relative to its mean")
-    place_offset_m: float = _of(
-        0.0, "how far right of the mark the finger is", "m", low=-0.02, high=0.02
-    )
-    tremor: float = _share(0.0, "SD of the force within a touch, relative to its mean")
-    skin: float = _of(
-        1.0, "what the skin multiplies the change of log friction by", "ratio", _SKINS, 0.0, 10.0
-    )
-    mu0: float = _of(
-        1.0, "what the skin multiplies friction at rest by", "ratio", low=0.01, high=10.0
-    )
-    reaction_shift_s: float = _of(0.3, "shortest reaction time", "s", high=60.0)
-    reaction_median_s: float = _of(
-        0.8, "median of what a reaction time has beyond the shortest", "s", high=600.0
-    )
-    reaction_spread: float = _of(0.4, "SD of the logarithm of that", "", high=5.0)
-    dropout: float = _share(0.0, "chance of leaving at a question, for good")
+    bias: float = _points(7.0)
+    """score of no change"""
+    gain: float = _points(4.0, TABLE_4, -200.0, 200.0)
+    """score points per unit of felt change"""
+    felt_noise: float = _of(0.11, "log friction", _WEBER, 0.0, 10.0)
+    """Weber fraction of friction: SD of a felt change"""
+    criterion: float = _of(0.08, "log friction", _EXPECTED, -10.0, 10.0)
+    """a larger felt change is answered as smoother, stronger or swapped"""
+    criterion_less: float = _of(0.13, "log friction", ASSUMED, -10.0, 10.0)
+    """a larger felt change the other way is answered as rougher or weaker"""
+    lapse: float = _share(0.0, _LAPSES)
+    """trials answered at random and scored as no change, whatever is felt"""
+    rating_noise: float = _points(1.0, low=0.0)
+    """SD of the noise of a score"""
+    beyond_swing: float = _points(0.0, _LINE)
+    """added to a stronger or weaker swing along the path"""
+    beyond_strength: float = _points(0.0, _LINE)
+    """added to a stronger or weaker effect at a place"""
+    beyond_ramp: float = _points(0.0, _LINE)
+    """added to a change of roughness during a touch"""
+    beyond_swap: float = _points(0.0, _LINE)
+    """added to places that swap"""
+    beyond_press: float = _points(0.0, _LINE)
+    """added to a change of roughness under a harder press"""
+    ceiling: float = _points(10.0, ASSUMED, 0.0, 10.0)
+    """the highest score given"""
+    number_step: float = _points(1.0, ASSUMED, 1.0, 10.0)
+    """scores are multiples of it: a person who uses few numbers"""
+    end_aversion: float = _share(0.0)
+    """scores at an end of the scale that are moved one step inwards"""
+    serial: float = _share(0.0, _SERIAL, low=-1.0)
+    """weight of the previous score in this one; below 0: contrast"""
+    adaptation: float = _share(0.0)
+    """by how much of the previous felt change this one is felt as smaller"""
+    drift: float = _points(0.0, ASSUMED)
+    """score points added per trial"""
+    fatigue: float = _share(0.0)
+    """growth of the noise of feeling and scoring per trial"""
+    force_factor: float = _of(1.0, "ratio", low=0.2, high=5.0)
+    """mean force, relative to the instructed one"""
+    force_error: float = _share(0.0)
+    """SD of the force from touch to touch, relative to its mean"""
+    speed_factor: float = _of(1.0, "ratio", low=0.2, high=5.0)
+    """mean speed, relative to the mark's"""
+    speed_error: float = _share(0.0)
+    """SD of the speed from touch to touch, relative to its mean"""
+    place_offset_m: float = _of(0.0, "m", low=-0.02, high=0.02)
+    """how far right of the mark the finger is"""
+    tremor: float = _share(0.0)
+    """SD of the force within a touch, relative to its mean"""
+    skin: float = _of(1.0, "ratio", _SKINS, 0.0, 10.0)
+    """what the skin multiplies the change of log friction by"""
+    mu0: float = _of(1.0, "ratio", low=0.01, high=10.0)
+    """what the skin multiplies friction at rest by"""
+    reaction_shift_s: float = _of(0.3, "s", high=60.0)
+    """shortest reaction time"""
+    reaction_median_s: float = _of(0.8, "s", high=600.0)
+    """median of what a reaction time has beyond the shortest"""
+    reaction_spread: float = _of(0.4, "", high=5.0)
+    """SD of the logarithm of that"""
+    dropout: float = _share(0.0)
+    """chance of leaving at a question, for good"""
 
 
 PARAMETERS: dict[str, Parameter] = {entry.name: entry.metadata["of"] for entry in fields(Person)}

@@ -23,7 +23,9 @@ from device.people.person import (
     person_of,
     truth_of,
 )
+from handbook.meanings import meanings
 
+MEANINGS = meanings(Person)
 NAMES = [person_name(seed, "P01") for seed in range(4000)]
 
 
@@ -33,7 +35,7 @@ def test_every_parameter_lies_within_its_limits() -> None:
         values = getattr(people, name)
         assert parameter.low <= values.min() <= values.max() <= parameter.high, name
         assert (len(np.unique(values)) > 1) == (name in DEFAULT.varied), name
-        assert parameter.meaning
+        assert MEANINGS[name]
         assert parameter.source
 
 

@@ -427,6 +427,7 @@ class AskedReport:
     def _written(self, found: Found, *, figures: bool) -> Written:
         from analysis.loading.study_data import marks
         from analysis.report.report import FIGURE_FILES, report_files
+        from analysis.report.results import threshold_lines
         from analysis.report.sections.registration import registered_lines
         from analysis.report.sections.session_checks import left_out_lines
         from analysis.report.table4_text import table4_lines
@@ -442,6 +443,7 @@ class AskedReport:
             lines=(
                 *(result.table_notes if scored else ["No conditions: no table of scores."]),
                 *([omnibus_line(main)] if scored else []),
+                *threshold_lines(result),
                 *registered_lines(result),
                 *left_out_lines(result.loaded),
             ),

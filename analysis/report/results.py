@@ -85,6 +85,12 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     yield from _ranking(found)
 
 
+def threshold_lines(found: Findings) -> list[str]:
+    """Return for the terminal the mean threshold of each track; nothing without tracks."""
+    cohort = found.thresholds.cohort if found.thresholds else ()
+    return [f"Threshold of {each.track}: {_mean_threshold(each)}" for each in cohort]
+
+
 def _thresholds(found: Thresholds) -> str:
     """Tell the mean threshold of each track, with the share that defines it."""
     return " ".join(f"Of {each.track}: {_mean_threshold(each)}" for each in found.cohort)
@@ -99,7 +105,10 @@ def _mean_threshold(each: CohortThreshold) -> str:
     of = f"geometric mean of {each.people} {'person' if each.people == 1 else 'people'}"
     note = f", {each.flagged} of them with notes in the section Thresholds" * bool(each.flagged)
     share = f"a share of {each.threshold_at:.3g} {each.said}"
-    return f"{each.threshold:.3g}{unit}{said}, where {share} ({of}{note})."
+    weber = ""
+    if not isinstance(each.weber, NotEstimable):
+        weber = f", a Weber fraction of {each.weber:.3g} of {each.weber_of} friction"
+    return f"{each.threshold:.3g}{unit}{said}{weber}, where {share} ({of}{note})."
 
 
 def counts(found: Findings, question: str) -> bool:

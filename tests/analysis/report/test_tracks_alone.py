@@ -2,6 +2,7 @@
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.results import threshold_lines
 from protocol.study_file.loading import parsed_study
 from tests.analysis.reports import ORIGIN, plain_report
 from tests.analysis.tracks import BOTH, SCORE, TRACKS, session
@@ -37,12 +38,19 @@ def test_thresholds_are_said_with_the_share_that_defines_them() -> None:
     assert [each["track"] for each in told["cohort"]] == ["smallest amplitude", "by a staircase"]
     assert {each["participant"] for each in told["people"]} == {"P01", "P02"}
     assert told["people"][0]["threshold_at"] == 0.75
+    first, second = threshold_lines(found)
+    assert first.startswith("Threshold of smallest amplitude: ")
+    assert "a Weber fraction of 0." in second
+    assert "of predicted friction, where a share of 0.75 is right" in second
+    assert {each["axis"] for each in told["readings"]} == {"voltage", "predicted contrast"}
+    assert all(len(each["threshold_interval"]) == 2 for each in told["people"])
     names = {figure.name for figure in found.figures if figure.drawing is not None}
     assert {"track-1", "track-2", "psychometric-1", "psychometric-2"} < names
 
 
 def test_a_study_without_tracks_has_no_thresholds() -> None:
     found = plain_report()
+    assert threshold_lines(found) == []
     assert found.thresholds is None
     assert "Thresholds" not in report_html(found)
     assert "thresholds" not in report_json(found)

@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from itertools import chain
+from itertools import chain, groupby
+from operator import itemgetter
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -468,16 +469,14 @@ def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrde
     # A published score has no slot, and its place in an order is not known.
     counting = sessions[["session", "slot", "group"]].dropna(subset="slot")
     known = answered.join(counting, on="session_id", how="inner")
-    return tuple(
-        SessionOrder(
-            session=int(rows["session"].iloc[0]),
-            slot=int(rows["slot"].iloc[0]),
-            group=values(rows["group"])[0],
-            trials=tuple(rows["trial_index"].tolist()),
-            conditions=tuple(values(rows["condition"])),
-        )
-        for _, rows in known.groupby("session_id")
-    )
+    names = ("session_id", "session", "slot", "group", "trial_index", "condition")
+    rows = sorted(zip(*(values(known[name]) for name in names), strict=True), key=itemgetter(0))
+    orders = []
+    for _, own in groupby(rows, key=itemgetter(0)):
+        _, session, slot, group, trials, conditions = zip(*own, strict=True)
+        of = {"session": session[0], "slot": slot[0], "group": group[0]}
+        orders.append(SessionOrder(**of, trials=trials, conditions=conditions))
+    return tuple(orders)
 
 
 def _answers(found: Sessions, names: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:

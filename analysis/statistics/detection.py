@@ -137,18 +137,17 @@ def noticed_p(hits: IntArray, alarms: IntArray) -> FloatArray:
     `detection`, for each of many studies: shape (studies, people, 2).
     """
     sums = np.ones((len(hits), 1))
-    for person in range(hits.shape[1]):
-        (told, trials), (false, catches) = hits[:, person].T, alarms[:, person].T
-        reports = told + false
-        sums = _added(sums, _chances(trials, catches, reports))
+    chances = _chances(hits[..., 1], alarms[..., 1], hits[..., 0] + alarms[..., 0])
+    for person, most in enumerate(hits[..., 1].max(axis=0, initial=0).tolist()):
+        sums = _added(sums, chances[:, person, : most + 1])
     at_least = np.arange(sums.shape[1]) >= hits[..., 0].sum(axis=1)[:, None]
     return np.asarray(np.minimum(np.where(at_least, sums, 0.0).sum(axis=1), 1.0))
 
 
 def _chances(trials: IntArray, catches: IntArray, reports: IntArray) -> FloatArray:
-    """Return the probability of 0, 1, … hits of so many reports, shape (studies, hits)."""
-    x = np.arange(int(trials.max()) + 1)
-    n, m, k = trials[:, None], catches[:, None], reports[:, None]
+    """Return the probability of 0, 1, … hits of so many reports, shape (studies, people, hits)."""
+    x = np.arange(int(trials.max(initial=0)) + 1)
+    n, m, k = trials[..., None], catches[..., None], reports[..., None]
     possible = (x <= n) & (x <= k) & (k - x <= m)
     x = np.where(possible, x, np.maximum(k - m, 0))
     chosen = _log_choose(n, x) + _log_choose(m, k - x) - _log_choose(n + m, k)

@@ -20,8 +20,8 @@ from analysis.sensitivity.lines import (
 )
 
 POINTS = 400
-AT_ONCE = 8_000
-"""Matrices of as many points times subjects."""
+AT_ONCE, MIXED_AT_ONCE = 8_000, 200_000
+"""So many matrices, of points times subjects, for the likelihood alone and for all that is told."""
 # Variance of a single subject's gain relative to itself, which would be 0.
 SMALLEST = 1e-12
 # log σ, log τ_bias, log τ_gain and artanh ρ, in standard deviations of the ratings.
@@ -248,14 +248,12 @@ def _mixture(
     sums: LineSums, posterior: WeightedPoints, axes: Axes, equal: Callable[[], float]
 ) -> LineMixture:
     residual_sd, between = _components(posterior.points)
-    known = line_posterior(sums, residual_sd, between)
-    lost = np.eye(2) - known.kept
-    departures = lost @ known.population_covariance[:, None] @ np.swapaxes(lost, -1, -2)
-    departures += known.own_covariances
     turn = turn_of(axes)
-    covariances = np.concatenate([known.covariances, known.population_covariance[:, None]], axis=1)
-    variances = np.diagonal(turn @ covariances @ turn.T, axis1=-2, axis2=-1)
-    means = np.concatenate([known.means, known.population[:, None]], axis=1) @ turn.T
+    count = -(-len(residual_sd) * len(sums.counts) // MIXED_AT_ONCE)
+    parts = zip(np.array_split(residual_sd, count), np.array_split(between, count), strict=True)
+    found = [_lines_at(sums, *part, turn) for part in parts]
+    joined = map(np.concatenate, zip(*found, strict=True))
+    means, variances, own_variance, relative, relative_sds = joined
     bias, gain = (
         Marginals(means=means[..., part], sds=np.sqrt(variances[..., part])) for part in (0, 1)
     )
@@ -264,16 +262,35 @@ def _mixture(
         axes=axes,
         bias=bias.plus(axes.y_mean),
         gain=gain,
-        relative=_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
-        own_variance=departures[..., 1, 1] / between[:, None, 1, 1],
+        relative=Marginals(means=relative, sds=relative_sds),
+        own_variance=own_variance,
         residual_sd=residual_sd * axes.y_sd,
         log_evidence_of_equal=equal,
         counts=sums.counts,
     )
 
 
-def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marginals:
-    """Return each subject's gain less the mean gain of the subjects that `rated`."""
+def _lines_at(
+    sums: LineSums, residual_sd: FloatArray, between: FloatArray, turn: FloatArray
+) -> tuple[FloatArray, ...]:
+    """Return means and variances of lines, own variances, and means and SDs of relative gains."""
+    known = line_posterior(sums, residual_sd, between)
+    lost = np.eye(2) - known.kept
+    departures = lost @ known.population_covariance[:, None] @ np.swapaxes(lost, -1, -2)
+    departures += known.own_covariances
+    covariances = np.concatenate([known.covariances, known.population_covariance[:, None]], axis=1)
+    return (
+        np.concatenate([known.means, known.population[:, None]], axis=1) @ turn.T,
+        np.diagonal(turn @ covariances @ turn.T, axis1=-2, axis2=-1),
+        departures[..., 1, 1] / between[:, None, 1, 1],
+        *_relative_gains(known, sums.counts > 0, float(turn[1, 1])),
+    )
+
+
+def _relative_gains(
+    known: LinePosterior, rated: BoolArray, unit: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and SD of each subject's gain less the mean gain of the subjects that `rated`."""
     mean = rated / rated.sum()
     slopes, kept = known.means[..., 1], known.kept[:, :, 1]
     kept = kept - np.einsum("s,psi->pi", mean, kept)[:, None]
@@ -281,4 +298,4 @@ def _relative_gains(known: LinePosterior, rated: BoolArray, unit: float) -> Marg
     variances = own * (1 - 2 * mean) + (own @ mean**2)[:, None]
     variances += ((kept @ known.population_covariance) * kept).sum(axis=2)
     means = slopes - (slopes @ mean)[:, None]
-    return Marginals(means=unit * means, sds=unit * np.sqrt(np.maximum(variances, SMALLEST)))
+    return unit * means, unit * np.sqrt(np.maximum(variances, SMALLEST))

@@ -7,11 +7,12 @@ study may differ and its subjects may resemble each other.
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from math import isfinite
 
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
-from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray
+from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray, Json
 from analysis.power.diagnosis import ESTIMATES, RANK, Asked, columns
 from analysis.power.job import Design
 from analysis.statistics.many_tables import pairs_of
@@ -33,6 +34,15 @@ class Measured:
 
     value: float
     error: float
+
+    def as_json(self, name: str, error: str = "mc_error") -> Json:
+        """Return value and error under these names."""
+        return {name: finite(self.value), error: finite(self.error)}
+
+
+def finite(value: float) -> float | None:
+    """Return a number as JSON, which has neither NaN nor infinity."""
+    return value if isfinite(value) else None
 
 
 UNKNOWN = Measured(float("nan"), float("nan"))

@@ -1,7 +1,8 @@
 """Power and precision as JSON, as lines of a terminal, in words and as figures."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from analysis.power.diagnosands import (
     Findings,
     Measured,
     TestPower,
+    finite,
     too_often,
 )
 from analysis.power.diagnosis import BY_GROUP
@@ -74,8 +76,8 @@ def _design_record(found: Findings, study: Study) -> Json:
         "estimates": [_estimate_record(estimate) for estimate in found.estimates],
         "null": {
             "studies": found.null_studies,
-            **_pair("any_supported", found.any_false_claim),
-            "supported": {name: _pair("share", each) for name, each in found.false_claims.items()},
+            **found.any_false_claim.as_json("any_supported"),
+            "supported": {name: each.as_json("share") for name, each in found.false_claims.items()},
         },
         **({"registered": _registered_record(found)} if found.registered else {}),
         "answer": design_answer(found),
@@ -84,7 +86,7 @@ def _design_record(found: Findings, study: Study) -> Json:
 
 def _registered_record(found: Findings) -> Json:
     listed = [
-        {"name": each.name, "row": each.row or None, **_pair("power", each.power)}
+        {"name": each.name, "row": each.row or None, **each.power.as_json("power")}
         for each in found.registered
     ]
     return {"primary": listed[0], "secondary": listed[1:]}
@@ -93,24 +95,19 @@ def _registered_record(found: Findings) -> Json:
 def _test_record(test: TestPower) -> Json:
     return {
         "name": test.name,
-        **_pair("power", test.power),
-        **_pair("supported", test.supported, "supported_mc_error"),
+        **test.power.as_json("power"),
+        **test.supported.as_json("supported", "supported_mc_error"),
     }
-
-
-def _pair(name: str, measured: Measured, error: str = "mc_error") -> Json:
-    """Return a value and its Monte Carlo error under these names."""
-    return {name: _number(measured.value), error: _number(measured.error)}
 
 
 def _estimate_record(estimate: EstimateQuality) -> Json:
     measured: dict[str, Measured] = {name: getattr(estimate, name) for name in _DIAGNOSANDS}
     return {
         "name": estimate.name,
-        "truth": _number(estimate.truth),
-        **{name: _number(each.value) for name, each in measured.items()},
-        "mc_error": _number(estimate.coverage.error),
-        "mc_errors": {name: _number(each.error) for name, each in measured.items()},
+        "truth": finite(estimate.truth),
+        **{name: finite(each.value) for name, each in measured.items()},
+        "mc_error": finite(estimate.coverage.error),
+        "mc_errors": {name: finite(each.error) for name, each in measured.items()},
         "estimable": estimate.estimable,
         "calibration": _calibration(estimate),
     }
@@ -123,21 +120,16 @@ def _calibration(estimate: EstimateQuality) -> Json:
         return {"studies": 0, "largest_difference": None, "band": None}
     return {
         "studies": count,
-        "largest_difference": _number(float(np.abs(_ecdf_difference(estimate.ranks)).max())),
+        "largest_difference": finite(float(np.abs(_ecdf_difference(estimate.ranks)).max())),
         "band": KOLMOGOROV / math.sqrt(count),
     }
-
-
-def _number(value: float) -> float | None:
-    # JSON has neither NaN nor infinity.
-    return value if math.isfinite(value) else None
 
 
 def answer(found: Sequence[Findings]) -> str:
     """Return the answer in words: of the one design, or of the smallest one that does."""
     if len(found) == 1:
         return design_answer(found[0])
-    enough = [each for each in found if _power_of(each, OMNIBUS) >= ENOUGH]
+    enough = [each for each in found if _supported(each, OMNIBUS).value >= ENOUGH]
     if not enough:
         largest = max(found, key=lambda each: (_size(each.design), each.design))
         return f"No design has 80% power; the largest: {design_answer(largest)}"
@@ -212,8 +204,8 @@ def _size(design: Design) -> int:
     return design.participants * design.repeats
 
 
-def _power_of(found: Findings, name: str) -> float:
-    return next(test.supported.value for test in found.tests if test.name == name)
+def _supported(found: Findings, name: str) -> Measured:
+    return next(test.supported for test in found.tests if test.name == name)
 
 
 def design_answer(found: Findings) -> str:
@@ -224,7 +216,9 @@ def design_answer(found: Findings) -> str:
         if estimate.name == RELATIVE and math.isfinite(estimate.width.value)
     ]
     strong = _pairs_with_power(found)
-    parts.append(f"{_percent(_power_of(found, OMNIBUS))} power to tell that the conditions differ")
+    parts.append(
+        f"{_percent(_supported(found, OMNIBUS).value)} power to tell that the conditions differ"
+    )
     parts += [
         f"{_percent(test.supported.value)} power to tell that changes are noticed"
         for test in found.tests
@@ -339,62 +333,47 @@ def _curves(found: Sequence[Findings]) -> list[Panel]:
     lines: dict[str, list[Findings]] = {}
     for each in sorted(found, key=lambda one: one.design):
         lines.setdefault(str(each.design).partition(" x ")[2], []).append(each)
+
+    def curve(title: str, y_label: str, measured: Callable[[Findings], Measured]) -> Panel:
+        known = {name: list(map(measured, own)) for name, own in lines.items()}
+        return Panel(
+            title=title,
+            x_label="participants",
+            y_label=y_label,
+            of_shares=y_label.startswith("share"),
+            series=tuple(
+                Series(
+                    label=name,
+                    x=np.array([each.design.participants for each in own], dtype=np.float64),
+                    y=np.array([each.value for each in known[name]]),
+                    error=np.array([1.96 * each.error for each in known[name]]),
+                    marked=len(own) == 1,
+                )
+                for name, own in lines.items()
+            ),
+        )
+
+    names = (OMNIBUS, GAINS, *(test.name for test in _of_design(found[0])))
     panels = [
-        _curve(f"Power: {name}", "share of studies", lines, {"test": name})
-        for name in (OMNIBUS, GAINS, *(test.name for test in _of_design(found[0])))
+        curve(f"Power: {name}", "share of studies", partial(_supported, name=name))
+        for name in names
     ]
     if any(estimate.name == RELATIVE for estimate in found[0].estimates):
-        name = "Half-width of relative gains"
-        panels.append(_curve(name, "points per unit of contrast", lines, {}))
-    return [*panels, _pairs_told_apart(lines)]
+        unit = "points per unit of contrast"
+        panels.append(curve("Half-width of relative gains", unit, _half_width))
+    return [*panels, curve("Share of pairs told apart", "share of pairs", _told_apart)]
 
 
-def _curve(
-    title: str, y_label: str, lines: Mapping[str, Sequence[Findings]], what: Mapping[str, str]
-) -> Panel:
-    def measured(found: Findings) -> Measured:
-        if "test" in what:
-            return next(test.supported for test in found.tests if test.name == what["test"])
-        width = next(each.width for each in found.estimates if each.name == RELATIVE)
-        return Measured(width.value / 2, width.error / 2)
-
-    return _panel(title, y_label, {name: _points(own, measured) for name, own in lines.items()})
+def _half_width(found: Findings) -> Measured:
+    width = next(each.width for each in found.estimates if each.name == RELATIVE)
+    return Measured(width.value / 2, width.error / 2)
 
 
-def _pairs_told_apart(lines: Mapping[str, Sequence[Findings]]) -> Panel:
-    """Return the share of pairs of conditions that are told apart, the mean over all of them."""
-
-    def measured(found: Findings) -> Measured:
-        pairs = [test.supported for test in _pairs(found)]
-        value = float(np.mean([each.value for each in pairs]))
-        # The pairs share their studies: the error of the mean is at most the mean of the errors.
-        return Measured(value, float(np.mean([each.error for each in pairs])))
-
-    points = {name: _points(own, measured) for name, own in lines.items()}
-    return _panel("Share of pairs told apart", "share of pairs", points)
-
-
-def _points(found: Sequence[Findings], measured: Any) -> list[tuple[int, Measured]]:
-    return [(each.design.participants, measured(each)) for each in found]
-
-
-def _panel(title: str, y_label: str, lines: Mapping[str, Sequence[tuple[int, Measured]]]) -> Panel:
-    return Panel(
-        title=title,
-        x_label="participants",
-        y_label=y_label,
-        of_shares=y_label.startswith("share"),
-        series=tuple(
-            Series(
-                label=name,
-                x=np.array([size for size, _ in points], dtype=np.float64),
-                y=np.array([each.value for _, each in points]),
-                error=np.array([1.96 * each.error for _, each in points]),
-                marked=len(points) == 1,
-            )
-            for name, points in lines.items()
-        ),
-    )
+def _told_apart(found: Findings) -> Measured:
+    pairs = [test.supported for test in _pairs(found)]
+    value = float(np.mean([each.value for each in pairs]))
+    # The pairs share their studies: the error of the mean is at most the mean of the errors.
+    return Measured(value, float(np.mean([each.error for each in pairs])))
 
 
 # Steps of .01 are finer than a figure shows.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from analysis.estimates import LEVEL, FloatArray, Json
-from analysis.power.diagnosands import Measured, ratio, share
+from analysis.power.diagnosands import Measured, finite, ratio, share
 from analysis.statistics.signed_rank import doubled_midranks, p_of_ranks
 from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration
 from device.people.answering import Course, fractions
@@ -196,9 +196,9 @@ class TrackFindings:
             named: Json = {}
             for key, value in vars(of).items():
                 if isinstance(value, Measured):
-                    named |= {key: _number(value.value), f"{key}_mc_error": _number(value.error)}
+                    named |= value.as_json(key, f"{key}_mc_error")
                 else:
-                    named[key] = _number(value) if isinstance(value, float) else value
+                    named[key] = finite(value) if isinstance(value, float) else value
             return named
 
         return {
@@ -207,10 +207,6 @@ class TrackFindings:
             "tracks": list(map(pairs, self.tracks)),
             "differences": list(map(pairs, self.differences)),
         }
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def track_findings(

@@ -106,7 +106,7 @@ if __name__ == "__main__":
     import sys
     from pathlib import Path
 
-    from analysis.report.drawing import panels_figure
+    from analysis.report.drawing import panels_files
 
     for name, panels in model_figures().items():
-        Path(sys.argv[1], f"{name}.svg").write_bytes(panels_figure(panels))
+        Path(sys.argv[1], f"{name}.svg").write_bytes(panels_files(panels, ["svg"])["svg"])

@@ -18,7 +18,7 @@ from analysis.power.diagnosands import (
 )
 from analysis.power.diagnosis import BY_GROUP
 from analysis.power.job import Design
-from analysis.report.drawing import Panel, Series, panels_figure
+from analysis.report.drawing import Panel, Series, panels_files
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 
@@ -322,10 +322,10 @@ def figures(found: Sequence[Findings]) -> dict[str, bytes]:
     """Return the figure files by name: curves over the designs, and calibration of intervals."""
     panels = {"power": _curves(found), "calibration": _calibration_panels(found[0])}
     return {
-        f"{name}.{kind}": panels_figure(drawn, kind)
+        f"{name}.{kind}": content
         for name, drawn in panels.items()
         if drawn
-        for kind in ("svg", "png")
+        for kind, content in panels_files(drawn, ("svg", "png")).items()
     }
 
 

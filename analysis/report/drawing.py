@@ -189,13 +189,12 @@ def intervals(
     )
 
 
-def panels_figure(panels: Sequence[Panel], kind: str = "svg") -> bytes:
-    """Return panels, two per row, as reproducible `svg`, `png` or `pdf` bytes."""
+def panels_files(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, bytes]:
+    """Return panels, two per row, as reproducible bytes by kind: `svg`, `png` or `pdf`."""
+    made = {"svg": lambda figure: _reproducible_svg(figure).encode(), "pdf": _saved_pdf}
     with rc_context(_REPRODUCIBLE):
         figure = _panels(panels)
-        if kind == "svg":
-            return _reproducible_svg(figure).encode()
-        return _saved(figure, kind, "Software" if kind == "png" else "CreationDate")
+        return {kind: made.get(kind, _saved)(figure) for kind in kinds}
 
 
 def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:

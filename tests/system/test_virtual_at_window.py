@@ -16,6 +16,8 @@ from tests.runner.window.sessions import Seat, short_study, tiny_study
 
 pytestmark = pytest.mark.waits
 
+# With all questions and all kinds of pages that a session has.
+CONDITIONS = ("frequency", "direction", "voltage", "pressure")
 PEOPLE = """
 [person]
 rating_noise = 2.0
@@ -44,7 +46,7 @@ def people(tmp_path_factory: pytest.TempPathFactory) -> str:
 def sat(small_display: str, people: str, tmp_path_factory: pytest.TempPathFactory) -> Sat:
     folder = tmp_path_factory.mktemp("seat")
     port, window = (
-        Seat(folder / name, small_display, short_study() + OWN_QUESTIONS)
+        Seat(folder / name, small_display, short_study(conditions=CONDITIONS) + OWN_QUESTIONS)
         for name in ("port", "window")
     )
     options = ("--people", people, "--seed", "5")

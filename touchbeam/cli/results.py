@@ -168,10 +168,10 @@ def ladder(
         raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
     rows = measured_ladder()
     if plot:
-        from analysis.report.drawing import panels_figure
+        from analysis.report.drawing import panels_files
         from runner.study.files import write_whole
 
-        write_whole(plot, panels_figure([ladder_panel(rows)], kind))
+        write_whole(plot, panels_files([ladder_panel(rows)], [kind])[kind])
         (output.complain if as_json else output.say)(f"Written: {plot}")
     if as_json:
         output.print_json([asdict(row) for row in rows])

@@ -12,7 +12,7 @@ from analysis.claims.audit import CLAIMS, claims_lines, counts, summary_line
 from analysis.claims.claim import Audited, Verdict
 from analysis.model import ladder
 from analysis.model.ladder import LadderRow, ladder_lines, ladder_panel
-from analysis.report.drawing import panels_figure
+from analysis.report.drawing import panels_files
 from analysis.trials.law_likelihood import LawOrder, law_order
 from handbook.figures import model_figures
 
@@ -180,10 +180,10 @@ def test_the_ladder_is_written_and_drawn() -> None:
         "20000.0",
     ]
     assert asdict(rows[0])["setup_us_range"] == (8.0, 18.0)
-    drawing = panels_figure([ladder_panel(rows)])
-    assert drawing.startswith(b"<svg")
-    assert drawing == panels_figure([ladder_panel(rows)])
-    assert panels_figure([ladder_panel(rows)], "png").startswith(b"\x89PNG")
+    drawings = panels_files([ladder_panel(rows)], ["svg", "png"])
+    assert drawings["svg"].startswith(b"<svg")
+    assert drawings["png"].startswith(b"\x89PNG")
+    assert drawings == panels_files([ladder_panel(rows)], ["svg", "png"])
 
 
 def test_the_ladder_times_its_rungs_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:

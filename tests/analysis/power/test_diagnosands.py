@@ -24,7 +24,7 @@ from analysis.power.power_report import (
     lines_of_tests,
     warnings,
 )
-from analysis.report.drawing import Panel, panels_figure
+from analysis.report.drawing import Panel, panels_files
 from analysis.simulation.simulation import Tables
 
 DESIGN = Design(participants=9, repeats=1)
@@ -208,11 +208,12 @@ def test_intervals_that_miss_the_truth_are_told() -> None:
 def test_many_pairs_are_shown_by_their_power_and_shares_from_nothing_to_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def drawn(panels: Sequence[Panel], kind: str) -> bytes:
+    def drawn(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, bytes]:
         """The same panels as pixels would tell no more, and take as long."""
-        return panels_figure(panels) if kind == "svg" else b""
+        assert kinds == ("svg", "png")
+        return panels_files(panels, ["svg"])
 
-    monkeypatch.setattr("analysis.power.power_report.panels_figure", drawn)
+    monkeypatch.setattr("analysis.power.power_report.panels_files", drawn)
     names = tuple("abcdefghijkl")
     rng = np.random.default_rng(9)
     rows = rows_of(list(rng.standard_normal((40, 6, 12)) + 9 * (np.arange(12) == 11)))

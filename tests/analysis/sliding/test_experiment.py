@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.estimates import NotEstimable
-from analysis.report.drawing import panels_figure
+from analysis.report.drawing import panels_files
 from analysis.sliding.experiment import SlidingFindings, data_digest, sliding_findings
 from device.friction.laws import LAWS
 from tests.analysis.sliding.rigs import Setting, default_plan, passes, rig
@@ -59,9 +59,9 @@ def test_the_figure_has_measured_friction_beside_each_law_and_rung() -> None:
     assert [line.label for line in panels[0].series] == ["measured", *LAWS]
     assert "23200 Hz" in panels[0].title
     assert panels[2].series[-1].label == "timoshenko-patched"
-    svg = panels_figure(panels)
-    assert svg.startswith(b"<svg")
-    assert svg == panels_figure(panels)
+    drawn = panels_files(panels, ["svg"])
+    assert drawn["svg"].startswith(b"<svg")
+    assert drawn == panels_files(panels, ["svg"])
 
 
 def test_tables_say_what_is_not_known_and_why() -> None:

@@ -2,8 +2,10 @@
 
 import json
 import re
-import subprocess
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -28,10 +30,19 @@ pytestmark = pytest.mark.waits
 FOUND = Resonance(frequency_hz=24_180.5, tip_m_per_v=2e-8)
 
 
-def touchbeam(*arguments: str, typed: str | None = None) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [*TOUCHBEAM, *arguments], input=typed, capture_output=True, text=True, check=False
-    )
+@dataclass(frozen=True)
+class Done:
+    """What a command in this process left."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def touchbeam(*arguments: str) -> Done:
+    with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+        code = typed(*arguments)
+    return Done(code, out.getvalue(), err.getvalue())
 
 
 HEALTH = {
@@ -139,7 +150,7 @@ def test_a_person_at_a_simulated_device_with_an_address_makes_a_rehearsal(
     keep_calibration(study, FOUND, "x", "2026-01-01")
     with simulator_process(TOUCHBEAM, seed=1, dialect=dialect, keep=True) as simulator:
         person = ("--participant", "P01", "--ratings", "console", "--consent", "C-1")
-        done = touchbeam("run", str(study), *person, "--device", simulator.url, typed=":e\n")
+        done = touchbeam("run", str(study), *person, "--device", simulator.url)
     assert done.returncode == 2
     assert re.search(r"the device at .* is simulated \(.*,SIM,.*add --rehearsal", done.stderr)
     assert not (study / "study.db").exists()

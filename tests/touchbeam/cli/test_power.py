@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.report.drawing import Panel, panels_figure
+from analysis.report.drawing import Panel, panels_files
 from protocol.study_file.loading import text_digest
 from runner.study import files
 from tests.runner.command_line import typed
@@ -18,20 +18,20 @@ FEW = ("--participants", "4", "--workers", "1")
 QUICK = (*FEW, "--studies", "30", "--null-studies", "20", "--tests-only")
 
 
-_DRAWN: dict[bytes, bytes] = {}
+_DRAWN: dict[bytes, dict[str, bytes]] = {}
 
 
 @pytest.fixture(autouse=True)
-def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[bytes, bytes]:
+def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[bytes, dict[str, bytes]]:
     """Figures drawn before: the same one is not drawn again, which takes longer than all else."""
 
-    def once(panels: Sequence[Panel], kind: str) -> bytes:
-        key = pickle.dumps((panels, kind))
+    def once(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, bytes]:
+        key = pickle.dumps((panels, kinds))
         if key not in _DRAWN:
-            _DRAWN[key] = panels_figure(panels, kind)
+            _DRAWN[key] = panels_files(panels, kinds)
         return _DRAWN[key]
 
-    monkeypatch.setattr("analysis.power.power_report.panels_figure", once)
+    monkeypatch.setattr("analysis.power.power_report.panels_files", once)
     return _DRAWN
 
 
@@ -216,7 +216,7 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
 
 def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_lost(
     folder: Path,
-    drawn: dict[bytes, bytes],
+    drawn: dict[bytes, dict[str, bytes]],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

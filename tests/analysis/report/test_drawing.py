@@ -6,7 +6,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from analysis.report.drawing import FORMATS, Panel, Series, Words, marked, panels_figure
+from analysis.report.drawing import FORMATS, Panel, Series, Words, marked, panels_files
 from analysis.report.figure_data import (
     factor_figure,
     noticed_figure,
@@ -106,4 +106,4 @@ def test_a_slow_computer_is_not_blamed_for_a_legend(monkeypatch: pytest.MonkeyPa
     ends = np.array([0.0, 1.0])
     two = tuple(Series(label=label, x=ends, y=ends) for label in "ab")
     panel = Panel(title="", x_label="", y_label="", series=two)
-    assert panels_figure([panel]).startswith(b"<svg")
+    assert panels_files([panel], ["svg"])["svg"].startswith(b"<svg")

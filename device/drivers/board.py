@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, Driver
@@ -44,18 +44,6 @@ _CAUSES = {
     "TEMP": "its protection tripped: over-temperature",
     "CURR": "its protection tripped: over-current",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Health:
-    """What the board says of itself in one answer."""
-
-    cause: str
-    boot: int
-    drive: ReadBack
-    instant_v: float
-    monitor_v: float
-    temperature_c: float | None = None
 
 
 class Board(Driver):
@@ -150,31 +138,24 @@ class Board(Driver):
         asked_s = self.monotonic()
         read_back, instant_v = self.link.query(_READ_BACK, _read_back)
         self._heard(read_back, instant_v)
-        assert read_back.monitor_v is not None
         if read_back.output != (self.driven is not None):
             # The health query knows the cause, such as a trip, which says more than "off".
             self.check()
-            raise DeviceError(_unexpected(read_back.output))
-        # The moment before the query counts: what is allowed falls with time, and the board may
-        # have measured as soon as it was asked.
-        self._require_amplitude(asked_s, read_back.voltage_v, instant_v, read_back.monitor_v)
-        self.require_frequency(read_back.frequency_hz)
+        self._require_driven(asked_s, read_back, instant_v)
         return read_back
 
     def check(self) -> None:
         measured = self._measures_temperature
         query = f"{_HEALTH};:MEAS:TEMP?" if measured else _HEALTH
         asked_s = self.monotonic()
-        health = self.link.query(query, lambda reply: _health(reply, with_temperature=measured))
-        drive = health.drive
-        self._heard(drive, health.instant_v)
-        self._require_untripped(health.boot, health.cause)
-        if drive.output != (self.driven is not None):
-            raise DeviceError(_unexpected(drive.output))
-        self._require_amplitude(asked_s, drive.voltage_v, health.instant_v, health.monitor_v)
-        self.require_frequency(drive.frequency_hz)
-        if health.temperature_c is not None:
-            self._require_cool(health.temperature_c)
+        cause, boot, drive, instant_v, temperature_c = self.link.query(
+            query, lambda reply: _health(reply, with_temperature=measured)
+        )
+        self._heard(drive, instant_v)
+        self._require_untripped(boot, cause)
+        self._require_driven(asked_s, drive, instant_v)
+        if temperature_c is not None:
+            self._require_cool(temperature_c)
 
     def still_on(self) -> str:
         """Wait until the output has discharged, because the switch alone proves nothing."""
@@ -256,15 +237,20 @@ class Board(Driver):
                 f"the power stage must not be hotter than {most_c:g} °C, got {temperature_c:.1f} °C"
             )
 
-    def _require_amplitude(
-        self, asked_s: float, target_v: float, instant_v: float, monitor_v: float
-    ) -> None:
-        """Raise unless the amplitude is the driven one, or comes down to it as fast as it was told.
+    def _require_driven(self, asked_s: float, said: ReadBack, instant_v: float) -> None:
+        """Raise unless switch and frequency are as driven, and the amplitude, which may still fall.
 
-        No drive exceeds the limits, so nothing here may exceed them by more than the tolerance.
+        It falls as fast as it was told. No drive exceeds the limits, so nothing here may exceed
+        them by more than the tolerance.
         """
+        monitor_v = said.monitor_v
+        assert monitor_v is not None
+        if said.output != (self.driven is not None):
+            raise DeviceError(_unexpected(said.output))
         if self.driven is not None:
-            _kept("VOLT", self.driven.voltage_v, target_v)
+            _kept("VOLT", self.driven.voltage_v, said.voltage_v)
+        # The moment before the query counts: what is allowed falls with time, and the board may
+        # have measured as soon as it was asked.
         most_v = self._allowed_v(asked_s)
         _not_above(most_v, "the amplitude", instant_v)
         if abs(monitor_v - instant_v) > _tolerance_v(instant_v):
@@ -272,6 +258,7 @@ class Board(Driver):
         _not_above(most_v, "the monitor", monitor_v)
         if self.driven is not None:
             self._know(max(self.driven.voltage_v, min(most_v, instant_v)))
+        self.require_frequency(said.frequency_hz)
 
     def _allowed_v(self, at_s: float) -> float:
         if self.driven is None:
@@ -329,20 +316,16 @@ def _tripped(reply: str) -> bool:
     return not switch(on) and cause == "WATC"
 
 
-def _health(reply: str, *, with_temperature: bool) -> Health:
+def _health(
+    reply: str, *, with_temperature: bool
+) -> tuple[str, int, ReadBack, float, float | None]:
+    """Return cause of a trip, boot, drive with its monitor, present amplitude and temperature."""
     on, cause, boot, *numbers = fields(reply, 8 if with_temperature else 7)
     target_v, instant_v, frequency_hz, monitor_v, *temperature_c = map(number, numbers)
     drive = ReadBack(
         output=switch(on), voltage_v=target_v, frequency_hz=frequency_hz, monitor_v=monitor_v
     )
-    return Health(
-        cause=cause,
-        boot=whole(boot),
-        drive=drive,
-        instant_v=instant_v,
-        monitor_v=monitor_v,
-        temperature_c=temperature_c[0] if temperature_c else None,
-    )
+    return cause, whole(boot), drive, instant_v, temperature_c[0] if temperature_c else None
 
 
 DRIVER = Board

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
-from hashlib import sha256
 from itertools import permutations
 from typing import Any
 
@@ -20,6 +19,7 @@ from protocol.plan.trials import Plan, planned_trial
 from protocol.study.study import Study
 from protocol.study.track import Track
 from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.toml import in_toml
 
 FILE = REGISTRATION_FILE
 _NOTE = """\
@@ -72,7 +72,7 @@ class Registration:
     @property
     def analysis_sha256(self) -> str:
         """The digest of the analysis settings."""
-        return sha256(json.dumps(dict(self.analysis), sort_keys=True).encode()).hexdigest()
+        return text_digest(json.dumps(dict(self.analysis), sort_keys=True))
 
     def text(self) -> str:
         """Return the file: its first line is the digest of the others."""
@@ -80,7 +80,7 @@ class Registration:
         if self.written:
             return self.written
         body = _NOTE + _toml(self._document())
-        return f'digest = "{_digest(body)}"\n{body}'
+        return f'digest = "{text_digest(body)}"\n{body}'
 
     @property
     def digest(self) -> str:
@@ -110,7 +110,7 @@ def registration_in(text: str, source: str = FILE) -> Registration:
     """Return the registration in the text of `source`; `BadInput` if it was changed afterwards."""
     # The digest comes before TOML is read, so that nothing of a changed file is believed.
     first, _, body = text.partition("\n")
-    if first != f'digest = "{_digest(body)}"':
+    if first != f'digest = "{text_digest(body)}"':
         raise BadInput(f"{source}: was changed after touchbeam register wrote it; {_AGAIN}")
     try:
         document = tomllib.loads(body)
@@ -183,15 +183,11 @@ def locked(study: Study, digest: str | None) -> Study:
     return study.model_copy(update={"study": study.study.model_copy(update={"seed": seed})})
 
 
-def _digest(body: str) -> str:
-    return sha256(body.encode()).hexdigest()
-
-
 def _toml(document: Mapping[str, Any], table: str = "") -> str:
     """Return TOML: plain values first, then a table for each mapping."""
     plain = {name: value for name, value in document.items() if not isinstance(value, Mapping)}
     lines = [
-        f"{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else _value(name)} = {_value(value)}\n"
+        f"{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else in_toml(name)} = {in_toml(value)}\n"
         for name, value in plain.items()
     ]
     header = f"\n[{table}]\n" if table else ""
@@ -201,12 +197,6 @@ def _toml(document: Mapping[str, Any], table: str = "") -> str:
         if isinstance(value, Mapping)
     ]
     return "".join([header, *lines, *tables])
-
-
-def _value(value: Any) -> str:
-    """Return a text, number or list of texts as TOML: JSON but for one control character."""
-    values = list(value) if isinstance(value, tuple) else value
-    return json.dumps(values, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 # The hypotheses that a registration can name, each with the test that decides on it.

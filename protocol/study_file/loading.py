@@ -3,7 +3,6 @@
 What finds and tells mistakes is loaded when there are any.
 """
 
-import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
@@ -22,7 +21,7 @@ from protocol.study.fields import Names, unprintable
 from protocol.study.languages import built_in_codes
 from protocol.study.study import Study
 from protocol.study_file.limits import limit_problems, problems
-from protocol.study_file.toml import key_lines, line_of, toml_document, unit_hint
+from protocol.study_file.toml import in_toml, key_lines, line_of, toml_document, unit_hint
 
 # Files beside a study file, languages and pictures: how they go with it, where they are wrong.
 #
@@ -47,16 +46,11 @@ def picture_names(text: str) -> list[str]:
 
 def with_pictures(text: str, digests: Mapping[str, str]) -> str:
     """Return the text of a study together with the digests of its pictures, by name."""
-    quoted = {json.dumps(name, ensure_ascii=False): digest for name, digest in digests.items()}
-    return _with_table(text, "pictures", quoted)
+    return _with_table(text, "pictures", {in_toml(name): it for name, it in digests.items()})
 
 
 def _with_table(text: str, name: str, entries: Mapping[str, str]) -> str:
-    # A string of JSON is one of TOML, but for one control character.
-    lines = [
-        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
-        for key, value in entries.items()
-    ]
+    lines = [f"{key} = {in_toml(value)}" for key, value in entries.items()]
     return "\n".join([text.rstrip("\n"), "", f"[{name}]", *lines, ""]) if entries else text
 
 

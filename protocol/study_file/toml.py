@@ -1,5 +1,6 @@
 """The text of a TOML file: its values, or why it cannot be read, and the lines of its keys."""
 
+import json
 import re
 import tomllib
 from bisect import bisect_left
@@ -165,6 +166,11 @@ def toml_document(text: str) -> dict[str, Any] | Problem:
     except (RecursionError, ValueError, MemoryError):
         return _EXTREME
     return _extreme(document, ()) or document
+
+
+def in_toml(value: Any) -> str:
+    """Return a text, number or list of texts as TOML: JSON but for one control character."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 def _extreme(value: Any, path: Path) -> Problem | None:

@@ -68,11 +68,11 @@ def test_the_log_is_kept_small_at_the_end_of_each_block(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answered: list[int] = []
-    monkeypatch.setattr(
-        SessionLog, "checkpoint", lambda log: answered.append(len(log.state.answered))
-    )
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, FakeDevice(), FakeParticipant(), template("extended"))
+        monkeypatch.setattr(
+            Journal, "checkpoint", lambda _: answered.append(len(made.log.state.answered))
+        )
         run(made)
     blocks = [trial.block for trial in made.session.plan.trials]
     assert answered == [at for at in range(1, len(blocks)) if blocks[at] != blocks[at - 1]]

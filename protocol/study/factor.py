@@ -23,7 +23,7 @@ from protocol.study.touch import Touch
 
 Varied = Literal[
     "voltage_v", "ramp_to_v", "frequency", "frequency_hz", "sweep_to", "sweep_to_hz", "press",
-    "direction", "place", "coverage", "beam", "duration_s", "instruction",
+    "sliding_speed_m_s", "direction", "place", "coverage", "beam", "duration_s", "instruction",
 ]  # fmt: skip
 _UNITS = {"_v": "V", "_m_s": "m/s", "_s": "s"}
 MOST_CONDITIONS = 30

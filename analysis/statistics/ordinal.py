@@ -5,7 +5,7 @@ Numbers of equations are those of docs/mathematics/ordinal.md.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -146,7 +146,8 @@ def _cells(
     """
     flat = log_p.reshape(*log_p.shape[:2], -1)
     cells = (counts @ flat).reshape(*counts.shape[:2], *log_p.shape[2:]) + log_own
-    highest = cells.max(axis=3, keepdims=True)
+    # The maximum over a short last axis takes numpy eight times as long as all exponentials do.
+    highest = np.asarray(reduce(np.maximum, np.moveaxis(cells, 3, 0), -np.inf))[..., None]
     cells -= highest
     known = np.exp(cells, out=cells)
     total = known.sum(axis=3, keepdims=True)

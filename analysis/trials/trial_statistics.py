@@ -44,20 +44,11 @@ from analysis.trials.contrasts import (
     trial_contrasts,
 )
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
-from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from analysis.trials.trial_checks import (
     Discrimination,
-    Drift,
-    FTest,
-    Proportion,
-    carry_over,
     discrimination,
-    drift,
-    order_effect,
-    proportion,
 )
-from device.friction.changes import AT_A_PLACE, CONDITIONS, Change, predicted_contrast
-from device.friction.laws import LAWS
+from device.friction.changes import AT_A_PLACE, Change
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.factor import CONDITION
 from protocol.study.study import Study
@@ -170,7 +161,6 @@ def _detection(hits: tuple[_Told, ...], alarms: tuple[_Told, ...]) -> Detection 
 PAPERS_RANKING = "paper's ranking"
 _CLAIMED = {"voltage": 1.0, "pressure": -1.0}
 """Section 5.2: voltage is best, touch pressure weakest; of the others it says nothing."""
-_UNORDERED = NotEstimable("the order in which the scores were given is not known")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,14 +174,6 @@ class LawScore:
     predicted: Mapping[str, float]
     order: LawOrder | NotEstimable
     likelihood: LawLikelihood | NotEstimable
-
-
-@dataclass(frozen=True, kw_only=True)
-class SignalAnswers:
-    """How many felt the first signal as expected, and the contrast that each law predicts."""
-
-    felt: Proportion | NotEstimable
-    predicted: Mapping[str, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -346,35 +328,6 @@ class TrialStatistics(SensitivityModels):
         return {law: self.keep(law_order, *of) for law, of in means.items()}
 
     @cached_property
-    def drift(self) -> Drift | NotEstimable:
-        """Change of the scores over the session."""
-        return drift(self.scored.every, self.scored.place) if self._ordered else _UNORDERED
-
-    @cached_property
-    def order(self) -> FTest | NotEstimable:
-        """Effect of the place in the session."""
-        return order_effect(self.scored.every, self.scored.place) if self._ordered else _UNORDERED
-
-    @cached_property
-    def carry_over(self) -> FTest | NotEstimable:
-        """Effect of the condition directly before."""
-        return carry_over(self.scored.every, self.scored.previous) if self._ordered else _UNORDERED
-
-    @property
-    def _ordered(self) -> bool:
-        return bool((self.scored.place > 0).any())
-
-    @cached_property
-    def as_run(self) -> OrderAsRun | NotEstimable:
-        """The order of the trials as they were answered."""
-        return order_as_run(self.data, self.study)
-
-    @cached_property
-    def catch(self) -> CatchAnswers:
-        """Answers to catch trials."""
-        return catch_answers(self.data.trials)
-
-    @cached_property
     def noticed(self) -> tuple[Detected, ...]:
         """What was noticed of each condition, and then of all; nothing without catch trials."""
         trials = self.data.trials
@@ -389,20 +342,6 @@ class TrialStatistics(SensitivityModels):
             *(replace(each, p_holm=None if np.isnan(p) else p) for each, p in corrected),
             *detected_by(trials),
         )
-
-    @cached_property
-    def signal(self) -> SignalAnswers:
-        """Answers to the first signal."""
-        trials = self.data.trials
-        answered = trials["trial_kind"].eq("signal") & trials["agrees"].notna()
-        if answered.any():
-            by_law = self.contrasts.by_law.items()
-            predicted = {law: float(np.mean(values[answered])) for law, values in by_law}
-        else:
-            signal = CONDITIONS["signal"]
-            predicted = {law: predicted_contrast(signal, law, rig=self.rig) for law in LAWS}
-        felt = proportion(int(trials["agrees"][answered].sum()), int(answered.sum()))
-        return SignalAnswers(felt=felt, predicted=predicted)
 
     @property
     def has_repeats(self) -> bool:

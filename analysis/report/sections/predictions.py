@@ -1,6 +1,6 @@
 """Ratings against the friction model: predicted contrasts and the fit of each law."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -12,8 +12,10 @@ from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
+from analysis.trials.trial_checks import Proportion, proportion
 from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
-from device.friction.changes import LAW, RUNG
+from device.friction.changes import CONDITIONS, LAW, RUNG, predicted_contrast
+from device.friction.laws import LAWS
 
 PREDICTIONS = "predictions"
 """Id of the table of predicted contrasts."""
@@ -21,11 +23,12 @@ PREDICTIONS = "predictions"
 
 def section(found: Findings) -> Section:
     """Return the model's predictions, and how well they fit the ratings."""
+    felt, predicted = _first_signal(found.trials)
     return Section(
         name="model",
         title="Ratings against the model",
         blocks=[
-            _signal_line(found.trials),
+            _signal_line(felt, predicted),
             ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
             _laws_line(found.trials),
@@ -33,22 +36,36 @@ def section(found: Findings) -> Section:
         ],
         data={
             "laws": [law_json(score) for score in found.trials.laws],
-            "signal": plain(found.trials.signal),
+            "signal": {"felt": plain(felt), "predicted": plain(predicted)},
             "contrast_law": LAW,
             "contrast_rung": RUNG,
         },
     )
 
 
-def _signal_line(trials: TrialStatistics) -> str:
-    signal = trials.signal
-    laws = ", ".join(f"{law} {number(value, 4)}" for law, value in signal.predicted.items())
-    felt = (
+def _first_signal(
+    trials: TrialStatistics,
+) -> tuple[Proportion | NotEstimable, dict[str, float]]:
+    """Return how many felt the first signal as expected, and what each law predicts of it."""
+    answers = trials.data.trials
+    answered = answers["trial_kind"].eq("signal") & answers["agrees"].notna()
+    if answered.any():
+        by_law = trials.contrasts.by_law.items()
+        predicted = {law: float(np.mean(values[answered])) for law, values in by_law}
+    else:
+        signal = CONDITIONS["signal"]
+        predicted = {law: predicted_contrast(signal, law, rig=trials.rig) for law in LAWS}
+    return proportion(int(answers["agrees"][answered].sum()), int(answered.sum())), predicted
+
+
+def _signal_line(felt: Proportion | NotEstimable, predicted: Mapping[str, float]) -> str:
+    laws = ", ".join(f"{law} {number(value, 4)}" for law, value in predicted.items())
+    told = (
         "response not recorded"
-        if isinstance(signal.felt, NotEstimable)
-        else f"felt as expected by {share(signal.felt)}"
+        if isinstance(felt, NotEstimable)
+        else f"felt as expected by {share(felt)}"
     )
-    return f"First signal (0 → 100 V): {felt}; predicted contrast (rung {RUNG}): {laws}."
+    return f"First signal (0 → 100 V): {told}; predicted contrast (rung {RUNG}): {laws}."
 
 
 _LINES = {

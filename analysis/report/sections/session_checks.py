@@ -15,45 +15,59 @@ from analysis.report.blocks import columns
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
-from analysis.trials.order_as_run import OrderAsRun
-from analysis.trials.trial_checks import Discrimination, Drift, FTest
-from analysis.trials.trial_statistics import CatchAnswers
+from analysis.trials.order_as_run import OrderAsRun, order_as_run
+from analysis.trials.trial_checks import (
+    Discrimination,
+    Drift,
+    FTest,
+    carry_over,
+    drift,
+    order_effect,
+)
+from analysis.trials.trial_statistics import CatchAnswers, catch_answers
+
+_UNORDERED = NotEstimable("the order in which the scores were given is not known")
 
 
 def section(found: Findings) -> blocks.Section:
     """Return the checks of whole sessions."""
-    trials = found.trials
+    scored, catch = found.trials.scored, catch_answers(found.loaded.trials)
+    as_run = order_as_run(found.loaded, found.study)
+    known = (scored.place > 0).any()
+    order = order_effect(scored.every, scored.place) if known else _UNORDERED
+    carried = carry_over(scored.every, scored.previous) if known else _UNORDERED
+    moved = drift(scored.every, scored.place) if known else _UNORDERED
     return blocks.Section(
         name="checks",
         title="Sessions, touches and reaction times",
         blocks=[
             blocks.Items(
                 lines=[
-                    _f_line("Place in the session", trials.order),
-                    _f_line("Carry-over from the scored trial directly before", trials.carry_over),
-                    _order_line(trials.as_run),
-                    _drift_line(trials.drift),
-                    _catch_line(trials.catch.overall),
+                    _f_line("Place in the session", order),
+                    _f_line("Carry-over from the scored trial directly before", carried),
+                    _order_line(as_run),
+                    _drift_line(moved),
+                    _catch_line(catch.overall),
                 ]
             ),
-            _follower_table(found),
+            _follower_table(as_run, found.study.conditions),
             _course_figure(found),
             _reaction_times(found),
             _forces(found),
             _places(found),
-            _catch_table(trials.catch) if trials.catch.subjects else None,
+            _catch_table(catch) if catch.subjects else None,
         ],
         data={
             "checks": {
-                "order": plain(trials.order),
-                "carry_over": plain(trials.carry_over),
-                "as_run": _as_run_json(trials.as_run),
-                "drift": plain(trials.drift),
+                "order": plain(order),
+                "carry_over": plain(carried),
+                "as_run": _as_run_json(as_run),
+                "drift": plain(moved),
                 "catch_trials": {
-                    "overall": _discrimination_json(trials.catch.overall),
+                    "overall": _discrimination_json(catch.overall),
                     "subjects": {
                         name: _discrimination_json(answers)
-                        for name, answers in trials.catch.subjects.items()
+                        for name, answers in catch.subjects.items()
                     },
                 },
             }
@@ -79,8 +93,7 @@ def _order_line(order: OrderAsRun | NotEstimable) -> str:
     )
 
 
-def _follower_table(found: Findings) -> blocks.Table | None:
-    order, names = found.trials.as_run, found.study.conditions
+def _follower_table(order: OrderAsRun | NotEstimable, names: Sequence[str]) -> blocks.Table | None:
     if isinstance(order, NotEstimable):
         return None
     counts = order.carry_over.counts

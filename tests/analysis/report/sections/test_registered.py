@@ -186,7 +186,7 @@ def test_a_secondary_hypothesis_counts_only_after_the_primary_one(
 
 
 def test_the_order_as_run_is_that_of_the_digest() -> None:
-    found = registered_report().trials.as_run
+    found = order_as_run(registered_report().loaded, PAPER)
     assert not isinstance(found, NotEstimable)
     assert found.problems == ()
     unlocked = replace(data(), lock=None)

@@ -12,7 +12,7 @@ from analysis.estimates import BoolArray, IntArray, NotEstimable
 from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.curvature import BEYOND, mills_ratio
 from analysis.sensitivity.latent_posterior import LatentPosterior
-from analysis.sensitivity.lines import Ratings
+from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.noticing import (
     EXPECTED,
     OPPOSITE,
@@ -82,6 +82,11 @@ class TwoStageSensitivity:
     scored: Kind
     scored_p: float
     other_gain: float
+
+    @property
+    def lines(self) -> Lines:
+        """The subjects' lines in the ratings of noticed changes."""
+        return self.ratings.lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,13 +5,10 @@ from types import SimpleNamespace
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.felt.measured_statistics import MeasuredStatistics
 from analysis.report.as_json import fit_json, law_json
-from analysis.report.blocks import Column, Items, Section, Table, estimate, law_columns
+from analysis.report.blocks import Column, Items, Section, Table, at, estimate, law_columns
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, group_gain, number, p_equals
-from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import SMALL_SPREAD, Lines
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from analysis.sensitivity.lines import SMALL_SPREAD
 from analysis.trials.trial_checks import FTest
 from analysis.trials.trial_statistics import TrialStatistics
 
@@ -22,8 +19,6 @@ COVERAGE = (
     "measured contrasts, and in 29 to 35% on predicted ones."
 )
 """How often intervals on measured contrasts held the truth; `tests/soak` draws it again."""
-
-Fit = LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable
 
 
 def section(found: Findings) -> Section:
@@ -55,18 +50,10 @@ def section(found: Findings) -> Section:
     )
 
 
-def _lines(fit: Fit) -> Lines | None:
-    if isinstance(fit, NotEstimable):
-        return None
-    return fit.ratings.lines if isinstance(fit, TwoStageSensitivity) else fit.lines
-
-
 def _headline(measured: MeasuredStatistics) -> str:
-    lines = _lines(measured.m2)
-    if lines is None:
-        assert isinstance(measured.m2, NotEstimable)
+    if isinstance(measured.m2, NotEstimable):
         return f"M2 has no estimates on measured contrasts: {measured.m2.reason}."
-    return group_gain(lines, "measured")
+    return group_gain(measured.m2.lines, "measured")
 
 
 def _differences(found: FTest | NotEstimable) -> str:
@@ -104,10 +91,11 @@ def _contrasts_table(measured: MeasuredStatistics) -> Table:
 
 
 def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table | None:
-    nominal, felt = _lines(trials.m2), _lines(measured.m2)
-    if felt is None:
+    if isinstance(measured.m2, NotEstimable):
         return None
-    by_name = {line.subject: line for line in ([] if nominal is None else nominal.subjects)}
+    nominal, felt = at(trials.m2, "lines"), measured.m2.lines
+    known = () if isinstance(nominal, NotEstimable) else nominal.subjects
+    by_name = {line.subject: line for line in known}
     subjects = ((by_name.get(line.subject), line) for line in felt.subjects)
     return Table.over(
         [SimpleNamespace(predicted=a, measured=b) for a, b in ((nominal, felt), *subjects)],
@@ -128,7 +116,7 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
 
 def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table:
     # The headline first.
-    fits: list[tuple[str, str, Fit]] = [
+    fits = [
         ("M2", "predicted", trials.m2),
         ("M2", "measured", measured.m2),
         ("M1", "predicted", trials.m1),
@@ -137,15 +125,15 @@ def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Tabl
         ("M3", "measured", measured.m3),
     ]
     return Table.over(
-        [SimpleNamespace(model=model, kind=kind, lines=_lines(fit)) for model, kind, fit in fits],
+        [SimpleNamespace(model=model, kind=kind, fit=fit) for model, kind, fit in fits],
         [
             Column("model", "model"),
             Column("contrasts", "kind"),
-            *estimate("gain", "lines.gain"),
-            Column("spread", "lines.gain_sd", 2),
-            Column("95% below", "lines.gain_sd_upper", 2),
-            Column("P(equal)", "lines.equal_gains", 3),
-            Column("P(small)", "lines.small_gain_sd", 3),
+            *estimate("gain", "fit.lines.gain"),
+            Column("spread", "fit.lines.gain_sd", 2),
+            Column("95% below", "fit.lines.gain_sd_upper", 2),
+            Column("P(equal)", "fit.lines.equal_gains", 3),
+            Column("P(small)", "fit.lines.small_gain_sd", 3),
         ],
         name="measured-spread",
         caption="The group's gain and the spread of gains between subjects (posterior median) on "

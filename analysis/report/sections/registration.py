@@ -110,22 +110,18 @@ class NamedResult:
 
 def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
-    results = []
+    results, estimated = [], {threshold_of(track.name) for track in found.study.track}
     for name in lock.registration.hypotheses:
-        computed = _computed(found, lock, name)
-        if isinstance(computed, NotEstimable):
-            computed = computed.reason, None, None
-        told, p, supported = computed
-        by_name = {threshold_of(track.name) for track in found.study.track}
-        primary = name == lock.registration.primary
+        made = _computed(found, lock, name)
+        told, p, supported = (made.reason, None, None) if isinstance(made, NotEstimable) else made
         results.append(
             NamedResult(
                 name=name,
-                primary=primary,
+                primary=name == lock.registration.primary,
                 found=told,
                 p=p,
                 supported=supported,
-                estimated=name in by_name,
+                estimated=name in estimated,
             )
         )
     # A registration names its primary hypothesis first.

@@ -14,16 +14,9 @@ from analysis.report.as_json import unknown, with_reasons
 from analysis.report.blocks import columns
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
+from analysis.trials import trial_checks
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
-from analysis.trials.trial_checks import (
-    Discrimination,
-    Drift,
-    FTest,
-    carry_over,
-    drift,
-    order_effect,
-)
 from analysis.trials.trial_statistics import CatchAnswers, catch_answers
 
 _UNORDERED = NotEstimable("the order in which the scores were given is not known")
@@ -34,9 +27,9 @@ def section(found: Findings) -> blocks.Section:
     scored, catch = found.trials.scored, catch_answers(found.loaded.trials)
     as_run = order_as_run(found.loaded, found.study)
     known = (scored.place > 0).any()
-    order = order_effect(scored.every, scored.place) if known else _UNORDERED
-    carried = carry_over(scored.every, scored.previous) if known else _UNORDERED
-    moved = drift(scored.every, scored.place) if known else _UNORDERED
+    order = trial_checks.order_effect(scored.every, scored.place) if known else _UNORDERED
+    carried = trial_checks.carry_over(scored.every, scored.previous) if known else _UNORDERED
+    moved = trial_checks.drift(scored.every, scored.place) if known else _UNORDERED
     return blocks.Section(
         name="checks",
         title="Sessions, touches and reaction times",
@@ -75,7 +68,7 @@ def section(found: Findings) -> blocks.Section:
     )
 
 
-def _f_line(name: str, test: FTest | NotEstimable) -> str:
+def _f_line(name: str, test: trial_checks.FTest | NotEstimable) -> str:
     if isinstance(test, NotEstimable):
         return f"{name}: not estimable ({test.reason})."
     return f"{name}: F({test.df[0]}, {test.df[1]}) = {test.f:.3f}, {p_equals(test.p)}."
@@ -118,7 +111,7 @@ def _as_run_json(order: OrderAsRun | NotEstimable) -> Json:
     }
 
 
-def _drift_line(drift: Drift | NotEstimable) -> str:
+def _drift_line(drift: trial_checks.Drift | NotEstimable) -> str:
     if isinstance(drift, NotEstimable):
         return f"Drift: not estimable ({drift.reason})."
     return (
@@ -127,7 +120,7 @@ def _drift_line(drift: Drift | NotEstimable) -> str:
     )
 
 
-def _catch_line(answers: Discrimination | NotEstimable) -> str:
+def _catch_line(answers: trial_checks.Discrimination | NotEstimable) -> str:
     if isinstance(answers, NotEstimable):
         return f"Catch trials: not estimable ({answers.reason})."
     unknown = answers.hits.interval
@@ -265,16 +258,16 @@ def _catch_table(catch: CatchAnswers) -> blocks.Table:
     )
 
 
-def _catch_cells(answers: Discrimination | NotEstimable) -> list[str]:
+def _catch_cells(answers: trial_checks.Discrimination | NotEstimable) -> list[str]:
     if isinstance(answers, NotEstimable):
         return [f"not estimable: {answers.reason}", *[number(None)] * 3]
     rates = [share(answers.hits), share(answers.false_alarms)]
     return [*rates, number(answers.d_prime, 2), number(answers.criterion, 2)]
 
 
-def _discrimination_json(answers: Discrimination | NotEstimable) -> Json:
+def _discrimination_json(answers: trial_checks.Discrimination | NotEstimable) -> Json:
     found: Json = plain(answers)
-    if isinstance(answers, Discrimination):
+    if isinstance(answers, trial_checks.Discrimination):
         for name, rate in (("hits", answers.hits), ("false_alarms", answers.false_alarms)):
             found[name] = with_reasons(rate)
     return found

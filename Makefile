@@ -15,7 +15,8 @@ demo: $(READY)
 	@$(BIN)/touchbeam demo
 
 # Tests that wait leave the cores to those that compute, and go first where they need one: a session
-# in real time misses answers on a busy core. With two cores, more workers win hardly anything.
+# in real time misses answers on a busy core. Three at a time use about one core; with two cores, more
+# workers that compute win hardly anything.
 # Workers share the compiled tests, also where Python is told to write none.
 test: export PYTHONDONTWRITEBYTECODE =
 test: $(READY)
@@ -24,7 +25,7 @@ test: $(READY)
 
 # A file's tests share sessions, so they stay on one worker.
 test-waiting: $(READY)
-	@$(BIN)/pytest -m "waits and not soak" --numprocesses 2 --dist loadfile --no-loadscope-reorder \
+	@$(BIN)/pytest -m "waits and not soak" --numprocesses 3 --dist loadfile --no-loadscope-reorder \
 		--durations 10 >.waiting.log 2>&1; code=$$?; cat .waiting.log; rm .waiting.log; exit $$code
 
 test-computing: $(READY)

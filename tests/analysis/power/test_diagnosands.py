@@ -1,6 +1,7 @@
 """Diagnosands of studies whose numbers are known, and their Monte Carlo errors."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import pytest
@@ -55,6 +56,16 @@ def tables(seed: int, studies: int, effects: tuple[float, ...] = (0, 0, 0, 0, 0)
     return np.asarray(np.clip(np.round(bias + np.array(effects) + noise), 0, 10))
 
 
+@cache
+def _rows(seed: int, studies: int, effects: tuple[float, ...]) -> FloatArray:
+    return rows_of(list(tables(seed, studies, effects)))
+
+
+def rows_by(seed: int, studies: int, effects: tuple[float, ...] = (0, 0, 0, 0, 0)) -> FloatArray:
+    """Rows of the `tables` with these arguments, to change at will."""
+    return _rows(seed, studies, effects).copy()
+
+
 def found(rows: FloatArray, null: FloatArray) -> Findings:
     return findings(DESIGN, NAMES, rows, null)
 
@@ -77,7 +88,7 @@ def test_a_share_of_all_studies_is_not_known_without_error() -> None:
 
 
 def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
-    null = rows_of(list(tables(5, 2000)))
+    null = rows_by(5, 2000)
     claimed = found(null[:10], null).any_false_claim
     assert claimed.value <= 0.05 + 2 * claimed.error
     assert claimed.error == pytest.approx(np.sqrt(0.05 * 0.95 / 2000), rel=0.3)
@@ -87,7 +98,7 @@ def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
 
 
 def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> None:
-    rows = rows_of(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    rows = rows_by(6, 400, (0, 0, 0, 0, 2.5))
     made = found(rows, rows[:0])
     by_name = {test.name: test for test in made.tests}
     differ = by_name["conditions differ"]
@@ -101,7 +112,7 @@ def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> 
 
 
 def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary_one() -> None:
-    rows = rows_of(list(tables(6, 400, (0, 0, 0, 0, 2.5))))
+    rows = rows_by(6, 400, (0, 0, 0, 0, 2.5))
     names = ("e above a", "a above e", "conditions differ", "order of conditions as predicted")
 
     def powers(*hypotheses: str) -> list[float]:
@@ -121,7 +132,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
 
 
 def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
-    rows = rows_of(list(tables(7, 1500, (0, 0, 0, 0, 2.0))))
+    rows = rows_by(7, 1500, (0, 0, 0, 0, 2.0))
     made = {one.name: one for one in found(rows, rows[:0]).estimates}
     big, none = made["mean difference a - e"], made["mean difference a - b"]
     for one in (big, none):
@@ -150,7 +161,7 @@ def test_estimates_add_up_over_studies() -> None:
         "true size": (3.0, 1.0),
     }.items():
         rows[:, names.index(f"{gain} {what}")] = values
-    null = rows_of(list(tables(8, 10)))
+    null = rows_by(8, 10)
     one = next(each for each in found(rows, null).estimates if each.name == gain)
     assert (one.bias.value, one.rmse.value, one.width.value) == (1.0, 2.0, 2.0)
     assert (one.coverage.value, one.power.value) == (0.9, 0.4)
@@ -165,11 +176,11 @@ def test_subjects_who_are_left_out_count_for_nothing() -> None:
 
 
 def test_the_answer_says_which_condition_is_above_which() -> None:
-    rows = rows_of(list(tables(6, 200, (0, 0, 0, 0, 3.5))))
+    rows = rows_by(6, 200, (0, 0, 0, 0, 3.5))
     said = design_answer(found(rows, rows[:0]))
     assert said.startswith("9 participants x 1 repeat: 98% power to tell that the conditions")
     assert ", less than 80% power for every pair of conditions." in design_answer(
-        found(rows_of(list(tables(5, 50))), rows)
+        found(rows_by(5, 50), rows)
     )
     names = columns(NAMES, models=False)
     rows[:, names.index("pair p 3")] = 0.01
@@ -180,7 +191,7 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     rng = np.random.default_rng(8)
     scatter = np.geomspace(0.05, 2.5, 9)[:, None]
     null = rows_of(list(5 + scatter * rng.standard_normal((400, 9, 5))))
-    rows = rows_of(list(tables(6, 50, (0, 0, 0, 0, 2.5))))
+    rows = rows_by(6, 50, (0, 0, 0, 0, 2.5))
     held = next(test for test in found(rows, null).tests if test.name == "gains differ")
     assert np.isfinite(held.supported.value)  # however differently people scatter
     null[::5, columns(NAMES, models=False).index("gains p")] = 0.001
@@ -194,14 +205,14 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     (line,) = warnings([made])
     assert line.startswith("9 participants x 1 repeat: without any effect ")
     assert "where at most 5% should; do not claim 'gains differ', which" in line
-    assert warnings([found(rows, rows_of(list(tables(5, 400))))]) == []
+    assert warnings([found(rows, rows_by(5, 400))]) == []
 
 
 def test_intervals_that_miss_the_truth_are_told() -> None:
-    rows = rows_of(list(tables(6, 400)))
+    rows = rows_by(6, 400)
     place = columns(NAMES, models=False).index("pair error 0")
     rows[:, place] /= 3
-    (line,) = warnings([found(rows, rows_of(list(tables(5, 400))))])
+    (line,) = warnings([found(rows, rows_by(5, 400))])
     assert "the 95% intervals of mean difference a - b hold the truth in " in line
 
 

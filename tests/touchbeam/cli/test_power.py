@@ -22,7 +22,7 @@ _DRAWN: dict[bytes, dict[str, bytes]] = {}
 
 
 @pytest.fixture(autouse=True)
-def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[bytes, dict[str, bytes]]:
+def drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures drawn before: the same one is not drawn again, which takes longer than all else."""
 
     def once(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, bytes]:
@@ -32,7 +32,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[bytes, dict[str, bytes]]:
         return _DRAWN[key]
 
     monkeypatch.setattr("analysis.power.power_report.panels_files", once)
-    return _DRAWN
 
 
 @pytest.fixture
@@ -216,16 +215,13 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
 
 def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_lost(
     folder: Path,
-    drawn: dict[bytes, dict[str, bytes]],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole = folder.with_name("whole")
     whole.mkdir()
     (whole / "study.toml").write_bytes((folder / "study.toml").read_bytes())
-    drawn.clear()
     assert typed("power", whole, *QUICK) == 0
-    drawn.clear()  # so that the same bytes are drawn twice
     kept, left, create = 0, 0, files.create
 
     def full(path: Path, data: bytes, mode: int) -> None:

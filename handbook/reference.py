@@ -190,7 +190,7 @@ def faults_page() -> str:
     return (
         "# Faults\n\nThis page is written from the program by `python -m handbook.reference`. "
         "`fault NAME on` at the control\nsocket of the [simulated device]"
-        "(../wire-protocol.md#the-simulated-device) switches on a fault that has a\nname; the "
+        "(wire-protocol.md#the-simulated-device) switches on a fault that has a\nname; the "
         f"others occur on the host.\n\n{rows}\n"
     )
 

@@ -1,4 +1,4 @@
-"""The driver of the board; docs/wire-protocol.md lists its commands."""
+"""The driver of the board; docs/reference/wire-protocol.md lists its commands."""
 
 import math
 import re
@@ -13,8 +13,8 @@ from device.force_channel.recording import Block, Scale, decoded, scale_of
 from device.link.codec import fields, number, number_text, switch, whole
 from protocol.journal.records import Identity, ReadBack
 
-# Both are in docs/wire-protocol.md, so that whoever builds a board knows how exact its monitor must
-# be. Near 0 V a share of the amplitude is nothing, so that a part of it is absolute.
+# Both are in the documented wire protocol, so that whoever builds a board knows how exact its
+# monitor must be. Near 0 V a share of the amplitude is nothing, so that a part of it is absolute.
 MONITOR_REL_TOL = 0.05
 MONITOR_ABS_TOL_V = 2.0
 """How far the independent monitor may be from the amplitude that the board means to give, and both

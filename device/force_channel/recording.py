@@ -124,7 +124,7 @@ def most_in_block(rate_hz: float) -> int:
     return max(int(rate_hz) // BLOCKS_PER_S, 1)
 
 
-# The content of a block of samples. docs/wire-protocol.md says the same.
+# The content of a block of samples. docs/reference/wire-protocol.md says the same.
 #
 # Little-endian: number of the first sample, count, flags, device time of the first sample, the
 # samples with their three channels side by side, and the CRC-32 of everything before it.

@@ -1,4 +1,4 @@
-"""The dialect `gauge`: lines of ASCII, each with a digest. docs/wire-protocol.md has all of it."""
+"""The dialect `gauge`: lines of ASCII, each with a digest, as documented in the wire protocol."""
 
 import math
 import re

@@ -3,7 +3,7 @@
 Functions that read an answer raise `ProtocolError` for what they cannot read, such as a word in
 place of a number, SCPI's codes for infinity and not-a-number, or a wrong count of fields.
 
-Source: IEEE 488.2 (blocks: 8.7.9) and SCPI-99; docs/wire-protocol.md lists the board's commands.
+Source: IEEE 488.2 (blocks: 8.7.9) and SCPI-99; the documented wire protocol lists the board's.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The faults that a device can have, as a table; each can be switched on and off at any time.
 
-Numbers are those of docs/wire-protocol.md, "Faults"; missing ones are the host's. What a fault
+Numbers are those of the documented wire protocol; missing ones are the host's. What a fault
 does to the wire stands in `server`, what it does to the device in `Broken`.
 """
 

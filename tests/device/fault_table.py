@@ -2,7 +2,7 @@
 
 A row says what the device does (`fault`, a name of the control socket's), when, and what the caller
 must be told. SAFE means: the output is off (or UNKNOWN, and said to be), the rig has latched, and
-nothing is driven again before it is armed anew. Numbers are those of docs/wire-protocol.md.
+nothing is driven again before it is armed anew. Numbers are those of the documented wire protocol.
 """
 
 from dataclasses import dataclass, replace

@@ -21,7 +21,9 @@ from tests.device.rigs import TOUCHBEAM
 
 pytestmark = pytest.mark.waits
 
-PAGE = (Path(__file__).parents[2] / "docs" / "wire-protocol.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "wire-protocol.md").read_text(
+    encoding="utf-8"
+)
 SOURCES = Path(__file__).parents[2] / "device" / "simulator"
 EXAMPLES = re.findall(r"```scpi\n(.*?)```", PAGE, re.DOTALL)
 

@@ -13,7 +13,7 @@ RAMP_RANGE_V_PER_S = (1e-3, 2_000.0)
 DEFAULT_RAMP_V_PER_S = 400.0
 DEFAULT_FREQUENCY_HZ = 1_000.0
 WATCHDOG_RANGE_S = (0.05, 10.0)
-# Between the 90% and 100% that docs/wire-protocol.md asks of a board.
+# Between the 90% and 100% that docs/reference/wire-protocol.md asks of a board.
 WATCHDOG_MARGIN = 0.95
 """A watchdog promises 0 V within its time: it trips when this fraction of it was silent."""
 COOL_C, HOT_C = 31.0, 96.0

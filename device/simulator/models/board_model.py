@@ -1,4 +1,4 @@
-"""The board's dialect: which command reads or sets what. docs/wire-protocol.md says the same."""
+"""The dialect of the board: which command reads or sets what, as the wire protocol has it."""
 
 from collections.abc import Callable, Mapping
 

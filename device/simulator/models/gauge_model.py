@@ -19,7 +19,7 @@ MOST_SAMPLES = 40
 
 
 class GaugeModel:
-    """Answers a gauge's lines; docs/wire-protocol.md has them all."""
+    """Answers a gauge's lines; docs/reference/wire-protocol.md has them all."""
 
     def __init__(self, instrument: Instrument, beam: SimulatedBeam) -> None:
         self._instrument = instrument

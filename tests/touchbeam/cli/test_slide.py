@@ -2,6 +2,8 @@
 
 import json
 import shutil
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -33,9 +35,17 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def said() -> list[str]:
+    """The lines that the rehearsal prints."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def rehearsed(tmp_path_factory: pytest.TempPathFactory, said: list[str]) -> Path:
     made = new_study(tmp_path_factory.mktemp("rehearsed"))
-    assert typed("slide", made, "--device", "sim") == 0
+    with redirect_stdout(StringIO()) as out:
+        assert typed("slide", made, "--device", "sim") == 0
+    said += out.getvalue().splitlines()
     return made
 
 
@@ -47,25 +57,23 @@ def slid(rehearsed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_rehearsal_on_the_simulated_device(
-    study: Path, capsys: pytest.CaptureFixture[str]
+    slid: Path, rehearsed: Path, said: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert typed("slide", study, "--device", "sim") == 0
-    shown = capsys.readouterr().out.splitlines()
-    assert shown[0] == (
+    assert said[0] == (
         "slide/1 is complete: 5 passes, device off (read back); this was a rehearsal."
     )
-    assert shown[1].split() == ["property", "value", "95%", "interval"]
-    assert shown[-1].startswith(f"Written: {study / 'slide' / 'slide.html'}")
+    assert said[1].split() == ["property", "value", "95%", "interval"]
+    assert said[-1].startswith(f"Written: {rehearsed / 'slide' / 'slide.html'}")
     files = {f"slide.{end}" for end in ("html", "json", "svg", "pdf", "png")}
-    assert everything(study / "slide") == files
-    with read_journal(study / "study.db") as journal:
+    assert everything(slid / "slide") == files
+    with read_journal(slid / "study.db") as journal:
         assert journal.sessions() == ["slide/1 (rehearsal)"]
-    assert typed("slide", study, "--device", "sim") == 2
+    assert typed("slide", slid, "--device", "sim") == 2
     assert "slide/1 is already completed; --session 2 draws the block anew" in (
         capsys.readouterr().err
     )
-    assert typed("slide", study, "--device", "sim", "--session", "2") == 0
-    with read_journal(study / "study.db") as journal:
+    assert typed("slide", slid, "--device", "sim", "--session", "2") == 0
+    with read_journal(slid / "study.db") as journal:
         assert journal.sessions() == ["slide/1 (rehearsal)", "slide/2 (rehearsal)"]
 
 

@@ -11,7 +11,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from analysis.power.engine import completed
 from analysis.power.job import Design, Job, Kind, Task, tasks
-from analysis.power.track_power import track_findings
+from analysis.power.track_power import track_rows
 from benchmarks.compared import compare, tell
 from device.friction.scenes import NOMINAL
 from device.people.person import DEFAULT
@@ -60,7 +60,7 @@ def test_thresholds_of_1_000_studies(benchmark: BenchmarkFixture) -> None:
 
     def found() -> float:
         start = process_time()
-        track_findings(study, DEFAULT, NOMINAL, (1_000, 12), 1)
+        track_rows(study, DEFAULT, NOMINAL, 12, [f"1/{number}" for number in range(1_000)])
         return process_time() - start
 
     taken = benchmark.pedantic(found, rounds=1)

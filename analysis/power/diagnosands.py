@@ -4,7 +4,7 @@ Every one is a ratio of two sums over independent studies, so that the number of
 study may differ and its subjects may resemble each other.
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import isfinite
@@ -154,6 +154,7 @@ def findings(
     rows: FloatArray,
     null_rows: FloatArray,
     hypotheses: Sequence[str] = (),
+    of_tracks: "Held | None" = None,
 ) -> Findings:
     """Return the diagnosands of a design.
 
@@ -163,6 +164,7 @@ def findings(
         rows: of the simulated studies, shape (studies, numbers).
         null_rows: of null cohorts.
         hypotheses: the registered ones, the primary one first.
+        of_tracks: in which of the same studies hypotheses on thresholds are supported.
     """
     models = rows.shape[1] == len(columns(asked, models=True))
     table = _Table(rows, columns(asked, models=models))
@@ -201,7 +203,9 @@ def findings(
         unscored=share(table["complete"] == 0),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
         false_claims=false,
-        registered=_registered(table, asked, hypotheses, broken),
+        registered=registered_power(
+            {**_held(table, asked, broken), **(of_tracks or {})}, hypotheses
+        ),
     )
 
 
@@ -261,16 +265,13 @@ def _claims(table: _Table, asked: Asked) -> BoolArray:
 _GROUPS_GAIN = "M2 group's gain"
 
 
-def _registered(
-    table: _Table, asked: Asked, hypotheses: Sequence[str], broken: Container[str]
-) -> tuple[RegisteredPower, ...]:
+Held = Mapping[str, tuple[str, FloatArray]]
+"""By hypothesis: the row that decides on it, and 1 in each study that supports it, else 0."""
+
+
+def registered_power(held: Held, hypotheses: Sequence[str]) -> tuple[RegisteredPower, ...]:
     """Return the power for each hypothesis; all but the first count only together with it."""
-    every = np.full(len(table.rows), np.nan)
-    held = {
-        name: (row, every if row in broken else supported)
-        for name, (row, supported) in _held(table, asked).items()
-    }
-    nothing = "", every
+    nothing = "", np.full(1, np.nan)
     _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
     found = [(name, *held.get(name, nothing)) for name in hypotheses]
     return tuple(
@@ -281,7 +282,7 @@ def _registered(
     )
 
 
-def _held(table: _Table, asked: Asked) -> dict[str, tuple[str, FloatArray]]:
+def _held(table: _Table, asked: Asked, broken: Container[str]) -> Held:
     """Return, by hypothesis, the row that decides on it and in which studies its test holds."""
     rejected = (_p_values(table, asked) < LEVEL).T
     hits = dict(zip(_tests(asked), rejected, strict=True))
@@ -301,7 +302,8 @@ def _held(table: _Table, asked: Asked) -> dict[str, tuple[str, FloatArray]]:
         held[effect_of(b, a)] = held[effect_of(a, b)]
     if f"{_GROUPS_GAIN} significant" in table.names:
         held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
-    return held
+    every = np.full(len(table.rows), np.nan)
+    return {name: (row, every if row in broken else hit) for name, (row, hit) in held.items()}
 
 
 def _of_model(table: _Table, name: str) -> EstimateQuality:
@@ -313,7 +315,7 @@ def _of_model(table: _Table, name: str) -> EstimateQuality:
     return EstimateQuality(
         name=name,
         bias=ratio(sums("error"), count),
-        rmse=_root(ratio(sums("squared error"), count)),
+        rmse=root(ratio(sums("squared error"), count)),
         coverage=ratio(sums("covered"), count),
         width=ratio(sums("width"), count),
         power=ratio(significant, count),
@@ -343,7 +345,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     return EstimateQuality(
         name=f"mean difference {name}",
         bias=share(off),
-        rmse=_root(share(off**2)),
+        rmse=root(share(off**2)),
         coverage=share(np.abs(off) <= half),
         width=share(2 * half),
         power=share(significant),
@@ -355,7 +357,8 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     )
 
 
-def _root(squares: Measured) -> Measured:
+def root(squares: Measured) -> Measured:
+    """Return the root of a mean square."""
     value = float(np.sqrt(squares.value))
     # The delta method: the derivative of the root is one over twice the root.
     return Measured(value, squares.error / (2 * value) if value > 0 else 0.0)

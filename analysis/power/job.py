@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from analysis.estimates import FloatArray
 from analysis.power.diagnosis import Asked, asked_by, estimates_of_cohorts, rows_of_tables
-from analysis.power.people_cohorts import PeopleCohorts, Simulate, without_effect
+from analysis.power.people_cohorts import PeopleCohorts, without_effect
 from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
@@ -140,10 +140,10 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
 
 FORM = 4
 """Of the numbers in a chunk; a new form makes the kept chunks of earlier ones unused."""
-FITTED_AT_ONCE, TESTED_AT_ONCE = 4, 500
+AT_ONCE = {"fitted": 4, "tested": 500, "null": 500, "tracks": 100}
 """Studies in a task: a second or two of work, so that little is lost and progress is seen."""
 
-Kind = Literal["fitted", "tested", "null"]
+Kind = Literal["fitted", "tested", "null", "tracks"]
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Task:
     """The studies `first` to `first + count - 1` of a design.
 
     `fitted` ones are tested and fitted by the sensitivity models, `tested` ones tested alone, and
-    so are the `null` ones, in which nothing has an effect.
+    so are the `null` ones, in which nothing has an effect. Of `tracks` thresholds are estimated.
     """
 
     design: Design
@@ -167,7 +167,7 @@ class Task:
 
 def tasks(design: Design, kind: Kind, studies: int) -> list[Task]:
     """Return the tasks of a number of studies."""
-    size = FITTED_AT_ONCE if kind == "fitted" else TESTED_AT_ONCE
+    size = AT_ONCE[kind]
     return [
         Task(design, kind, first, min(size, studies - first)) for first in range(0, studies, size)
     ]
@@ -194,7 +194,7 @@ class Job:
 
 
 @lru_cache(maxsize=8)
-def simulation(job: Job, design: Design) -> Simulate:
+def simulation(job: Job, design: Design) -> PeopleCohorts:
     """Return the simulation of a design, whose plan is drawn once."""
     study = designed(parsed_study(job.study), design)
     return PeopleCohorts(
@@ -237,6 +237,8 @@ def numbers(job: Job, task: Task) -> FloatArray:
     ]
     with threadpool_limits(limits=1):
         simulate = simulation(job, task.design)
+        if task.kind == "tracks":
+            return simulate.track_rows(keys)
         tables = simulate.tables(keys)
         if task.kind == "null":
             tables = without_effect(tables, map(_stream, keys))

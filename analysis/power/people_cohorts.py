@@ -4,11 +4,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import nan
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
+from analysis.power.track_power import track_rows
 from analysis.sensitivity.lines import Ratings
 from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
@@ -43,21 +44,6 @@ class Cohort:
     bias: FloatArray
     gain: FloatArray
     population_gain: float
-
-
-class Simulate(Protocol):
-    """A way to simulate one study again and again.
-
-    A key gives the same study every time, on every machine.
-    """
-
-    def cohort(self, key: str) -> Cohort:
-        """Return the scored trials of the study of `key`."""
-        ...
-
-    def tables(self, keys: Sequence[str]) -> Tables:
-        """Return what the tests take of the studies of `keys`."""
-        ...
 
 
 def without_effect(tables: Tables, streams: Iterable[np.random.Generator]) -> Tables:
@@ -111,7 +97,10 @@ _DRAWN_FOR_MEANS = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class PeopleCohorts:
-    """Simulated cohorts of a study, analysed as on its rig."""
+    """Simulated cohorts of a study, analysed as on its rig.
+
+    A key gives the same study every time, on every machine.
+    """
 
     study: Study
     participants: int
@@ -121,6 +110,10 @@ class PeopleCohorts:
     def tables(self, keys: Sequence[str]) -> Tables:
         """Return what the tests take of the studies of `keys`."""
         return self._simulation.tables(self.participants, keys)
+
+    def track_rows(self, keys: Sequence[str]) -> FloatArray:
+        """Return what the tracks of the studies of `keys` tell."""
+        return track_rows(self.study, self.population, self.rig, self.participants, keys)
 
     def cohort(self, key: str) -> Cohort:
         """Return the study of `key`.

@@ -1,7 +1,8 @@
-"""What a study's tracks tell of virtual people: errors, coverage, trials spent, and differences.
+"""What a study's tracks tell of simulated studies, one row of numbers each.
 
 The people are those who rehearse the study: they feel the friction of the calibrated rig where and
 as hard as they usually touch it, through their skin, and answer as `device.people.answering` says.
+Rows are added up later, by `analysis.power.track_diagnosands`.
 """
 
 from collections.abc import Sequence
@@ -9,12 +10,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from analysis.estimates import LEVEL, FloatArray, Json
-from analysis.power.diagnosands import Measured, finite, ratio, share
+from analysis.estimates import FloatArray, NotEstimable
+from analysis.statistics.intervals import mean_interval
 from analysis.statistics.signed_rank import doubled_midranks, p_of_ranks
+from analysis.trials.track_fits import contrast_of_level
 from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration
 from device.people.answering import Course, fractions
 from device.people.person import (
@@ -26,6 +27,7 @@ from device.people.person import (
     felt_friction,
     people_of,
     person_name,
+    uniforms_of,
 )
 from device.tracks.expected import counted_answers
 from device.tracks.posterior import lattice
@@ -37,35 +39,12 @@ _AT_ONCE = 2_000
 """Observers whose posteriors are kept at a time: 15 MB for 800 sets of parameters."""
 _DRAWS = 4_001
 _MEDIAN = 0.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackPower:
-    """How the thresholds of a track err, in dB, over studies of this many participants.
-
-    `coverage` is of the 95% intervals; `trials` the mean number of them; `beyond` the share of
-    people whose threshold no level of the track reaches, who count for none of the others.
-    """
-
-    name: str
-    bias_db: Measured
-    rmse_db: Measured
-    coverage: Measured
-    trials: Measured
-    beyond: Measured
-
-
-@dataclass(frozen=True, kw_only=True)
-class TracksDiffer:
-    """How often the signed rank test of the log thresholds of two tracks finds a difference.
-
-    `above` names the track whose true thresholds are larger on average; `ratio_db` by how much.
-    """
-
-    above: str
-    below: str
-    ratio_db: float
-    power: Measured
+OF_TRACK = ("known", "error", "squared error", "covered", "trials", "Weber limit")
+"""Sums over the people whose threshold some level reaches, and the upper end of the 95% interval
+of the cohort's Weber fraction."""
+OF_PAIR = ("p", "shift", "true", "known")
+"""Of two tracks: p of the signed rank test, mean estimated difference of log thresholds, sum of
+the true ones and of how many people they are."""
 
 
 def shares(study: Study, track: Track, people: People, rig: Calibration) -> FloatArray:
@@ -180,73 +159,45 @@ def truths(track: Track, right: FloatArray, chance: FloatArray) -> FloatArray:
     return found
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrackFindings:
-    """What the tracks of a study tell, over this many studies of these participants."""
-
-    participants: int
-    studies: int
-    tracks: tuple[TrackPower, ...]
-    differences: tuple[TracksDiffer, ...]
-
-    def record(self) -> Json:
-        """Return it as plain JSON values, each with its Monte Carlo error."""
-
-        def pairs(of: TrackPower | TracksDiffer) -> Json:
-            named: Json = {}
-            for key, value in vars(of).items():
-                if isinstance(value, Measured):
-                    named |= value.as_json(key, f"{key}_mc_error")
-                else:
-                    named[key] = finite(value) if isinstance(value, float) else value
-            return named
-
-        return {
-            "participants": self.participants,
-            "studies": self.studies,
-            "tracks": list(map(pairs, self.tracks)),
-            "differences": list(map(pairs, self.differences)),
-        }
+def pairs_of_tracks(study: Study) -> list[tuple[Track, Track]]:
+    """Return the pairs that are compared: those on one axis."""
+    return [(a, b) for a, b in combinations(study.track, 2) if a.axis == b.axis]
 
 
-def track_findings(
-    study: Study, population: Population, rig: Calibration, sizes: tuple[int, int], seed: int
-) -> TrackFindings:
-    """Return what the tracks of a study tell; `sizes` are numbers of studies and participants."""
-    studies, participants = sizes
+def track_columns(study: Study) -> list[tuple[str, ...]]:
+    """Return the names of a row's numbers: of a track or two, and what of them."""
+    own = [(track.name, what) for track in study.track for what in OF_TRACK]
+    pairs = [(a.name, b.name, what) for a, b in pairs_of_tracks(study) for what in OF_PAIR]
+    return [*own, *pairs]
+
+
+def track_rows(
+    study: Study, population: Population, rig: Calibration, participants: int, keys: Sequence[str]
+) -> FloatArray:
+    """Return a row for the study of each key, drawn apart from all others."""
     groups: list[str | None] = [each.name for each in study.group for _ in range(each.size)]
-    groups = groups or [None]
-    names = [
-        (groups[who % len(groups)], person_name(f"{seed}/{number}", f"P{who + 1}"))
-        for number in range(studies)
-        for who in range(participants)
+    names = [person_name(key, f"P{who:02d}") for key in keys for who in range(1, participants + 1)]
+    drawn = [
+        people_of(population.of_group(group), [name])[0]
+        for name, group in zip(names, (groups or [None] * participants) * len(keys), strict=True)
     ]
-    drawn = [people_of(population.of_group(group), [name])[0] for group, name in names]
-    people = People.of(drawn)
-    found: list[TrackPower] = []
-    logs: dict[str, _Logs] = {}
+    people, shape = People.of(drawn), (len(keys), participants)
+    # Studies are numbered within their task, as every number is kept by task.
+    parts: list[FloatArray] = []
+    logs: dict[str, tuple[FloatArray, FloatArray]] = {}
     for track in study.track:
         right = shares(study, track, people, rig)
         truth = truths(track, right, by_chance(track, people))
         right = right + people.lapse * ((GUESS_RATE[track.task] or 1 / 2) - right)
-        told = _estimated(track, right, seed)
-        logs[track.name] = (np.log(told.middle), np.log(truth), track.axis)
-        found.append(_quality(track, told, truth, sizes))
-    differ = [
-        _difference(a, b, logs, sizes)
-        for a, b in combinations(logs, 2)
-        if logs[a][2] == logs[b][2]  # on one axis
-    ]
-    return TrackFindings(
-        participants=participants,
-        studies=studies,
-        tracks=tuple(found),
-        differences=tuple(differ),
-    )
-
-
-_Logs = tuple[FloatArray, FloatArray, str]
-"""Logarithms of estimates and of truths, and the axis."""
+        streams = [f"{name}/{track.name}" for name in names]
+        told = _estimated(track, right, uniforms_of(streams, track.trials, 1)[..., 0].T)
+        logs[track.name] = np.log(told.middle).reshape(shape), np.log(truth).reshape(shape)
+        limits = _weber_limits(study, track, rig, told.middle.reshape(shape))
+        parts.append(np.column_stack([_sums(told, truth, shape), limits]))
+    for a, b in pairs_of_tracks(study):
+        shift, true = (one - other for one, other in zip(logs[a.name], logs[b.name], strict=True))
+        parts.append(_differences(shift, true))
+    return np.column_stack(parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,50 +208,47 @@ class _Told:
     trials: FloatArray
 
 
-def _estimated(track: Track, right: FloatArray, seed: int) -> _Told:
+def _estimated(track: Track, right: FloatArray, u: FloatArray) -> _Told:
     """Return the estimates of all observers, a stretch of them at a time."""
-    random = np.random.default_rng(seed)
     grid, parts, trials = lattice(track, fine=True), [], []
     for first in range(0, right.shape[1], _AT_ONCE):
-        counted = counted_answers(track, right[:, first : first + _AT_ONCE], random)
+        some = slice(first, first + _AT_ONCE)
+        counted = counted_answers(track, right[:, some], u[:, some], first)
         parts.append(grid.interval(grid.posterior(counted)))
         trials.append(counted.sum(axis=(1, 2)))
     middle, low, high = np.concatenate(parts, axis=1)
     return _Told(middle=middle, low=low, high=high, trials=np.concatenate(trials))
 
 
-def _quality(track: Track, told: _Told, truth: FloatArray, shape: tuple[int, int]) -> TrackPower:
+def _sums(told: _Told, truth: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Return the sums of `OF_TRACK` but its last, (studies, 5); errors are in dB."""
     known = np.isfinite(truth)
-
-    def mean(values: NDArray[np.generic]) -> Measured:
-        of = np.where(known, values, 0).reshape(shape).sum(axis=1)
-        return ratio(of.astype(np.float64), known.reshape(shape).sum(axis=1).astype(np.float64))
-
     error_db = 20 * np.log10(told.middle / truth)
-    squares = mean(error_db**2)
-    root = float(np.sqrt(squares.value))
-    return TrackPower(
-        name=track.name,
-        bias_db=mean(error_db),
-        rmse_db=Measured(root, squares.error / (2 * root) if root else float("nan")),
-        coverage=mean((told.low <= truth) & (truth <= told.high)),
-        trials=mean(told.trials),
-        beyond=share((~known).reshape(shape).mean(axis=1)),
-    )
+    covered = (told.low <= truth) & (truth <= told.high)
+    values = (known, error_db, error_db**2, covered, told.trials)
+    return np.stack([np.where(known, it, 0).reshape(shape).sum(axis=1) for it in values], axis=1)
 
 
-def _difference(a: str, b: str, logs: dict[str, _Logs], shape: tuple[int, int]) -> TracksDiffer:
-    true_db = 20 / np.log(10) * np.nanmean(logs[a][1] - logs[b][1])
-    above, below = (a, b) if true_db >= 0 else (b, a)
+def _weber_limits(study: Study, track: Track, rig: Calibration, middle: FloatArray) -> FloatArray:
+    """Return the upper ends of the cohorts' Weber fractions, as a report has them; else NaN.
+
+    Predicted contrasts between thresholds of the grid are interpolated over logarithms.
+    """
+    grid = np.unique(lattice(track, fine=True).threshold)
+    side = 1 if track.values[-1] > track.reference else -1
+    contrasts = [contrast_of_level(study, track, rig, track.reference + side * it) for it in grid]
+    if any(each is None or each <= 0 for each in contrasts):
+        return np.full(len(middle), np.nan)
+    at = np.interp(np.log(middle), np.log(grid), np.log(np.array(contrasts, float)))
+    ends = [mean_interval(row) for row in np.log(-np.expm1(-np.exp(at)))]
+    return np.array([np.nan if isinstance(it, NotEstimable) else np.exp(it[1]) for it in ends])
+
+
+def _differences(shift: FloatArray, true: FloatArray) -> FloatArray:
+    """Return the numbers of `OF_PAIR` from log ratios of people, (studies, 4)."""
     # The estimate of everybody counts, as in a report, which does not know who is beyond a level.
-    differences = (logs[above][0] - logs[below][0]).reshape(shape)
-    ranks = doubled_midranks(np.where(differences == 0, np.nan, np.abs(differences)))
-    positive = (ranks * (differences > 0)).sum(axis=1)
+    ranks = doubled_midranks(np.where(shift == 0, np.nan, np.abs(shift)))
+    positive = (ranks * (shift > 0)).sum(axis=1)
     p = [p_of_ranks(row[row > 0], int(v)) for row, v in zip(ranks, positive, strict=True)]
-    higher = 2 * positive > ranks.sum(axis=1)
-    return TracksDiffer(
-        above=above,
-        below=below,
-        ratio_db=abs(float(true_db)),
-        power=share((np.array(p) < LEVEL) & higher),
-    )
+    known = np.isfinite(true)
+    return np.column_stack([p, shift.mean(axis=1), np.nansum(true, axis=1), known.sum(axis=1)])

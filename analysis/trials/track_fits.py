@@ -154,7 +154,7 @@ def thresholds(
     read: list[Reading] = []
     for track in tracks:
         own = trials[trials["track"].eq(track.name)]
-        felt = partial(_contrast, study, track, rig)
+        felt = partial(contrast_of_level, study, track, rig)
         for who in data.table.subjects:
             if len(mine := own[own["participant"].eq(who)]):
                 touches = data.touches[data.touches["attempt_id"].isin(mine.index)]
@@ -289,7 +289,7 @@ def _points(track: Track, trials: pd.DataFrame) -> Iterator[tuple[float, int, in
         yield float(level), int(number), int(correct)
 
 
-def _contrast(
+def contrast_of_level(
     study: Study, track: Track, rig: Calibration, level: float, *, signed: bool = False
 ) -> float | None:
     """Return the predicted contrast of a level against the standard; None where none is known."""

@@ -45,7 +45,7 @@ def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expe
     if track.task == "yes or no":
         alarms = random.uniform(*track.false_alarms, observers)
     right = correct_share(track, levels, threshold, slope, lapse, alarms)
-    counted = counted_answers(track, right, random)
+    counted = counted_answers(track, right, random.random((track.trials, observers)))
     grid = lattice(track, fine=True)
     middle, low, high = grid.interval(grid.posterior(counted))
     return Expected(
@@ -55,16 +55,19 @@ def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expe
     )
 
 
-def counted_answers(track: Track, right: FloatArray, random: np.random.Generator) -> FloatArray:
+def counted_answers(track: Track, right: FloatArray, u: FloatArray, first: int = 0) -> FloatArray:
     """Return how often each observer erred and was right at each level, (observers, 2, levels).
 
-    `right` has the chance of a correct answer (or of yes), (levels, observers).
+    `right` has the chance of a correct answer (or of yes), (levels, observers); `u` a number from
+    0 to 1 for each trial, (trials, observers); `first` is the number of the first observer, by
+    which orders of constant stimuli are drawn.
     """
     levels, observers = right.shape
     counted = np.zeros((observers, 2, levels))
     everybody = np.arange(observers)
     places = [start(track)] * observers
-    orders = np.array([constant_order(track, SEED, each) for each in range(observers)])
+    numbers = range(first, first + observers)
+    orders = np.array([constant_order(track, SEED, each) for each in numbers])
     misses = np.zeros((observers, track.mercy), dtype=int)
     going = np.ones(observers, dtype=bool)
     for trial in range(track.trials):
@@ -75,7 +78,7 @@ def counted_answers(track: Track, right: FloatArray, random: np.random.Generator
             asked = orders[:, trial]
         else:
             asked = np.array([place.level for place in places])
-        correct = random.random(observers) < right[asked, everybody]
+        correct = u[trial] < right[asked, everybody]
         counted[everybody, correct.astype(int), asked] += going
         if track.mercy:
             misses = np.column_stack([misses[:, 1:], np.where(correct, 0, asked)])

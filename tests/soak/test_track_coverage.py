@@ -81,9 +81,8 @@ def answered(track: Track, threshold: FloatArray, rng: np.random.Generator) -> F
     slope = rng.uniform(low, high, len(threshold))
     lapse, alarms = (rng.uniform(*ends, len(threshold)) for ends in (LAPSES, ALARMS))
     levels = np.array(track.distances)[:, np.newaxis]
-    return counted_answers(
-        track, correct_share(track, levels, threshold, slope, lapse, alarms), rng
-    )
+    right = correct_share(track, levels, threshold, slope, lapse, alarms)
+    return counted_answers(track, right, rng.random((track.trials, len(threshold))))
 
 
 @pytest.mark.parametrize("method", METHODS)

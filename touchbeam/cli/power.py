@@ -1,8 +1,10 @@
 """The command `power`: power and precision of a study by simulation."""
 
 import os
-from collections.abc import Sequence
-from pathlib import Path
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,10 +15,9 @@ from touchbeam.cli.output import complain, followed, print_json, print_table, sa
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json
-    from analysis.power.diagnosands import Findings, Measured
-    from analysis.power.job import Design, Job, Kind, Task
-    from analysis.power.track_power import TrackFindings
-    from device.people.person import Population
+    from analysis.power.diagnosands import Findings, Held, Measured
+    from analysis.power.job import Design, Kind, Task
+    from analysis.power.track_diagnosands import TrackFindings
     from protocol.study.study import Study
     from runner.study.kept_files import PowerFolder
 
@@ -79,14 +80,12 @@ def power(
     Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
     further. docs/power.md explains every number.
     """
-    from dataclasses import replace
     from importlib.metadata import version
     from time import perf_counter
 
-    from analysis.cells import json_text
-    from analysis.power.engine import cluster_size, kept
-    from analysis.power.job import Job, designed, designs, tasks
-    from analysis.power.power_report import figures, power_record
+    from analysis.power.diagnosands import findings
+    from analysis.power.engine import cluster_size, completed, kept
+    from analysis.power.job import Design, Job, asked, designed, designs, tasks
     from protocol.study_file.loading import text_digest
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
@@ -97,22 +96,18 @@ def power(
     begun_s = perf_counter()
     folder = StudyFolder(path=study)
     file = folder.study()
-    # Workers read the text that the job holds.
-    population = None if people is None else people_in_file(people)
+    if people is not None:
+        people_in_file(people)  # a mistake in it is told before anything is computed
+    scored, tracked = len(file.conditions) > 1, bool(file.track)
     sizes = _numbers(participants, "--participants")
-    tracks = _tracks(file, folder.path, population, sizes, (studies, seed)) if file.track else []
-    of_tracks = {"tracks": [each.record() for each in tracks]} if tracks else {}
-    if len(file.conditions) < 2 and tracks:
-        if as_json:
-            return print_json({"study_sha256": text_digest(folder.text()), **of_tracks})
-        return _print_tracks(tracks)
     wanted = designs(file, sizes, _numbers(repeats, "--repeats"), _numbers(levels, "--levels"))
     for design in wanted:
         # Each design is tried before the first is simulated, because that takes minutes.
         designed(file, design)
-    if len(file.conditions) < 2:
+    if not scored and not tracked:
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
     registered = checked_registration(folder)
+    # Workers read the text that the job holds.
     job = Job(
         study=folder.text(),
         version=version("touchbeam"),
@@ -123,10 +118,13 @@ def power(
     kind: Kind = "tested" if tests_only else "fitted"
     to_do = {
         design: (tasks(design, kind, studies), tasks(design, "null", null_studies or 2 * studies))
-        for design in wanted
+        for design in (wanted if scored else ())
     }
+    # Repeats are of conditions, and tracks have none.
+    alike = (Design(participants=it.participants, repeats=file.design.repeats) for it in wanted)
+    of_tracks = {each: tasks(each, "tracks", studies) for each in (alike if tracked else ())}
     place = PowerFolder(study=folder.path, digest=job.digest, key=own_key())
-    every = (task for pair in to_do.values() for own in pair for task in own)
+    every = [task for own in chain(*to_do.values(), of_tracks.values()) for task in own]
     left = [task for task in every if kept(job, task, place) is None]
     if others := sum(place.load(task.name) is not None for task in left):
         complain(
@@ -138,38 +136,77 @@ def power(
     used = workers or cores or 1
     if scheduler:  # which need not be there if all is kept already
         used = cluster_size(scheduler) if left else 0
+    results = completed(job, every, place, used, scheduler)
+    rows = dict(followed("studies", results, len(every), alone=as_json))
     hypotheses = registered.hypotheses if registered else ()
-    found = _found(job, to_do, place, used, scheduler, hypotheses, as_json=as_json)
-    # What lies on the disk depends neither on the machine nor on a registration, which names it.
-    of_study = (file, text_digest(job.study), seed)
-    lasting = power_record([replace(each, registered=()) for each in found], *of_study)
-    place.write({"power.json": json_text(lasting).encode(), **figures(found)})
-    record = power_record(found, *of_study)
+    thresholds, held = _of_tracks(file, of_tracks, rows, hypotheses)
+    found = [
+        findings(design, asked(job), own, null, hypotheses, held[design.participants])
+        for design, (own, null) in ((each, _joined(pair, rows)) for each, pair in to_do.items())
+    ]
+    record = _kept(found, thresholds, (file, text_digest(job.study), seed), place)
     if as_json:
         elapsed_s = round(perf_counter() - begun_s, 3)
-        return print_json({**record, **of_tracks, "elapsed_s": elapsed_s, "workers": used})
-    _print(found, record, place.path)
-    return _print_tracks(tracks)
+        return print_json({**record, "elapsed_s": elapsed_s, "workers": used})
+    if found:
+        _print(found, record)
+    _print_tracks(thresholds)
+    more = "; beside it power.svg and calibration.svg" * bool(found)
+    return say(f"Written: {place.path / 'power.json'}{more}")
 
 
-def _tracks(
+Rows = Mapping["Task", "FloatArray"]
+
+
+def _joined(parts: "Iterable[list[Task]]", rows: Rows) -> "list[FloatArray]":
+    """Return the rows of the tasks of each part as one array."""
+    import numpy as np
+
+    return [np.concatenate([rows[task] for task in own]) for own in parts]
+
+
+def _of_tracks(
     study: "Study",
-    path: Path,
-    people: "Population | None",
-    sizes: Sequence[int],
-    of: tuple[int, int],
-) -> "list[TrackFindings]":
-    """Return what the tracks tell with each number of participants; `of`: studies and seed."""
-    from analysis.power.track_power import track_findings
-    from device.people.person import DEFAULT
-    from runner.study.calibration import fitted_calibration
+    to_do: "Mapping[Design, list[Task]]",
+    rows: Rows,
+    hypotheses: Sequence[str],
+) -> "tuple[list[TrackFindings], Mapping[int, Held | None]]":
+    """Return what the tracks tell, and by participants where hypotheses on them are supported."""
+    from analysis.power.track_diagnosands import held_of_tracks, track_findings
 
-    studies, seed = of
-    rig = fitted_calibration(path)
-    return [
-        track_findings(study, people or DEFAULT, rig, (studies, size), seed)
-        for size in sizes or [study.design.participants or 9]
-    ]
+    # Beside conditions, those on tracks are told in one place with the others.
+    own = () if len(study.conditions) > 1 else hypotheses
+    found, held = [], defaultdict[int, "Held | None"](lambda: None)
+    for design, (joined,) in ((each, _joined([own], rows)) for each, own in to_do.items()):
+        found.append(track_findings(study, design.participants, joined, own))
+        held[design.participants] = held_of_tracks(study, joined, hypotheses)
+    return found, held
+
+
+def _kept(
+    found: "list[Findings]",
+    thresholds: "list[TrackFindings]",
+    of: "tuple[Study, str, int]",
+    place: "PowerFolder",
+) -> "Json":
+    """Write what is found, and return it with the power for registered hypotheses."""
+    from dataclasses import replace
+
+    from analysis.cells import json_text
+    from analysis.power.power_report import figures, power_record
+
+    def record(found: "list[Findings]", thresholds: "list[TrackFindings]") -> "Json":
+        told = power_record(found, *of) if found else {"study_sha256": of[1], "seed": of[2]}
+        return told | ({"tracks": [it.record() for it in thresholds]} if thresholds else {})
+
+    # What lies on the disk depends neither on the machine nor on a registration, which names it.
+    lasting = record(
+        [replace(each, registered=()) for each in found],
+        [replace(each, registered=()) for each in thresholds],
+    )
+    drawn = figures(found) if found else {}
+    place.write({"power.json": json_text(lasting).encode(), **drawn})
+    return record(found, thresholds)
 
 
 def _print_tracks(found: "list[TrackFindings]") -> None:
@@ -178,7 +215,8 @@ def _print_tracks(found: "list[TrackFindings]") -> None:
     def told(measured: "Measured", digits: int = 2) -> str:
         return f"{measured.value:.{digits}f} ± {measured.error:.{digits}f}"
 
-    header = ["track", "bias, dB", "RMSE, dB", "coverage", "trials", "beyond its levels"]
+    columns = "bias, dB|RMSE, dB|coverage|trials|beyond its levels|Weber fraction shown below"
+    header = ["track", *columns.split("|")]
     for of in found:
         rows = [
             [
@@ -188,6 +226,7 @@ def _print_tracks(found: "list[TrackFindings]") -> None:
                 told(each.coverage, 3),
                 f"{each.trials.value:.1f}",
                 f"{100 * each.beyond.value:.1f}%",
+                f"{each.weber_limit:.3f}" if isfinite(each.weber_limit) else "-",
             ]
             for each in of.tracks
         ]
@@ -198,39 +237,12 @@ def _print_tracks(found: "list[TrackFindings]") -> None:
                 f"{each.above} above {each.below}, by {each.ratio_db:.1f} dB on average: "
                 f"found in {100 * each.power.value:.0f}% of studies"
             )
+        for own in of.registered:
+            if isfinite(own.power.value):
+                say(f"Registered, {own.name}: supported in {100 * own.power.value:.0f}% of studies")
 
 
-def _found(
-    job: "Job",
-    to_do: "dict[Design, tuple[list[Task], list[Task]]]",
-    place: "PowerFolder",
-    workers: int,
-    scheduler: str | None,
-    hypotheses: Sequence[str],
-    *,
-    as_json: bool,
-) -> "list[Findings]":
-    """Return the findings of each design, with a progress bar on a terminal."""
-    import numpy as np
-
-    from analysis.power.diagnosands import findings
-    from analysis.power.engine import completed
-    from analysis.power.job import asked
-
-    every = [task for pair in to_do.values() for own in pair for task in own]
-    results = completed(job, every, place, workers, scheduler)
-    rows = dict(followed("studies", results, len(every), alone=as_json))
-
-    def numbers(own: "list[Task]") -> "FloatArray":
-        return np.concatenate([rows[it] for it in own])
-
-    return [
-        findings(design, asked(job), numbers(own), numbers(null), hypotheses)
-        for design, (own, null) in to_do.items()
-    ]
-
-
-def _print(found: "list[Findings]", record: "Json", place: Path) -> None:
+def _print(found: "list[Findings]", record: "Json") -> None:
     from analysis.power.power_report import FAMILY, left_out, lines_of_estimates, lines_of_tests
 
     say(record["answer"])
@@ -243,4 +255,3 @@ def _print(found: "list[Findings]", record: "Json", place: Path) -> None:
             say(f"{len(hidden)} more pairs, with less power, stand in power.json.")
     say(FAMILY)
     say(f"Simulated: {found[0].studies} studies, {found[0].null_studies} without any effect.")
-    say(f"Written: {place / 'power.json'}; beside it power.svg and calibration.svg")

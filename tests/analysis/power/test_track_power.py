@@ -1,15 +1,21 @@
 from dataclasses import replace
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
-from analysis.power.track_power import _of_three, by_chance, shares, track_findings, truths
+from analysis.power.engine import completed
+from analysis.power.job import Design, Job, tasks
+from analysis.power.track_diagnosands import track_findings
+from analysis.power.track_power import _of_three, by_chance, shares, track_rows, truths
 from device.friction.changes import friction_difference
 from device.friction.scenes import NOMINAL
 from device.people.answering import TRACK_NUMBERS, Answering
 from device.people.person import DEFAULT, People, Person
+from protocol.registration.registration import threshold_of
 from protocol.study.track import Find, Task
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.power.kept_in_memory import Memory
 
 TEXT = template("threshold")
 DRAWS = 40_000
@@ -68,7 +74,15 @@ def test_a_track_of_sensitive_people_lies_below_one_of_a_harder_rule() -> None:
     text = text.replace("stop = { reversals = 12 }", "threshold_at = 0.91")
     study = parsed_study(text)
     population = replace(DEFAULT, typical=Person(felt_noise=0.05), varied={})
-    told = track_findings(study, population, NOMINAL, (30, 8), 1)
+    rows = track_rows(study, population, NOMINAL, 8, [f"1/{number}" for number in range(30)])
+    harder, easier = "of nine in ten", "smallest amplitude"
+    asked = [
+        threshold_of(harder, easier),
+        threshold_of(easier, harder),
+        f"Weber fraction of {easier} below 0.5",
+        f"Weber fraction of {easier} below 0.01",
+    ]
+    told = track_findings(study, 8, rows, asked)
     (differ,) = told.differences
     assert (differ.above, differ.below) == ("of nine in ten", "smallest amplitude")
     assert differ.ratio_db > 3
@@ -78,6 +92,23 @@ def test_a_track_of_sensitive_people_lies_below_one_of_a_harder_rule() -> None:
     assert first.rmse_db.value < 3
     assert first.coverage.value > 0.85
     assert told.record()["tracks"][0]["rmse_db_mc_error"] > 0
+    powers = [each.power.value for each in told.registered]
+    assert powers == [differ.power.value, 0.0, differ.power.value, 0.0]
+    limit = first.weber_limit
+    for least, most, some in ((0.8, 1.0, limit + 1e-6), (0.0, 0.8, limit - 1e-6)):
+        below = f"Weber fraction of {easier} below {some:.6f}"
+        (own,) = track_findings(study, 8, rows, [below]).registered
+        assert least <= own.power.value <= most
+
+
+def test_workers_and_longer_runs_give_the_same_studies() -> None:
+    job = Job(study=TEXT, version=version("touchbeam"), seed=2)
+    few, many = (tasks(Design(participants=2, repeats=1), "tracks", it) for it in (101, 103))
+    one, two = (dict(completed(job, few, Memory(), workers)) for workers in (1, 2))
+    assert [two[task].tobytes() for task in few] == [one[task].tobytes() for task in few]
+    longer = dict(completed(job, many[1:], Memory(), 1))[many[1]]
+    assert longer[:1] == pytest.approx(one[few[1]], nan_ok=True)
+    assert len(np.unique(longer[:, 1])) == len(longer)  # and no study comes twice
 
 
 def test_places_differ_as_their_frictions_do() -> None:

@@ -6,6 +6,7 @@ import os
 import pickle
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,9 +42,9 @@ def folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     return tmp_path / "mine"
 
 
-def document(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
+def document(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
     assert typed("power", folder, *options, "--json") == 0
-    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
     return found
 
 
@@ -116,6 +117,35 @@ def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFi
     assert "Simulated: 30 studies, 20 without any effect." in out
     assert out.index("power to tell that") < out.index("Tests: 4"), "the answer stands first"
     assert "power to tell that the conditions differ" in out
+
+
+def test_thresholds_are_kept_and_told_with_the_power_for_hypotheses_on_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "mine"
+    assert typed("new", folder, "--template", "threshold") == 0
+    below = "Weber fraction of smallest amplitude below 0.9"
+    few = ("--participants", "2,3", "--studies", "3", "--workers", "1")
+    capsys.readouterr()
+    first = document(folder, capsys, *few)
+    assert "tests" not in first
+    written = json.loads((folder / "power" / "power.json").read_text("utf-8"))
+    assert written == {key: first[key] for key in ("study_sha256", "seed", "tracks")}
+    chunks = {path: path.stat().st_ino for path in folder.glob("power/chunks/*/*-tracks-*")}
+    assert len(chunks) == 2
+    assert typed("register", folder, "--primary", below) == 0
+    capsys.readouterr()
+    found = document(folder, capsys, *few)
+    assert [each["participants"] for each in found["tracks"]] == [2, 3]
+    for each in found["tracks"]:
+        assert [it["name"] for it in each.pop("registered")] == [below]
+    assert found["tracks"] == first["tracks"]
+    assert {path: path.stat().st_ino for path in chunks} == chunks
+    assert json.loads((folder / "power" / "power.json").read_text("utf-8")) == written
+    assert typed("power", folder, *few) == 0
+    told = capsys.readouterr().out
+    assert f"Registered, {below}: supported in" in told
+    assert "Weber fraction shown below" in told
 
 
 def test_a_registered_study_names_the_power_of_its_hypotheses(

@@ -61,7 +61,7 @@ def test_the_document_has_what_others_rely_on(
         "sessions": 1,
         "conditions": ["frequency", "structure", "voltage", "direction", "pressure"],
     }
-    assert {"any_supported", "mc_error"} <= dict(found["null"]).keys()  # type: ignore[call-overload]
+    assert {"any_supported", "mc_error"} <= dict(found["null"]).keys()
     tests, estimates = found["tests"], found["estimates"]
     assert isinstance(tests, list)
     assert isinstance(estimates, list)
@@ -157,7 +157,7 @@ def test_a_registered_study_names_the_power_of_its_hypotheses(
     assert typed("register", folder, *chosen) == 0
     capsys.readouterr()
     found = document(folder, capsys, *QUICK)
-    registered = dict(found["registered"])  # type: ignore[call-overload]
+    registered = dict(found["registered"])
     assert registered["primary"]["name"] == "voltage above structure"
     assert registered["primary"]["row"] == "structure - voltage"
     assert [each["name"] for each in registered["secondary"]] == ["gains differ"]
@@ -219,7 +219,7 @@ def test_other_people_give_other_results(
     keen.write_text("[person]\ngain = 9.0\nbias = 4.0\nrating_noise = 0.1\nfelt_noise = 0.01\n")
     wrong.write_text("[person]\ngian = 9.0\n")
     found = [document(folder, capsys, *QUICK, *more) for more in ((), ("--people", str(keen)))]
-    power = [dict(each["tests"][0])["power"] for each in found]  # type: ignore[index]
+    power = [dict(each["tests"][0])["power"] for each in found]
     assert power[0] < power[1] == 1
     assert typed("power", folder, *QUICK, "--people", wrong) == 2
     assert "gian" in capsys.readouterr().err

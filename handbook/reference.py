@@ -43,6 +43,21 @@ _STATISTICS = {
         "statistics.two_way.intraclass_correlation",
         "statistics.ordinal.ordinal_effects_of_trials",
     ),
+    "Groups, factors and detection": (
+        "statistics.groups.two_groups",
+        "statistics.groups.compared",
+        "statistics.groups.interaction",
+        "statistics.factorial.within_effect",
+        "statistics.factorial.latent_factorial",
+        "statistics.factorial.cell_intervals",
+        "statistics.detection.detection",
+        "statistics.detection.noticed_p",
+    ),
+    "Thresholds": (
+        "thresholds.psychometric.fitted",
+        "thresholds.curve_posterior.posterior",
+        "thresholds.person_effects.mixed",
+    ),
     "Sensitivity of each person": (
         "sensitivity.linear_model.linear_sensitivity",
         "sensitivity.ordinal_model.ordinal_sensitivity",
@@ -136,7 +151,11 @@ def statistics_page() -> str:
     parts = [
         "# Statistics\n\nThis page is written from the program by `python -m handbook.reference`: "
         "formula and source of each statistic of\nthe report, as they stand beside the code. [The "
-        "report](../report.md) says when each is used and how to read it.\n"
+        "report](../report.md) says when each is used and how to read it. Numbers in brackets are\n"
+        "equations of the mathematics: [groups](../mathematics/groups.md), [factors and ordinal "
+        "models](../mathematics/ordinal.md),\n[detection](../mathematics/detection.md), "
+        "[thresholds](../mathematics/thresholds.md), [sensitivity](../mathematics/sensitivity.md)."
+        "\n"
     ]
     for title, names in _STATISTICS.items():
         parts.append(f"## {title}\n")
@@ -158,6 +177,15 @@ def _words(name: str) -> str:
         "linear_sensitivity": "M1, linear model",
         "ordinal_sensitivity": "M2, ordinal model",
         "two_stage_posterior": "M3, noticing and rating",
+        "compared": "Any number of groups compared",
+        "interaction": "Group × condition",
+        "within_effect": "Effect of a factor, or of an interaction",
+        "latent_factorial": "Effects in the ordinal mixed model",
+        "detection": "d′ and criterion",
+        "noticed_p": "Noticed more than on catch trials",
+        "fitted": "Threshold, slope and lapse rate of a table of answers",
+        "posterior": "Posterior of a curve",
+        "mixed": "Mixed model of a cohort's thresholds",
     }
     return known.get(name, name.replace("_", " ").capitalize())
 

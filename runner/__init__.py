@@ -1,1 +1,1 @@
-"""Sessions: loop, journal, people, participant's window, and the command line."""
+"""Sessions: loop, journal, people, and the participant's window."""

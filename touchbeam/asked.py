@@ -99,7 +99,7 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
             "threshold_ci": list(made.threshold_ci),
             "interval_db": made.interval_db,
         }
-    if track.method in {"staircase", "limits"}:
+    if track.turns:
         turned_at = place_after(track, told).turned_at
         found["reversals"] = len(turned_at)
         found["reversal_mean"] = reversal_mean(track, turned_at)

@@ -261,8 +261,7 @@ class Course:
             return None
         if told.name not in self._places:
             track = _track(self._study_text, told.name)
-            turns = track is not None and track.method in {"staircase", "limits"}
-            self._places[told.name] = (track, start(track)) if track and turns else None
+            self._places[told.name] = (track, start(track)) if track and track.turns else None
         if (known := self._places[told.name]) is None:
             return None
         track, before = known

@@ -1,4 +1,4 @@
-"""Tests of conditions, fits of the sensitivity models, and scores of laws as JSON."""
+"""Tests, fits of the sensitivity models and scores of laws as JSON; `report` puts it together."""
 
 import math
 from collections.abc import Sequence

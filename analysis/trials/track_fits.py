@@ -196,7 +196,7 @@ def _person(
     chosen = trials[trials["role"].eq("level")]
     turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
     mean = None
-    if track.method in {"staircase", "limits"}:
+    if track.turns:
         mean = reversal_mean(track, tuple(chosen["level"][turned].astype(int)))
     voltage = track.axis == "voltage"
     against = track.reference or 1.0

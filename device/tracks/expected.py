@@ -82,7 +82,7 @@ def counted_answers(track: Track, right: FloatArray, u: FloatArray, first: int =
         counted[everybody, correct.astype(int), asked] += going
         if track.mercy:
             misses = np.column_stack([misses[:, 1:], np.where(correct, 0, asked)])
-        if track.method in {"staircase", "limits"}:
+        if track.turns:
             told = zip(places, correct.tolist(), strict=True)
             places = [moved(track, place, was_right) for place, was_right in told]
         going &= ~_ended(track, places, counted)

@@ -1,4 +1,4 @@
-"""The rules of a study: what a session asks, allows and repeats, and what the report leaves out."""
+"""The rules of a study: design, timing, rating, sessions, exclusions, publication."""
 
 from typing import Annotated, Any, Literal, Self
 

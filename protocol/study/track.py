@@ -153,6 +153,11 @@ class Track(Record):
     """of QUEST+: for this many trials after an error no level is harder than that one"""
 
     @property
+    def turns(self) -> bool:
+        """Whether a rule moves its level step by step, so that it has reversals."""
+        return self.method in {"staircase", "limits"}
+
+    @property
     def found(self) -> Find:
         """What participants are asked for."""
         return self.find or ("smoother" if self.task == "two intervals" else "different")

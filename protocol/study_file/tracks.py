@@ -153,7 +153,7 @@ def _start(track: Track, told: _Teller) -> _Problems:
     if track.start is None:
         return
     near = track.values[nearest(track.values, track.start)]
-    if track.method not in {"staircase", "limits"}:
+    if not track.turns:
         hint = "leave it out: this method chooses its first level"
         yield told("start", "is for staircases and limits", track.start, hint)
     elif abs(near - track.start) > _ROUNDED * near:

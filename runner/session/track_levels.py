@@ -38,7 +38,7 @@ def standing(session: Session, state: SessionState, trial: Trial | None) -> str:
     unit, level = _UNITS[track.axis], level_of(session, state, trial)
     answers = counted(state.tracks.get(track.name, ()))
     said = ["no level" if level is None else f"level {level} ({track.values[level]:.4g}{unit})"]
-    if track.method in {"staircase", "limits"}:
+    if track.turns:
         turned = len(place_after(track, answers).turned_at)
         said.append(f"{turned} reversal{'s' * (turned != 1)}")
     if answers:

@@ -1,4 +1,4 @@
-"""Sessions: what was left out, interruptions, and checks of order, drift and catch trials."""
+"""Sessions: what was left out, interruptions, answer times, checks of order, drift and catches."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial

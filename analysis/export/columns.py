@@ -175,6 +175,12 @@ _TOUCHES = (
     ),
     _touch("press", "Touch force asked for, relative to the study's.", planned="press"),
     _touch(
+        "sliding_speed_m_s",
+        "Speed of a slide asked for, where the touch has one of its own.",
+        planned="sliding_speed_m_s",
+        unit="m/s",
+    ),
+    _touch(
         "planned_voltage_v", "Planned amplitude (peak) at the start.", planned="voltage_v", unit="V"
     ),
     _touch(

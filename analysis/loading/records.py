@@ -165,6 +165,7 @@ class TouchRow:
     direction: str
     coverage: str
     press: float
+    sliding_speed_m_s: float | None
     planned_voltage_v: float
     planned_end_voltage_v: float
     planned_frequency: float
@@ -191,6 +192,7 @@ class TouchRow:
             direction=planned.direction,
             coverage=planned.coverage,
             press=planned.press,
+            sliding_speed_m_s=planned.sliding_speed_m_s,
             planned_voltage_v=planned.voltage_v,
             planned_end_voltage_v=planned.end_voltage_v,
             planned_frequency=planned.frequency,

@@ -208,9 +208,10 @@ humidity language level notes opposite participant participant_id place place_ok
 planned_end_frequency planned_end_voltage_v planned_frequency planned_voltage_v press pseudonym
 question reaction_time_s resonance_hz resonance_tip_m_per_v room_temperature roughness score
 score_reaction_time_s seed session session_completed session_kind session_kinds sessions
-skin_state slot speed_ok start_frequency_hz start_monitor_v start_voltage_v started_monotonic_s
-started_utc strength study_sha256 touchbeam_version touches trial_index trial_kind
-friction friction_error measured_contrast measured_contrast_error normal_n rate_n_per_s speed_m_s
+skin_state sliding_speed_m_s slot speed_ok start_frequency_hz start_monitor_v start_voltage_v
+started_monotonic_s started_utc strength study_sha256 touchbeam_version touches trial_index
+trial_kind friction friction_error measured_contrast measured_contrast_error normal_n rate_n_per_s
+speed_m_s
 stick_slip vector_n
 """
 PICTURE_RULE = (

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -157,3 +158,48 @@ def test_the_live_protocol_of_a_laboratory_needs_no_code(folder: Path) -> None:
         "its rule converges to 0.7500 correct"
         in CliRunner().invoke(app, ["check", str(folder)]).stdout
     )
+
+
+def test_documents_have_what_others_rely_on(folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    rows = [f"P1,T,{level},20,{right}" for level, right in ((1, 9), (2, 12), (4, 17), (8, 20))]
+    table.write_text("\n".join(["participant,track,level,trials,correct", *rows]) + "\n")
+
+    def told(*arguments: object) -> dict[str, Any]:
+        made = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+        assert made.exit_code == 0, made.output
+        found: dict[str, Any] = json.loads(made.stdout)
+        return found
+
+    of_check = ["name", "task", "method", "levels", "volts", "trials", "converges_at", "expected"]
+    for track in told("check", folder)["tracks"]:
+        assert set(of_check) <= set(track)
+        assert {"rmse_db", "interval_db"} <= set(track["expected"])
+        assert len(track["volts"]) == len(track["levels"])
+    asked = told("track", folder, "smallest amplitude", "--answers", "1 0")
+    assert {"levels", "values", "next", "estimate"} <= set(asked)
+    assert {"index", "value", "volts"} <= set(asked["next"])
+    assert {"threshold", "threshold_ci"} <= set(asked["estimate"])
+    ended = told("track", folder, "smallest amplitude", "--answers", "1 " * 40)
+    assert ended["next"] is None
+    of_fit = [
+        "participant",
+        "track",
+        "threshold",
+        "threshold_ci",
+        "slope",
+        "slope_ci",
+        "jnd",
+        "lapse",
+        "lapse_ci",
+    ]
+    found = {}
+    for shape in ("normal", "weibull"):
+        (fit,) = told("fit", table, "--task", "two intervals", "--shape", shape)["tracks"]
+        assert {*of_fit, "deviance_p", "flags"} <= set(fit)
+        (higher,) = told(
+            *("fit", table, "--task", "two intervals", "--shape", shape, "--threshold-at", 0.9)
+        )["tracks"]
+        assert fit["threshold"] < higher["threshold"]
+        found[shape] = fit["slope"]
+    assert found["normal"] != found["weibull"]

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from collections import Counter
 
 from analysis.export.bids import bids_export
 from analysis.export.csv_tables import csv_tables
@@ -71,6 +72,21 @@ def test_tables_for_python_have_the_same_columns() -> None:
     assert frames.trials["reversal"].sum() == 12
     described = frames.described("0 to 10")
     assert described.loc[("trials", "correct"), "levels"] == "true: yes; false: no"
+
+
+def test_a_touch_that_slides_at_a_speed_of_its_own_says_so() -> None:
+    slow, usual = 'place = "path", voltage_v = 0, sliding_speed_m_s = 0.02', 'place = "path"'
+    text = TRACKS.replace('place = "smooth", voltage_v = 0', slow).replace(
+        'place = "smooth"', usual
+    )
+    made = tables(text)
+    rows = csv.DictReader(io.StringIO(made["touches.csv"]))
+    speeds = Counter(row["sliding_speed_m_s"] for row in rows)
+    trials = list(csv.DictReader(io.StringIO(made["trials.csv"])))
+    # A comparison slides as usual; in a catch trial every touch is the standard.
+    compared = sum(row["level"] != "" for row in trials)
+    assert speeds == {"": compared, "0.02": 2 * len(trials) - compared}
+    assert json.loads(made["trials.json"])["sliding_speed_m_s"]["unit"] == "m/s"
 
 
 def test_a_study_without_tracks_has_none_of_them() -> None:

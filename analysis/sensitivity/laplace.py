@@ -165,6 +165,7 @@ class LatentField:
     ) -> BoolArray:
         """Return at which points Newton's next step ends at the mode."""
         own = np.abs(departures(components.root, z)).max(axis=(1, 2))
+        # An estimate of how far edges move, no bound: their parts seldom all move the same way.
         moved = (np.abs(shared).max(axis=1) + own) * self._farthest / components.residual_sd
         return np.asarray(rise < np.where(moved < SHORT, RISE, LEAST_RISE))
 

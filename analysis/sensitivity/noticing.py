@@ -1,4 +1,7 @@
-"""Noticing of changes: a probit model in contrast, with each subject's noise and criterion."""
+"""Noticing of changes: a probit model in contrast, with each subject's noise and criterion.
+
+Numbers of equations are those of docs/mathematics/sensitivity.md, "M3".
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.report import drawing as plot
 from analysis.report.findings import Findings, Scale
@@ -14,6 +14,7 @@ from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.trials.contrasts import ScoredTrials
+from analysis.trials.track_fits import geometric_mean
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
 
@@ -167,9 +168,13 @@ def scatter_figure(
     scale: Scale,
     at: FloatArray,
     curves: Mapping[str, FloatArray],
+    thresholds: Mapping[str, tuple[float, Interval | NotEstimable]],
     words: plot.Words,
 ) -> plot.Drawing:
-    """Return ratings against predicted contrasts, and the models' curves at the contrasts `at`."""
+    """Return ratings against predicted contrasts, and the models' curves at the contrasts `at`.
+
+    `thresholds` of tracks, with their intervals, stand on the same axis.
+    """
 
     def draw(axes: plot.Axes) -> None:
         labels = plot.labels_of(ratings.conditions, "condition")
@@ -186,12 +191,30 @@ def scatter_figure(
         for model, curve in curves.items():
             dashes = "-" if model == HEADLINE else "--"
             axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
+        for number, (track, (value, ends)) in enumerate(thresholds.items()):
+            colour = plot.COLOURS[-1 - number % len(plot.COLOURS)]
+            axes.axvline(value, color=colour, linestyle=":", label=f"threshold, {track}")
+            if not isinstance(ends, NotEstimable):
+                axes.axvspan(*ends, color=colour, alpha=0.12, linewidth=0)
         axes.set(ylim=plot.limits(scale), ylabel=f"rating, {scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
 
-    shown = len(np.unique(ratings.condition))
+    shown = len(np.unique(ratings.condition)) + len(thresholds)
     return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (shown + 2) / 2)
+
+
+def thresholds_of(found: Findings) -> dict[str, tuple[float, Interval | NotEstimable]]:
+    """Return the mean predicted contrast of each track's thresholds, where it is known of all."""
+    by_track: dict[str, list[float | None]] = {}
+    for each in found.thresholds.people if found.thresholds else ():
+        by_track.setdefault(each.track, []).append(each.contrast)
+    means = {track: geometric_mean(of) for track, of in by_track.items() if None not in of}
+    return {
+        track: (value, ends)
+        for track, (value, ends) in means.items()
+        if not isinstance(value, NotEstimable)
+    }
 
 
 def gains_figure(models: Mapping[str, Lines], words: plot.Words) -> plot.Drawing:

@@ -327,10 +327,10 @@ def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterato
 
 def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     own = [each for each in people if each.track == track.name]
-    threshold, ends = _mean([each.threshold for each in own])
+    threshold, ends = geometric_mean([each.threshold for each in own])
     measured = bool(own) and all(each.measured_weber is not None for each in own)
     name = "measured_weber" if measured else "weber"
-    weber, weber_ends = _mean([getattr(each, name) for each in own])
+    weber, weber_ends = geometric_mean([getattr(each, name) for each in own])
     return CohortThreshold(
         track=track.name,
         unit=AXIS_UNITS[track.axis],
@@ -347,7 +347,7 @@ def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     )
 
 
-def _mean(
+def geometric_mean(
     values: Sequence[float | None],
 ) -> tuple[float | NotEstimable, Interval | NotEstimable]:
     """Return the geometric mean of what is known of people, with its t interval."""

@@ -73,6 +73,10 @@ _LINES = {
     "average subject, without effects of conditions beyond their contrasts. ",
     figure_data.SIMPLE: "The dashed line is the group's by M1, the simple comparison. ",
 }
+_THRESHOLDS = (
+    "A dotted line is the geometric mean of a track's thresholds, as the contrast that is "
+    "predicted of them, with its 95% interval. "
+)
 
 
 def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
@@ -85,14 +89,15 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
     # `where` takes a mask rather than positions.
     chosen = np.isin(np.arange(count), figure_data.thinned(count, figure_data.MOST_POINTS))
     ratings, (at, curves) = given.where(chosen), figure_data.model_curves(found)
+    thresholds = figure_data.thresholds_of(found)
     return Figure(
         name="model",
         title="Ratings against the model",
         caption="Ratings against the contrast that the friction model predicts for each trial. "
         "Shape and colour mark the condition; equal ratings are offset slightly. "
-        f"{''.join(_LINES[model] for model in curves)}"
+        f"{''.join(_LINES[model] for model in curves)}{_THRESHOLDS * bool(thresholds)}"
         f"{SKIN_IN_SHORT}{of_all(len(ratings.rating), count, 'ratings')}",
-        draw=partial(figure_data.scatter_figure, ratings, found.scale, at, curves),
+        draw=partial(figure_data.scatter_figure, ratings, found.scale, at, curves, thresholds),
         table=table,
         front=True,
     )

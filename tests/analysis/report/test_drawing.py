@@ -61,7 +61,7 @@ def test_many_conditions_have_room(count: int) -> None:
         rating=table.scores.ravel(),
     )
     at = np.array([0.0, 1.0])
-    svg = scatter_figure(ratings, scale, at, {"M2": at, "M1": 2 * at}, words).svg
+    svg = scatter_figure(ratings, scale, at, {"M2": at, "M1": 2 * at}, {}, words).svg
     assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count
 
 

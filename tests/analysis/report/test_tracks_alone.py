@@ -46,6 +46,10 @@ def test_thresholds_are_said_with_the_share_that_defines_them() -> None:
     assert all(len(each["threshold_interval"]) == 2 for each in told["people"])
     names = {figure.name for figure in found.figures if figure.drawing is not None}
     assert {"track-1", "track-2", "psychometric-1", "psychometric-2"} < names
+    (rated,) = (figure for figure in found.figures if figure.name == "model")
+    assert rated.drawing is not None
+    for track in ("smallest amplitude", "by a staircase"):
+        assert f">threshold, {track}</text>" in rated.drawing.svg
 
 
 def test_a_study_without_tracks_has_no_thresholds() -> None:

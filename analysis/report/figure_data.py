@@ -192,10 +192,11 @@ def scatter_figure(
             dashes = "-" if model == HEADLINE else "--"
             axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
         for number, (track, (value, ends)) in enumerate(thresholds.items()):
-            colour = plot.COLOURS[-1 - number % len(plot.COLOURS)]
+            colour = plot.COLOURS[1 + number % (len(plot.COLOURS) - 2)]
             axes.axvline(value, color=colour, linestyle=":", label=f"threshold, {track}")
             if not isinstance(ends, NotEstimable):
-                axes.axvspan(*ends, color=colour, alpha=0.12, linewidth=0)
+                foot = [0.02 + 0.03 * number] * 2
+                axes.plot(ends, foot, color=colour, transform=axes.get_xaxis_transform())
         axes.set(ylim=plot.limits(scale), ylabel=f"rating, {scale}")
         axes.set_xlabel("predicted contrast, change of log friction")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)

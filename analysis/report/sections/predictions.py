@@ -75,7 +75,7 @@ _LINES = {
 }
 _THRESHOLDS = (
     "A dotted line is the geometric mean of a track's thresholds, as the contrast that is "
-    "predicted of them, with its 95% interval. "
+    "predicted of them, the bar at its foot the 95% interval. "
 )
 
 

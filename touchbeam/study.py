@@ -319,11 +319,11 @@ class Study:
 
         The study's touch fills missing cells.
         """
-        from analysis.model.predict import study_defaults
+        from analysis.model.predict import study_defaults, study_rig
 
         options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
-        defaults = study_defaults(self.file, self._rig)
-        return predicted_frame(scenes, defaults, {**options, "rig": self._rig})
+        rig = study_rig(self.file, self._rig)
+        return predicted_frame(scenes, study_defaults(self.file, rig), {**options, "rig": rig})
 
 
 Found = tuple["StudyFile", "StudyData", Sequence[str], "Sessions | None"]

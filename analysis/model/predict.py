@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -54,6 +54,14 @@ class PredictOptions:
         rung = TOP_RUNG if self.rung == "auto" else self.rung
         own_hz = rung_resonance_hz(rung, Beam(), Drive().mode)
         return np.asarray(frequency_hz * (own_hz / self.rig.resonance_hz))
+
+
+def study_rig(study: Study, rig: Calibration = NOMINAL) -> Calibration:
+    """Return the rig as calibrated; without a fitted resonance its own is the study's nominal one.
+
+    As everywhere in a study, a drive in Hz is then as far from the resonance as on the rig.
+    """
+    return replace(rig, resonance_hz=rig.resonance_hz or study.rig.nominal_resonance_hz)
 
 
 def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]:

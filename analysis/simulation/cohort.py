@@ -218,7 +218,8 @@ class _Feeling:
             return way.force_n
         self._friction[number, touch] = np.empty((len(who), len(parts)))
         places_m = way.places_m(parts)
-        to_make = kind.trial.touches[touch].at(self._world.resonance_hz)
+        # Relative to the rig's resonance, also if given in Hz: the model has another one.
+        to_make = kind.trial.touches[touch]
         # A touch without a beam of its own is on the one that the study mounts.
         beam = to_make.beam or self._study.touch.beam
         height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)

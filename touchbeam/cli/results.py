@@ -73,17 +73,22 @@ def predict(
     Every column is optional; docs/model.md lists them. If any cell is invalid, nothing is
     written.
     """
-    from analysis.model.predict import PredictOptions, study_defaults
+    from analysis.model.predict import PredictOptions, study_defaults, study_rig
     from analysis.model.predict import predict as predicted
     from device.friction.scenes import NOMINAL
     from runner.study.calibration import fitted_calibration
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
 
     rig = fitted_calibration(study) if study else NOMINAL
+    file = options.study_folder(study).study() if study else None
     asked = PredictOptions(
-        law=law, rung=rung, tolerance=tolerance, eq15_overlap=eq15_overlap, rig=rig
+        law=law,
+        rung=rung,
+        tolerance=tolerance,
+        eq15_overlap=eq15_overlap,
+        rig=study_rig(file, rig) if file else rig,
     )
-    defaults = study_defaults(options.study_folder(study).study(), rig) if study else None
+    defaults = study_defaults(file, rig) if file else None
     text = predicted(str(scenes), text_of(bytes_of(scenes), scenes), asked, defaults)
     to_stdout = str(out) == "-"
     if to_stdout:

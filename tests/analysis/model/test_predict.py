@@ -15,6 +15,7 @@ from analysis.model.predict import (
     predict,
     predicted_table,
     study_defaults,
+    study_rig,
 )
 from analysis.model.scene_table import column_table
 from device.beam.beam import Beam
@@ -239,6 +240,21 @@ def test_a_calibrated_rigs_values_stand_for_blank_cells() -> None:
     assert study_defaults(study).keys().isdisjoint({"damping_ratio", "body_height_m"})
     row = _rows(predict("s.csv", "voltage_v\n100\n", None, study_defaults(study, own)))[0]
     assert (row["damping_ratio"], row["body_height_m"]) == ("0.004", "0.0012")
+
+
+@pytest.mark.parametrize("rung", ["auto", TOP_RUNG, "mode"])
+def test_in_a_study_a_drive_in_hz_is_as_far_from_the_resonance_as_on_the_rig(rung: str) -> None:
+    study = parsed_study(template("paper"))
+    nominal_hz = study.rig.nominal_resonance_hz
+    options = PredictOptions(rung=rung, tolerance=1e-6, rig=study_rig(study))
+    text = f"voltage_v,frequency_hz\n180,resonance\n180,{nominal_hz}\n180,{0.99 * nominal_hz}\n"
+    by_word, by_hz, beside = (
+        float(it["mu_effective"]) for it in _rows(predict("s", text, options))
+    )
+    assert by_hz == pytest.approx(by_word, rel=1e-9)
+    assert beside > by_hz + 0.01
+    fitted = Calibration(resonance_hz=23_900.0, origin="session slide/1")
+    assert study_rig(study, fitted) == fitted
 
 
 @pytest.mark.parametrize("law", LAWS)

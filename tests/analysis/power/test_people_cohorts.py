@@ -52,6 +52,22 @@ def test_a_cohort_is_what_a_report_makes_of_its_sessions(
         np.testing.assert_array_equal(found.gain, truths)
 
 
+def test_people_feel_a_drive_in_hz_as_far_from_the_resonance_as_on_the_rig() -> None:
+    written = template("paper")
+    nominal_hz = parsed_study(written).rig.nominal_resonance_hz
+    in_hz = written
+    for share in (0.98, 1.0):
+        in_hz = in_hz.replace(f"frequency = {share}", f"frequency_hz = {share * nominal_hz!r}")
+    assert in_hz.count(", frequency_hz = ") == 2
+    felt = [
+        PeopleCohorts(study=parsed_study(text), participants=6, population=DEFAULT, rig=RIG)
+        for text in (written, in_hz)
+    ]
+    relative, hertz = (each.cohort("a").ratings for each in felt)
+    np.testing.assert_array_equal(relative.rating, hertz.rating)
+    np.testing.assert_allclose(relative.contrast, hertz.contrast)
+
+
 def _as_reported(
     study: Study, people: Population, key: str
 ) -> tuple[tuple[str, ...], dict[str, FloatArray], FloatArray]:

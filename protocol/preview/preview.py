@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from math import atan, cos, hypot, inf, pi, sin, sqrt
+from math import atan, cos, hypot, inf, isfinite, pi, sin, sqrt
 from typing import Any
 
 from protocol.plan.feasibility import design_problems, most_catches
@@ -346,7 +346,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         {"index": trial.index, "drive": trial.condition}
         for trial in (shown.slide.trials if shown.slide else ())
     ]
-    slide_s = round(shown.slide_s, 1)
+    slide_s, highest_hz = round(shown.slide_s, 1), shown.max_resonance_hz
     return {
         "participants": [
             {
@@ -374,7 +374,8 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
-        "max_resonance_hz": round(shown.max_resonance_hz, 1),
+        # No number in JSON is infinite: without a drive that follows it none is too high.
+        "max_resonance_hz": round(highest_hz, 1) if isfinite(highest_hz) else None,
         "carryover": {
             "conditions": list(shown.study.conditions),
             "counts": [list(row) for row in shown.carryover.counts],

@@ -1,7 +1,7 @@
 """The preview of a cohort's plans as lines of text, for a terminal of 80 columns or more."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import inf
+from math import inf, isfinite
 from textwrap import wrap
 from typing import get_args
 
@@ -150,18 +150,19 @@ def _session_lines(shown: preview.Preview) -> Iterator[str]:
         yield f"Sliding     {passes} with touchbeam slide, {shown.slide_s / 60:.3g} min"
     yield from _recorded_lines(shown.study.force_channel)
     yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
+    follows = isfinite(shown.max_resonance_hz)  # else each drive is in Hz
+    there = f" if the resonance is at {rig.nominal_resonance_hz:g} Hz" * follows
     yield (
-        f"Drive       up to {shown.max_frequency_hz:.0f} Hz if the resonance is at "
-        f"{rig.nominal_resonance_hz:g} Hz; limit {rig.max_frequency_hz:g} Hz"
+        f"Drive       up to {shown.max_frequency_hz:.0f} Hz{there}; "
+        f"limit {rig.max_frequency_hz:g} Hz"
     )
     yield (
         f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; "
         f"limit {rig.max_slew_v_per_us:g} V/us"
     )
-    yield (
-        f"Resonance   measured before the first touch; above {shown.max_resonance_hz:.0f} Hz "
-        "a limit would end the session"
-    )
+    ends = f"above {shown.max_resonance_hz:.0f} Hz a limit would end the session"
+    told = ends if follows else "no drive follows it"
+    yield f"Resonance   measured before the first touch; {told}"
 
 
 def _recorded_lines(channel: ForceChannel) -> Iterator[str]:

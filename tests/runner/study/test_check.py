@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +224,21 @@ def test_the_highest_resonance_within_the_limits_is_reported(
     assert typed("verify", changed, "--json") == 0
     (session,) = document(capsys)["sessions"]
     assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
+
+
+def test_where_every_drive_is_in_hz_no_resonance_is_too_high(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = Path(study(tmp_path))
+    file = changed / "study.toml"
+    text = re.sub(r"(, voltage_v = \d+)", r"\1, frequency_hz = 24200", template("paper"))
+    file.write_text(re.sub(r", frequency = [\d.]+", "", text), encoding="utf-8")
+    assert typed("check", str(changed)) == 0
+    shown = capsys.readouterr().out
+    assert "Drive       up to 24200 Hz; limit 40000 Hz" in shown
+    assert "Resonance   measured before the first touch; no drive follows it" in shown
+    assert typed("check", str(changed), "--json") == 0
+    assert document(capsys)["max_resonance_hz"] is None
 
 
 def test_check_says_what_of_a_language_is_read_in_english(

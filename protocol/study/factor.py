@@ -93,15 +93,27 @@ class Factor(Record):
 
     def set_in(self, touches: Sequence[Touch], value: float | str) -> tuple[Touch, ...]:
         """Return a condition's touches with this value."""
-        chosen = {"first": {0}, "last": {len(touches) - 1}, "all": set(range(len(touches)))}
+        chosen = self.numbers(len(touches))
         return tuple(
             touch.model_copy(
                 update={self.varies: value if isinstance(value, str) else float(value)}
             )
-            if number in chosen[self.touches]
+            if number in chosen
             else touch
             for number, touch in enumerate(touches)
         )
+
+    def numbers(self, count: int) -> set[int]:
+        """Return which of a condition's `count` touches it sets, from 0."""
+        return {"first": {0}, "last": {count - 1}, "all": set(range(count))}[self.touches]
+
+    def given_twice(self, touches: Sequence[Touch]) -> tuple[int, ...]:
+        """Return which of a condition's touches give the key themselves, and need not."""
+        # Place and voltage have no default, so that a touch must say something there.
+        if Touch.model_fields[self.varies].is_required():
+            return ()
+        chosen = self.numbers(len(touches))
+        return tuple(number for number in chosen if self.varies in touches[number].model_fields_set)
 
 
 def cells(factors: Sequence[Factor]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:

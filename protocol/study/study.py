@@ -58,6 +58,12 @@ class Condition(Item):
 
     _cell: dict[str, str] = PrivateAttr(default_factory=dict)
     _written: int = PrivateAttr(0)
+    _given_twice: tuple[tuple[int, str], ...] = PrivateAttr(())
+
+    @property
+    def given_twice(self) -> tuple[tuple[int, str], ...]:
+        """Numbers of touches, and the keys that they give although a factor sets them."""
+        return self._given_twice
 
     @property
     def cell(self) -> dict[str, str]:
@@ -171,13 +177,18 @@ class Study(Record):
             yield condition
             return
         several = len(self.condition) > 1
+        twice = [
+            (number, factor.varies)
+            for factor in self.factor
+            for number in factor.given_twice(condition.touches)
+        ]
         for places, named in cells(self.factor):
             name = ", ".join([condition.name] * several + [*named])
             touches = condition.touches
             for factor, place in zip(self.factor, places, strict=True):
                 touches = factor.set_in(touches, factor.values[place])
             own = condition.model_copy(update={"name": name, "touches": touches})
-            own._written = number
+            own._written, own._given_twice = number, tuple(twice)
             own._cell = {CONDITION: condition.name} if several else {}
             own._cell |= dict(zip((factor.name for factor in self.factor), named, strict=True))
             yield own

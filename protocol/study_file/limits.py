@@ -11,7 +11,7 @@ from protocol.plan.blocks import scaled
 from protocol.plan.feasibility import design_problems
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
-from protocol.study.factor import CONDITION, MOST_CONDITIONS, Group, combinations
+from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, combinations
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
@@ -57,9 +57,8 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         if name.strip().casefold() in {CONDITION, "session"}:
             rule = "a factor must not have the name of what reports have anyway"
             yield Problem("factor", rule, repr(name), "rename it", path)
-    varied = [(factor.varies, factor.touches) for factor in study.factor]
     for number, factor in enumerate(study.factor):
-        if varied.index((factor.varies, factor.touches)) < number:
+        if any(_both_set(study, factor, other) for other in study.factor[:number]):
             rule, hint = "must differ from those of the other factors", "cross them into one factor"
             where, path = f"factor {factor.name}, varies", ("factor", number, "varies")
             yield Problem(where, rule, repr(factor.varies), hint, path)
@@ -67,6 +66,27 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         many = combinations(study.factor) * len(study.condition)
         rule = f"must give at most {MOST_CONDITIONS} conditions"
         yield Problem.of_key("factor", rule, many, "leave a value or a factor out")
+
+
+def _both_set(study: Study, one: Factor, other: Factor) -> bool:
+    """Return whether factors set the same: the later one would do so without a word."""
+    if one.varies != other.varies:
+        return False
+    counts = {len(condition.touches) for condition in study.condition}
+    shared = any(one.numbers(count) & other.numbers(count) for count in counts)
+    return shared or one.touches == other.touches
+
+
+def _given_twice(study: Study) -> Iterator[Problem]:
+    """Yield keys of touches that a factor would override without a word."""
+    # All that one condition of the file became have the same.
+    for condition in {each.written: each for each in study.condition}.values():
+        for number, key in condition.given_twice:
+            path = ("condition", condition.written, "touches", number, key)
+            named = condition.cell.get(CONDITION)
+            where = f"condition{f' {named}' * bool(named)}, touch {number + 1}"
+            hint = "leave it out here, or the factor"
+            yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, path)
 
 
 def group_problems(study: Study) -> Iterator[Problem]:
@@ -197,6 +217,7 @@ def limit_problems(study: Study) -> list[Problem]:
     broken = [
         *name_problems(study),
         *factor_problems(study),
+        *_given_twice(study),
         *group_problems(study),
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]

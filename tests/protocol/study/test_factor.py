@@ -101,6 +101,21 @@ def test_conditions_of_the_file_are_a_factor_of_their_own() -> None:
         ),
         ("25000]", '25000]\nlabels = ["a"]', "labels: must be as many as values, 3, and differ"),
         ("voltage_v = 0 }", "voltage_v = 0, frequency = 1.0 }", "not be given beside frequency_hz"),
+        (
+            "voltage_v = 0 }",
+            "voltage_v = 0, ramp_to_v = 100 }",
+            "study.toml:18: condition, touch 1: must not give ramp_to_v, which a factor sets",
+        ),
+        (
+            "voltage_v = 0 }",
+            "voltage_v = 0, frequency_hz = 23700 }",
+            "study.toml:18: condition, touch 1: must not give frequency_hz, which a factor sets",
+        ),
+        (
+            f"frequency_hz{HERTZ}",
+            'ramp_to_v"\ntouches = "all"\nvalues = [1, 2]',
+            "varies: must differ from",
+        ),
     ],
 )
 def test_a_bad_factor_is_refused_in_one_line(right: str, wrong: str, message: str) -> None:
@@ -109,6 +124,13 @@ def test_a_bad_factor_is_refused_in_one_line(right: str, wrong: str, message: st
     assert "internal" not in str(refused.value)
     # What several cells share is told once.
     assert len(refused.value.problems) == len({str(each) for each in refused.value.problems}) <= 3
+
+
+def test_a_factor_may_set_what_every_touch_must_give_and_other_touches_than_those_that_do() -> None:
+    assert parsed_study(RAMPS.replace('"ramp_to_v"', '"voltage_v"'))
+    own = ANOTHER.replace("voltage_v = 0 }, {", "voltage_v = 0, ramp_to_v = 30 }, {")
+    study = parsed_study(RAMPS + own)
+    assert [touch.ramp_to_v for touch in study.condition[12].touches] == [30, 50]
 
 
 def fixed(**keys: float) -> Touch:

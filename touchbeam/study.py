@@ -238,15 +238,19 @@ class Study:
 
         return asked_by(self.file, self._rig, name, answers)
 
-    def plan(self, participant: str, session: int = 1) -> "pd.DataFrame":
+    def plan(
+        self, participant: str, session: int = 1, *, group: str | None = None
+    ) -> "pd.DataFrame":
         """Return the planned trials of a participant's session, a row each.
 
         As recorded, if the session was begun; else as `touchbeam run` would plan it now. With
-        `rehearsals`, a rehearsal's if there is no session of that name.
+        `rehearsals`, a rehearsal's if there is no session of that name. `group` is needed of a
+        participant who has none yet, unless the study assigns groups at random.
 
         Raises:
             ValueError: no plan is known: the participant has withdrawn, or the scores are imported.
-                Or the registration in the folder is not the journal's.
+                Or the registration in the folder is not the journal's, or the group is not the
+                participant's.
         """
         from analysis.export.trial_table import plan_frame
         from protocol.plan.plan import plan
@@ -259,14 +263,16 @@ class Study:
         with read_journal(self.folder.existing_journal()) as journal:
             named = existing_chain if self.rehearsals else chain_name
             chain = named(journal, participant, session, rehearsal=False)
+            who = (states(journal), participant, "participant", chain)
             if chain in journal.sessions():
+                if group is not None:
+                    group_for(self.file, *who, group, by="the argument group")
                 return plan_frame(planned_trials(journal, chain))
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
             # A registration's digest seeds the plan of the sessions that run under it.
             file = locked(self.file, registered.digest if registered else None)
-            who = (states(journal), participant, "participant", chain)
-            group = group_for(file, *who)
+            group = group_for(file, *who, group, by="the argument group")
             slot = slot_for(*who, group)
         return plan_frame(plan(file.of_group(group), slot, session).trials)
 

@@ -120,16 +120,18 @@ def group_for(
     kind: str,
     chain: str = "",
     asked: str | None = None,
+    *,
+    by: str = "--group",
 ) -> str | None:
     """Return the group of `participant`, None in a study without groups.
 
     A group that was given once stays. Else it is the one `asked` for, or by chance the next in the
     order of arrival whose slot is free. Rehearsals are drawn unless one is asked for. Raise
-    `BadInput` for no such group, another one, or if somebody has to say which.
+    `BadInput` for no such group, another one, or if somebody has to say which, `by` an option.
     """
     names, free = ", ".join(study.groups) or "none", {}
     if asked is not None and asked not in study.groups:
-        raise BadInput(f"--group must be a group of the study ({names}), got {asked!r}")
+        raise BadInput(f"{by} must be a group of the study ({names}), got {asked!r}")
     if not study.group or (chain in sessions and sessions[chain].opened is not None):
         group, why = group_known(sessions, participant, kind, chain), "began in"
     elif group := group_known(sessions, participant, kind):
@@ -139,12 +141,12 @@ def group_for(
         if asked is not None and not by_chance:
             return asked
         if kind == "participant" and not by_chance:
-            raise BadInput(f"{participant} has no group yet: give one of {names} with --group")
+            raise BadInput(f"{participant} has no group yet: give one of {names} with {by}")
         free = {name: slot_for(sessions, "", kind, group=name) for name in study.groups}
         group = next(name for name, slot in arrivals(study, kind) if slot == free[name])
         why = "is assigned at random to"
     if asked not in {None, group}:
-        raise BadInput(f"{participant} {why} the group {group}, got --group {asked}; leave it out")
+        raise BadInput(f"{participant} {why} the group {group}, got {by} {asked}; leave it out")
     return group
 
 

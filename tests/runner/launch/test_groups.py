@@ -9,11 +9,14 @@ from pathlib import Path
 
 import pytest
 
+import touchbeam
+from analysis.export.trial_table import plan_frame
 from analysis.loading.study_data import load_study_data
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from protocol.errors import BadInput
 from protocol.journal.events import QuestionAnswered, RigDescribed, SessionOpened
 from protocol.plan.blocks import arrivals
+from protocol.plan.plan import plan
 from protocol.registration.registration import FILE, order_problem, registration_in
 from protocol.study_file.loading import parsed_study
 from runner.journal.cohort import states
@@ -90,6 +93,23 @@ def test_the_operator_says_the_group_and_it_stays(tmp_path: Path) -> None:
         with_group(request(tmp_path, "P03", "young", number=3), say_nothing)
     with pytest.raises(BadInput, match="P03 belongs to the group old, got --group young"):
         run_session(tmp_path, "P03", number=3, group="young")
+
+
+def test_a_plan_in_python_is_of_the_group_that_is_asked_for(tmp_path: Path) -> None:
+    grouped_in(tmp_path, OPERATOR)
+    run_session(tmp_path, "P01", group="old")
+    loaded = touchbeam.load(tmp_path)
+    said = "P07 has no group yet: give one of young, old with the argument group"
+    with pytest.raises(ValueError, match=said):
+        loaded.plan("P07")
+    with pytest.raises(ValueError, match=r"the argument group must be .* \(young, old\), got 'x'"):
+        loaded.plan("P07", group="x")
+    for group, slot in (("young", 0), ("old", 1)):
+        drawn = plan(loaded.file.of_group(group), slot, 1).trials
+        assert loaded.plan("P07", group=group).equals(plan_frame(drawn)), group
+    assert loaded.plan("P01", group="old").equals(loaded.plan("P01"))
+    with pytest.raises(ValueError, match=r"P01 began in .* old, got the argument group young"):
+        loaded.plan("P01", group="young")
 
 
 def test_a_session_is_resumed_in_its_group_with_its_plan(tmp_path: Path) -> None:

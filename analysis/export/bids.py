@@ -59,7 +59,7 @@ _EVENT_COLUMNS = (
     Column("response_time", "From the question to the answer.", unit="s"),
     BY_NAME["trial_index"],
 )
-_OF_TRACKS = ("track", "level", "level_value", "interval", "correct", "reversal")
+_OF_TRACKS = ("track", "track_role", "level", "level_value", "interval", "correct", "reversal")
 """Columns of events where there are tracks."""
 _NAMES = """
 acquisition ceagent chunk datatype direction echo extension flip fmap inv modality mt nucleus part

@@ -259,6 +259,15 @@ GROUP = _session("group", "Group of the participant.")
 
 TRACK_COLUMNS = (
     Column("track", "Track of the trial: a question asked again and again at levels of its own."),
+    Column(
+        "track_role",
+        "What the trial is for in its track.",
+        levels={
+            "level": "the method chose its level",
+            "easy": "at the easiest level, for lapses",
+            "catch": "the standard alone, for false alarms",
+        },
+    ),
     Column("level_value", "The level in the unit of the track's axis; missing in a catch trial."),
     Column(
         "interval",

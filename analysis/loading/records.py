@@ -90,8 +90,8 @@ class AttemptRow:
     - `study_sha256`, `study_text`: the study file in force.
     - `rig`: as calibrated at that time, in a registered session.
     - `track` and what follows: of a trial of a track, whose `level` is the number of its level;
-      `role` and `interval` as planned, the others as with its answer in the journal; `reversal`:
-      whether its rule turned at this answer, missing where no rule turns.
+      `track_role` and `interval` as planned, the others as with its answer in the journal;
+      `reversal`: whether its rule turned at this answer, missing where no rule turns.
     """
 
     session_id: int
@@ -124,7 +124,7 @@ class AttemptRow:
     study_text: Any = None
     rig: Any = None  # a `Calibration`
     track: str | None = None
-    role: str | None = None
+    track_role: str | None = None
     interval: int | None = None
     level_value: float | None = None
     correct: bool | None = None
@@ -135,7 +135,7 @@ class AttemptRow:
         """Return the row of an attempt at a `planned` trial; `known` are its other columns."""
         of = planned.track
         if of is not None:
-            known |= {"track": of.name, "role": of.role, "interval": of.interval}
+            known |= {"track": of.name, "track_role": of.role, "interval": of.interval}
         return cls(
             trial_index=planned.index,
             block=planned.block,

@@ -285,5 +285,6 @@ _TRIAL = {
     "reaction_s": "reaction_time_s",
 }
 """What a trial's record holds, and the column it comes from."""
-_TRACK = {name: name for name in ("track", "level_value", "interval", "correct", "reversal")}
+_OF_TRACK = ("track", "track_role", "level_value", "interval", "correct", "reversal")
+_TRACK = dict(zip(_OF_TRACK, _OF_TRACK, strict=True))
 """Likewise where some trials are of tracks, whose `level` is a number of theirs."""

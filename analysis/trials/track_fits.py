@@ -189,11 +189,13 @@ def _person(
     )
     side = 1 if track.values[-1] > track.reference else -1
 
-    told = trials[trials["role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()]
+    told = trials[
+        trials["track_role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()
+    ]
     answers = tuple(map(Answer, told["level"].astype(int), told["correct"].astype(bool)))
     made = estimate(track, answers)
     first, last = made.threshold_ci
-    chosen = trials[trials["role"].eq("level")]
+    chosen = trials[trials["track_role"].eq("level")]
     turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
     mean = None
     if track.turns:
@@ -256,7 +258,7 @@ def _weber_fractions(contrast: float, ends: Sequence[float]) -> tuple[float, Int
 
 def _detection(trials: pd.DataFrame) -> Detection | NotEstimable:
     """Return how well touches with a stimulus are told from catch trials, at all levels."""
-    catch, yes = trials["role"].eq("catch"), trials["change"].eq("yes")
+    catch, yes = trials["track_role"].eq("catch"), trials["change"].eq("yes")
     hits, alarms = ([[int(yes[of].sum()), int(of.sum())]] for of in (~catch, catch))
     return detection(np.array(hits), np.array(alarms))
 
@@ -308,7 +310,7 @@ def contrast_of_level(
 
 def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterator[str]:
     """Yield in a few words what in the course of a track speaks against its threshold."""
-    levels = trials["level"][trials["role"].eq("level")].to_numpy()
+    levels = trials["level"][trials["track_role"].eq("level")].to_numpy()
     late = levels[len(levels) // 2 :]
     if track.method in {"staircase", "quest+"} and len(late):
         for end, name in ((0, "hardest"), (len(track.values) - 1, "easiest")):

@@ -16,7 +16,7 @@ from protocol.tracks.procedure import Answer, place_after
 from tests.analysis.chains import chain, scored_session
 from tests.analysis.tracks import BOTH, TRACKS, session
 
-NEW = ["track", "level_value", "interval", "correct", "reversal"]
+NEW = ["track", "track_role", "level_value", "interval", "correct", "reversal"]
 STAIRCASE = "by a staircase"
 
 
@@ -47,6 +47,9 @@ def test_trials_of_tracks_have_their_level_and_what_became_of_it() -> None:
     assert [[row[name] for name in ("level_value", "interval", "correct")] for row in catch] == [
         ["", "", ""]
     ] * 4
+    assert Counter(row["track_role"] for row in quest) == {"level": 40, "catch": 4, "easy": 4}
+    easiest = len(study.track_of("smallest amplitude").values) - 1
+    assert {row["level"] for row in quest if row["track_role"] == "easy"} == {f"{easiest}.0"}
     told_of = json.loads(made["trials.json"])
     assert told_of["track"]["levels"][STAIRCASE] == "two intervals, staircase; levels of voltage, V"
     assert "the number of its level" in told_of["level"]["description"]
@@ -56,7 +59,7 @@ def test_events_of_a_data_set_have_the_levels_too() -> None:
     data = dataset([session(TRACKS, "P01")], parsed_study(TRACKS), "0", rehearsals=False)
     files = sorted(bids_export(data).items())
     sidecar, table = (text for path, text in files if "_events." in path)
-    names = ["track", "level", "level_value", "interval", "correct", "reversal"]
+    names = ["track", "track_role", "level", "level_value", "interval", "correct", "reversal"]
     assert table.splitlines()[0].split("\t")[5:] == names
     told = json.loads(sidecar)
     assert set(names) < set(told)

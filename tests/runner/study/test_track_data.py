@@ -10,7 +10,16 @@ from protocol.journal.shared_form import FOLDER, STUDY_FILE, SUFFIX, shared_text
 from runner.study.data_set import read_data_set
 from tests.analysis.tracks import BOTH, session
 
-COLUMNS = ["track", "level", "level_value", "interval", "correct", "reversal", "change"]
+COLUMNS = [
+    "track",
+    "track_role",
+    "level",
+    "level_value",
+    "interval",
+    "correct",
+    "reversal",
+    "change",
+]
 
 
 def data_set(folder: Path, old: str = "", new: str = "") -> Path:

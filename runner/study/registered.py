@@ -1,6 +1,7 @@
 """The registration of a study on disk: made, read, and compared with the journal."""
 
 import json
+import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
@@ -197,14 +198,15 @@ def new_registration(
         groups={group.name: group.size for group in study.group},
         exclusions=tuple(exclusions),
         analysis=analysis,
-        power=power_result(power, text_digest(text)) if power else {},
+        power=power_result(power, text_digest(text), (primary, *secondary)) if power else {},
         touchbeam=version("touchbeam"),
     )
 
 
-def power_result(path: Path, study_sha256: str) -> dict[str, str]:
+def power_result(path: Path, study_sha256: str, hypotheses: Sequence[str]) -> dict[str, str]:
     """Return a power analysis's answer, each test's power, its digest, and if its study is another.
 
+    Of many tests those of the registered `hypotheses` come first, and the last are only counted.
     Raise `BadInput` if it is no JSON object, is too long, or has texts that are no printable lines.
     """
     content = bytes_of(path, most=_LONGEST_POWER_BYTES)
@@ -223,12 +225,23 @@ def power_result(path: Path, study_sha256: str) -> dict[str, str]:
         ValueError,
     ) as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
+    wanted = [_ends(name) for name in hypotheses]
+    names = list(tests)
+    left_out = len(names) - _MOST_TESTS
+    if left_out > 0:
+        names.sort(key=lambda name: _ends(name) not in wanted)
     return {
         **said,
-        **{f"power of {name}": power for name, power in list(tests.items())[:_MOST_TESTS]},
+        **{f"power of {name}": tests[name] for name in names[:_MOST_TESTS]},
+        **({"further tests": f"{left_out}, in {path.name}"} if left_out > 0 else {}),
         "file": f"SHA-256 {sha256(content).hexdigest()}",
         **({} if simulated == study_sha256 else {"study file": _STALE}),
     }
+
+
+def _ends(name: str) -> list[str]:
+    """Return what a test or a hypothesis compares: `a - b` is the test of `b above a`."""
+    return sorted(re.split(" - | above | by | between groups", name))
 
 
 def _line(given: object) -> str:

@@ -102,6 +102,23 @@ def test_the_result_of_a_power_analysis_is_part_of_it(
     assert "power.json: not the result of a power analysis" in line
 
 
+def test_of_many_tests_the_registered_ones_come_first_and_the_others_are_counted(
+    tmp_path: Path,
+) -> None:
+    study_in(tmp_path)
+    power, pair = tmp_path / "power.json", "structure - voltage"
+    names = [*(f"{pair} {number}" for number in range(53)), pair]
+    tests = [{"name": name, "power": 0.1} for name in names]
+    power.write_text(json.dumps({"answer": "80 % with 9", "tests": tests}))
+    asked = ("--primary", "conditions differ", "--hypothesis", "voltage above structure")
+    assert typed("register", tmp_path, *asked, "--power", power) == 0
+    found = registration_of(tmp_path)
+    assert found is not None
+    told = [name for name in found.power if name.startswith("power of ")]
+    assert (len(told), told[0]) == (50, f"power of {pair}")
+    assert "further tests: 4, in power.json" in (tmp_path / "registration.txt").read_text()
+
+
 def test_a_power_analysis_of_another_study_file_is_told_as_such(tmp_path: Path) -> None:
     text = study_in(tmp_path).joinpath("study.toml").read_text(encoding="utf-8")
     power = tmp_path / "power.json"

@@ -190,7 +190,7 @@ def csv_rows(
             ) from error
         raise TableError(f"{source}, line {line}: cannot be read as CSV ({error})") from error
     if not rows:
-        raise TableError(f"{source}: must have a header and at least one row and one condition")
+        raise TableError(f"{source}: must have a header and at least one row, got nothing")
     return rows
 
 

@@ -93,7 +93,8 @@ def fits_of(
         BadInput: the definition of the threshold is wrong, or the answers of a track, whose the
             message says.
     """
-    curve_share(options.get("threshold_at"), options.get("task", "two intervals"))
+    task = options.get("task", "two intervals")
+    curve_share(options.get("threshold_at"), task, options.get("lapse"))
     for track in tracks:
         try:
             yield track, fitted(track.levels, track.trials, track.correct, **options)
@@ -126,7 +127,8 @@ def _name(cell: str, where: str) -> str:
 
 def _level(cell: str, where: str, shape: str) -> float:
     if not NUMBER.fullmatch(cell) or abs(float(cell)) > 1e100:
-        raise TableError(f"{where}: a level must be a finite number, got {cell[:40]!r}")
+        rule = "a level must be a number from -1e100 to 1e100"
+        raise TableError(f"{where}: {rule}, got {cell[:40]!r}")
     if shape == "weibull" and float(cell) < 0:
         raise TableError(
             f"{where}: a level must be at least 0 for the shape weibull, which is a curve of its "
@@ -167,16 +169,10 @@ def lines_of(found: Sequence[tuple[Track, Threshold]]) -> Iterator[tuple[str, ..
     """Yield the lines of a table of thresholds for people."""
     yield COLUMNS
     for track, fit in found:
-        ends = " to ".join(f"{end:.4g}" for end in fit.threshold_ci)
-        jnd = "" if fit.jnd is None else f"{fit.jnd:.3g}"
-        yield (
-            *(
-                track.participant,
-                track.track,
-                f"{fit.threshold:.4g}",
-                ends,
-                f"{fit.slope:.3g}",
-                jnd,
-            ),
-            *(f"{fit.lapse:.3f}", f"{fit.deviance_p:.2f}", "; ".join(fit.flags)),
-        )
+        cells = ["–", "–", "–", "", "–", "–"]
+        if fit.threshold == fit.threshold:  # NaN where the levels have no range
+            ends = " to ".join(f"{end:.4g}" for end in fit.threshold_ci)
+            jnd = "" if fit.jnd is None else f"{fit.jnd:.3g}"
+            cells = [f"{fit.threshold:.4g}", ends, f"{fit.slope:.3g}", jnd]
+            cells += [f"{fit.lapse:.3f}", f"{fit.deviance_p:.2f}"]
+        yield (track.participant, track.track, *cells, "; ".join(fit.flags))

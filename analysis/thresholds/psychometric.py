@@ -69,7 +69,7 @@ class Threshold:
     band: tuple[Interval, ...] = ()
 
 
-def curve_share(threshold_at: float | None, task: Task) -> float:
+def curve_share(threshold_at: float | None, task: Task, lapse: float | None = None) -> float:
     """Return the share of the curve that a share correct is without lapses; the midpoint of None.
 
     (3): (share - chance) / (1 - chance).
@@ -78,15 +78,19 @@ def curve_share(threshold_at: float | None, task: Task) -> float:
     (0.5, 0.5)
 
     Raises:
-        BadInput: the share is not above chance and below 1.
+        BadInput: the share is not above chance and below what lapses leave of 1, or the lapse rate
+            does not lie in [0, 0.5).
     """
-    chance = CHANCE[task]
+    if lapse is not None and not 0 <= lapse < 0.5:
+        raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
+    chance, most = CHANCE[task], 1 - (lapse or 0)
     if threshold_at is None:
         return 0.5
-    if not chance < threshold_at < 1:
+    if not chance < threshold_at < most:
         raise BadInput(
             f"the share correct that defines the threshold must lie above {chance:.3g}, which is "
-            f"chance in {task}, and below 1, got {threshold_at:g}"
+            f"chance in {task}, and below {most:.3g}{', which lapses leave' if lapse else ''}, "
+            f"got {threshold_at:g}"
         )
     return (threshold_at - chance) / (1 - chance)
 
@@ -128,9 +132,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     for what, given, known in (("task", task, get_args(Task)), ("shape", shape, get_args(Shape))):
         if given not in known:
             raise BadInput(f"{what} must be one of {', '.join(known)}, got {given!r}")
-    share = curve_share(threshold_at, task)
-    if lapse is not None and not 0 <= lapse < 0.5:
-        raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
+    share = curve_share(threshold_at, task, lapse)
     asked, number, right = _pooled(levels, trials, correct)
     if shape == "weibull" and asked[0] < 0:
         raise BadInput(
@@ -256,6 +258,10 @@ def _flags(
     lowest, highest = asked[0], asked[-1]
     outside = not lowest <= thresholds[1] <= highest
     found = {
+        "all right: the threshold may be lower than any level": (
+            answers.correct.sum() == answers.trials.sum()
+        ),
+        "all wrong: the threshold may be higher than any level": not answers.correct.sum(),
         "too few levels": asked.size < ENOUGH_LEVELS,
         "does not rise with the level": _trend(answers) < RISES,
         "threshold outside the levels": outside,

@@ -123,12 +123,7 @@ def fit(
     ] = None,
     lapse: Annotated[
         float | None,
-        typer.Option(
-            min=0.0,
-            max=0.49,
-            metavar="RATE",
-            help="The lapse rate, if it is known. [default: estimated]",
-        ),
+        typer.Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:

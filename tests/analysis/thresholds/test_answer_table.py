@@ -64,8 +64,14 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         ),
         (f"{HEADER}P,T,1,2\n", "line 2: must have 5 cells as the header, got 4"),
         (f"{HEADER}P,T,1,2,1\n,T,1,2,1\n", "line 3, column participant: must have a name, got non"),
-        (f"{HEADER}P,T,1 V,2,1\n", "line 2, column level: a level must be a finite number, got '1"),
-        (f"{HEADER}P,T,inf,2,1\n", "line 2, column level: a level must be a finite number, got 'i"),
+        (
+            f"{HEADER}P,T,1 V,2,1\n",
+            "line 2, column level: a level must be a number from -1e100 to 1e100, got '1",
+        ),
+        (
+            f"{HEADER}P,T,inf,2,1\n",
+            "line 2, column level: a level must be a number from -1e100 to 1e100, got 'i",
+        ),
         (f"{HEADER}P,T,-1,2,1\n", "at least 0 for the shape weibull, .* got -1; use --shape norma"),
         (f"{HEADER}P,T,1,2,3\n", "line 2, column correct: must be at most the 2 trials, got 3"),
         (f"{HEADER}P,T,1,2.5,1\n", "column trials: must be a whole number from 0 to 10+, got '2.5"),

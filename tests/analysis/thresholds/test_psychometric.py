@@ -105,6 +105,8 @@ def poor_fits() -> dict[str, Threshold]:
     levels, trials = [1, 2, 3, 4, 5], [20] * 5
     return {
         "all answers at one level": fitted([1, 1], [20, 20], [10, 12]),
+        "all right: the threshold may be lower than any level": fitted(levels, trials, trials),
+        "all wrong: the threshold may be higher than any level": fitted(levels, trials, [0] * 5),
         "too few levels": fitted([1, 2], [20, 20], [10, 19]),
         "does not rise with the level": fitted(levels, trials, [12, 9, 11, 8, 10]),
         "threshold outside the levels": fitted(levels, trials, [10, 11, 9, 11, 13]),

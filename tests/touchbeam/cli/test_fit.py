@@ -34,6 +34,8 @@ def test_what_cannot_be_estimated_is_null(
     assert typed("fit", table, "--json") == 0
     (track,) = json.loads(capsys.readouterr().out)["tracks"]
     assert (track["threshold"], track["threshold_ci"]) == (None, [None, None])
+    assert typed("fit", table) == 0
+    assert "nan" not in capsys.readouterr().out
 
 
 def test_the_table_says_which_share_defines_the_threshold(
@@ -52,7 +54,9 @@ def test_the_table_says_which_share_defines_the_threshold(
     [
         (("--threshold-at", "0.4"), "must lie above 0.5, which is chance in two intervals"),
         (("--task", "four"), "'four' is not one of 'yes or no', 'two intervals'"),
-        (("--lapse", "0.6"), "Invalid value for '--lapse'"),
+        (("--lapse", "0.6"), "the lapse rate must lie in [0, 0.5), got 0.6"),
+        (("--lapse", "nan"), "the lapse rate must lie in [0, 0.5), got nan"),
+        (("--lapse", "0.3", "--threshold-at", "0.8"), "and below 0.7, which lapses leave, got 0.8"),
     ],
 )
 def test_wrong_options(

@@ -86,10 +86,11 @@ def _touches(track: Track, told: _Teller) -> _Problems:
     for name, touch in (("standard", track.standard), ("comparison", track.comparison)):
         if touch is None:
             continue
-        if touch.programme != "hold" or touch.frequency_hz is not None:
+        in_hz = {"frequency_hz", "sweep_to_hz"} & touch.model_fields_set
+        if touch.programme != "hold" or in_hz:
             rule = "must hold one drive relative to the resonance"
             hint = "leave ramp_to_v, sweep_to, sweep_to_hz and frequency_hz out"
-            yield told(name, rule, touch.programme, hint)
+            yield told(name, rule, " and ".join(sorted(in_hz)) or touch.programme, hint)
         if track.axis == "place" and touch.place != "smooth":
             yield told(f"{name}.place", 'must be "smooth" where axis = "place"', touch.place, "")
         if track.axis != "place" and touch.place_m is not None:

@@ -27,6 +27,7 @@ QUEST = 'method = "quest+"'
 LEVELS = 'levels = { from = 4, to = 160, count = 41, spaced = "equal ratios" }'
 STANDARD = 'standard = { place = "smooth", voltage_v = 0 }\n'
 COMPARISON = 'comparison = { place = "smooth" }'
+IN_HZ = 'comparison = { place = "smooth", sweep_to_hz = 24000 }'
 GRID = "to = 158.11, count = 31"
 
 
@@ -42,6 +43,11 @@ GRID = "to = 158.11, count = 31"
             [(LEVELS, LEVELS.replace("from = 4", "from = 0"))],
             "track smallest amplitude, levels: must not begin or end at 0 in equal ratios, got 0; "
             'begin above 0, or write spaced = "equal steps"',
+        ),
+        (
+            [(COMPARISON, IN_HZ)],
+            "track smallest amplitude, comparison: must hold one drive relative to the resonance, "
+            "got sweep_to_hz; leave ramp_to_v, sweep_to, sweep_to_hz and frequency_hz out",
         ),
         (
             [(LEVELS, "levels = { from = 4, to = 160 }")],

@@ -138,8 +138,8 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
     return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
 
 
-FORM = 4
-"""Of the numbers in a chunk; a new form makes the kept chunks of earlier ones unused."""
+FORM = 5
+"""Of the numbers in a chunk and of how they are found; chunks of an earlier form are not used."""
 AT_ONCE = {"fitted": 4, "tested": 500, "null": 500, "tracks": 100}
 """Studies in a task: a second or two of work, so that little is lost and progress is seen."""
 

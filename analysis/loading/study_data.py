@@ -353,6 +353,7 @@ class StudyData:
     kinds: tuple[str, ...]
     rehearsals_left_out: int
     unfinished: tuple[str, ...]
+    unfinished_sessions: tuple[int, ...]
     sessions_excluded: int
     sessions_withdrawn: int
     trials_excluded: int
@@ -436,6 +437,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         kinds=_once(sessions["session_kind"]),
         rehearsals_left_out=0 if rehearsals else int(rehearsal.sum()),
         unfinished=tuple(sessions["participant"][~sessions["session_completed"]]),
+        unfinished_sessions=tuple(sessions["session"][~sessions["session_completed"]]),
         sessions_excluded=int(excluded.sum()),
         sessions_withdrawn=found.withdrawn,
         withdrawn_completed=found.withdrawn_completed,

@@ -10,6 +10,7 @@ from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
+from protocol.study.rules import hours_in_words
 from protocol.study.study import Study
 from protocol.study.study_question import AskedIf, StudyQuestion, When
 
@@ -20,7 +21,7 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield ""
     yield from _table(_trial_rows(shown, model))
     yield ""
-    yield "Peak V: amplitude. Drive: frequency relative to the resonance. 0.98/1: a change between"
+    yield "Peak V: amplitude. Drive: relative to the resonance, or in Hz. 0.98/1: a change between"
     yield "touches; 0>200: a change during a touch."
     yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
     yield f"friction law {model.law}, rung {model.rung}."
@@ -163,6 +164,28 @@ def _session_lines(shown: preview.Preview) -> Iterator[str]:
     ends = f"above {shown.max_resonance_hz:.0f} Hz a limit would end the session"
     told = ends if follows else "no drive follows it"
     yield f"Resonance   measured before the first touch; {told}"
+    yield from _cohort_lines(shown.study)
+
+
+_SCORE_WHEN = {
+    "agrees": "if the answer agrees with the expectation",
+    "noticed": "if the answer says that anything changed",
+    "always": "after each answer",
+}
+
+
+def _cohort_lines(study: Study) -> Iterator[str]:
+    """Yield the sessions and groups, and when a score is asked for."""
+    design = study.design
+    if design.sessions > 1:
+        apart = hours_in_words(*design.hours_between) if design.hours_between else "any time"
+        yield f"Sessions    {design.sessions} of each participant, {apart} between them"
+    if study.group:
+        sizes = ", ".join(f"{group.name} {group.size}" for group in study.group)
+        yield f"Groups      {sizes}; assigned {design.assign_groups}"
+    if study.condition:
+        never = ", never in catch trials" * bool(design.catch_trials)
+        yield f"Score       {_SCORE_WHEN[study.rating.score_when]}{never}"
 
 
 def _recorded_lines(channel: ForceChannel) -> Iterator[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 
 from protocol.registration.registration import Registration, hypotheses_of
-from protocol.study.rules import Order
+from protocol.study.rules import Order, hours_in_words
 from protocol.study.study import Study
 from protocol.study.study_question import When
 from protocol.study.touch import Touch
@@ -107,8 +107,7 @@ def _design(study: Study) -> Iterator[str]:
     design = study.design
     sessions = f"{design.sessions} session{'s' * (design.sessions != 1)} per participant"
     if design.hours_between:
-        least, most = design.hours_between
-        sessions += f", {least:g} to {most:g} hours between them"
+        sessions += f", {hours_in_words(*design.hours_between)} between them"
     sessions += "."
     if study.condition:
         yield (
@@ -135,8 +134,8 @@ def _power(registered: Registration) -> Sequence[str]:
 
 def _conditions(study: Study) -> Iterator[str]:
     yield (
-        "Amplitudes are peak; frequencies are relative to the resonance that is measured, "
-        "if not in Hz."
+        "Amplitudes are peak; a frequency without a unit is relative to the resonance, which is "
+        "measured in each session."
     )
     for condition in study.condition:
         touches = "; then ".join(map(_touch, condition.touches))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import product
 from math import prod
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -15,7 +15,6 @@ from pydantic import (
     ValidationInfo,
     field_validator,
 )
-from pydantic_core import PydanticKnownError
 
 from protocol.study.fields import Count, Name, Record
 from protocol.study.study_question import AskedIf
@@ -57,13 +56,14 @@ class Factor(Record):
     @field_validator("values")
     @classmethod
     def _of_a_touch(cls, values: tuple[Any, ...], info: ValidationInfo) -> tuple[Any, ...]:
-        for value in values:
+        for number, value in enumerate(values):
             try:
                 Touch.model_validate({"place": "path", "voltage_v": 0, info.data["varies"]: value})
             except ValidationError as error:
                 wrong = error.errors()[0]
-                # pydantic's own error, so that it reads as one of the touch itself.
-                raise PydanticKnownError(cast("Any", wrong["type"]), wrong.get("ctx")) from None
+                # pydantic's own error, so that it reads as one of the touch itself; of this entry.
+                own: Any = {**wrong, "loc": (number,)}
+                raise ValidationError.from_exception_data("values", [own]) from None
             except KeyError:
                 return values  # what it varies is wrong, and that is told
         if len(set(values)) < len(values):

@@ -1,5 +1,6 @@
 """The rules of a study: design, timing, rating, sessions, exclusions, publication."""
 
+from math import inf
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
@@ -130,7 +131,8 @@ class Design(Record):
     of their levels; never analysed"""
     catch_trials: Whole = setting(0, le=50)
     """number of trials at 0 V among the others, in which nothing changes; of any condition on the
-    mounted beam, also the one that was just felt"""
+    mounted beam, also the one that was just felt; no score is asked in them, whatever
+    `rating.score_when` says"""
     catch_apart: Count = setting(1, "smallest number of other trials between two catch trials")
     opposite_repeats: Whole = 0
     """number of repeats of a condition in which the touches come in the opposite order, so that the
@@ -148,9 +150,9 @@ class Design(Record):
     track_block: Count = setting(40, le=500)
     """number of trials of tracks in a block, between which breaks and questions come"""
     sessions: Count = setting(1, "number of sessions of each participant", le=50)
-    hours_between: tuple[NotNegative, Positive] | None = None
+    hours_between: tuple[NotNegative, Annotated[float, Field(gt=0, strict=True)]] | None = None
     """least and most hours from the end of a participant's session to the beginning of the next;
-    `run --override` lets one begin at another time"""
+    `[20, inf]`: at least 20; `run --override` lets one begin at another time"""
     participants: Count | None = setting(None, le=10_000)
     """planned size of the cohort; by default that of all groups together"""
     assign_groups: Literal["by the operator", "at random", "by an answer"] = "by the operator"
@@ -175,6 +177,15 @@ class Design(Record):
                 f"got {self.opposite_repeats}"
             )
         return self
+
+
+def hours_in_words(least: float, most: float) -> str:
+    """Return how long two sessions are apart.
+
+    >>> hours_in_words(20, 72), hours_in_words(20, inf)
+    ('20 to 72 hours', 'at least 20 hours')
+    """
+    return f"at least {least:g} hours" if most == inf else f"{least:g} to {most:g} hours"
 
 
 class Timing(Record):
@@ -248,7 +259,7 @@ class Rating(Record):
 
     score_when: Literal["agrees", "noticed", "always"] = "agrees"
     """ask for the score only if the answer agrees with the expectation, if it says that anything
-    changed, or always"""
+    changed, or always; never in catch trials: a missing page tells the participant of one"""
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
     ticks: Literal["all", "bands", "ends"] = setting("all", "which scores are marked on the scale")

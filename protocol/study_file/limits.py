@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import permutations
 from math import ceil, inf
 from types import MappingProxyType
 
@@ -53,8 +54,11 @@ def factor_problems(study: Study) -> Iterator[Problem]:
     ]
     yield from _blank("factor", named)
     yield from _alike("factor", named)
+    own = [CONDITION, *(name.strip().casefold() for _, name in named)]
+    # Interactions stand in tables as "A by B".
+    taken = {CONDITION, "session", "group", *(f"{a} by {b}" for a, b in permutations(own, 2))}
     for path, name in named:
-        if name.strip().casefold() in {CONDITION, "session"}:
+        if name.strip().casefold() in taken:
             rule = "a factor must not have the name of what reports have anyway"
             yield Problem("factor", rule, repr(name), "rename it", path)
     for number, factor in enumerate(study.factor):
@@ -464,7 +468,8 @@ def _unnamed_beam(study: Study) -> Iterator[Problem]:
     if study.touch.beam is None and any(
         touch.beam for _, _, item in _items(study) for touch in item.touches
     ):
-        rule, hint = "must be given when a touch names a beam", f"one of {', '.join(study.beams)}"
+        rule = "must be given when a touch names a beam"
+        hint = f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]"
         yield Problem.of_key("touch.beam", rule, "nothing", hint)
 
 

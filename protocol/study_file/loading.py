@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from protocol.errors import MOST_PROBLEMS, BadInput, Path, Problem
 from protocol.plan.feasibility import design_problems
-from protocol.study.fields import Names, unprintable
+from protocol.study.fields import LONGEST_NAME, Names, unprintable
 from protocol.study.languages import built_in_codes
 from protocol.study.study import Study
 from protocol.study_file.limits import limit_problems, problems
@@ -155,7 +155,7 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     if entry["type"] == "extra_forbidden":
         return Problem(where, _UNKNOWN, repr(path[-1]), _near_miss(path), path)
     if entry["type"] == "missing":
-        return Problem(where, "must be given", "nothing", path=path)
+        return _missing(document, path, entry)
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
     value, key = repr(entry["input"]), str(path[-1])
@@ -171,6 +171,13 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     else:
         hint = _meant_choice(entry)
     return Problem(where, _rule(entry), value, hint, path)
+
+
+def _missing(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
+    if path and isinstance(path[-1], int):  # one of a pair
+        of, value = path[:-1], str(entry["input"])
+        return Problem(place(document, of), "must be two numbers, least and most", value, path=of)
+    return Problem(place(document, path), "must be given", "nothing", path=path)
 
 
 def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
@@ -225,8 +232,9 @@ def place(document: Mapping[str, Any], path: Path) -> str:
 def _named(document: Mapping[str, Any], kind: str | int, number: int) -> str:
     item = document[str(kind)][number]
     name = item.get("name", item.get("kind")) if isinstance(item, dict) else None
-    # A name that could turn the writing of the terminal is not printed.
-    return name if isinstance(name, str) and not unprintable(name) else str(number + 1)
+    # A name that could turn the writing of the terminal is not printed, nor one that fills it.
+    told = isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and not unprintable(name)
+    return str(name) if told else str(number + 1)
 
 
 def _near_miss(path: Path) -> str:

@@ -24,6 +24,7 @@ from protocol.study.study_question import (
     ANSWERS,
     BETWEEN,
     KINDS,
+    MEANINGS,
     MOST_LABELS,
     ONCE,
     AskedIf,
@@ -77,15 +78,17 @@ def unnamed_problems(
     """
     known = study_codes(study)
     for code, text in names.items():
+        where = _place(study, (*path, code))
         if code not in known:
-            yield _unknown_key((*path, code), (*others, *known))
+            yield _unknown_key((*path, code), (*others, *known), where=where)
         elif not plain(text) or unprintable(text):
             rule = "a text must not be blank" if not plain(text) else f"a text {UNWANTED}"
-            yield _dotted((*path, code), rule, repr(text))
+            yield _dotted((*path, code), rule, repr(text), where=where)
     for code in required_codes(study):
         if code not in names:
             built_in = code not in study.languages and code not in study.texts
-            yield _not_given((*path, code), code if built_in else "")
+            where = _place(study, (*path, code))
+            yield _not_given((*path, code), code if built_in else "", where)
 
 
 def _band_problems(study: Study, path: Path, band: Band) -> Iterator[Problem]:
@@ -108,15 +111,17 @@ def _language_problems(
         yield from _text_problems(("languages", code, "texts", key), text, named)
 
 
-def _not_given(path: Path, code: str = "") -> Problem:
+def _not_given(path: Path, code: str = "", where: str = "") -> Problem:
     hint = f"or leave {code!r} out of session.languages" if code else ""
-    return _dotted(path, "must be given", "nothing", hint)
+    return _dotted(path, "must be given", "nothing", hint, where)
 
 
-def _unknown_key(path: Path, known: Sequence[str], more: Iterable[str] = ()) -> Problem:
+def _unknown_key(
+    path: Path, known: Sequence[str], more: Iterable[str] = (), where: str = ""
+) -> Problem:
     close = get_close_matches(str(path[-1]), [*known, *more], n=1)
     hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
-    return _dotted(path, "unknown key", repr(path[-1]), hint)
+    return _dotted(path, "unknown key", repr(path[-1]), hint, where)
 
 
 def dotted(path: Path) -> str:
@@ -124,8 +129,18 @@ def dotted(path: Path) -> str:
     return ".".join(map(str, path))
 
 
-def _dotted(path: Path, rule: str, value: str, hint: str = "") -> Problem:
-    return Problem(dotted(path), rule, value, hint, path)
+def _dotted(path: Path, rule: str, value: str, hint: str = "", where: str = "") -> Problem:
+    return Problem(where or dotted(path), rule, value, hint, path)
+
+
+def _place(study: Study, path: Path) -> str:
+    """Return where `path` leads, with the name of a question or the number of a page."""
+    match path:
+        case "question", int(number), *inner:
+            return f"question {study.question[number].name}, {dotted(tuple(inner))}"
+        case "page", int(number), *inner:
+            return f"page {number + 1}, {dotted(tuple(inner))}"
+    return dotted(path)
 
 
 def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
@@ -322,24 +337,38 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
         question.conditions or everywhere
     ):
         yield "conditions", f"must share one with {other.name}", "none", "else it is never asked"
+    if rule.question == "change":
+        yield from _no_such_change(study, rule.answers, question.conditions or everywhere)
     for must, value, hint in unanswerable(rule, other):
         yield "asked_if", must, value, hint
 
 
+def _no_such_change(study: Study, answers: Sequence[str], conditions: Sequence[str]) -> _Found:
+    """Answers that are none to what these conditions ask."""
+    asked = {each.question for each in study.condition if each.name in conditions}
+    can = [answer for answer in MEANINGS if any(answer in ANSWERS[each] for each in asked)]
+    if can and answers and set(answers) <= MEANINGS.keys() - set(can):
+        rule, value = "must say an answer to what its conditions ask", ", ".join(map(repr, answers))
+        yield "asked_if", rule, value, f"known: {', '.join(can)}"
+
+
 def unanswerable(rule: AskedIf, other: StudyQuestion) -> Iterator[tuple[str, str, str]]:
     """Yield rule, value and hint of what no answer to the `other` question can meet."""
-    numbers = [end for end in (rule.at_least, rule.at_most) if end is not None]
+    numbers = [f"{end:g}" for end in (rule.at_least, rule.at_most) if end is not None]
+    told = ", ".join([*numbers, *map(repr, rule.answers)]) or "nothing"
     if other.values:
         wrong = [repr(each) for each in rule.answers if each not in other.values]
         if wrong or numbers or not rule.answers:
             must = f"must say `is`, of the answers to {other.name}"
             hint = f"known: {', '.join(other.values)}"
-            yield must, next(iter(wrong), "something else"), hint
+            yield must, next(iter(wrong), told), hint
         return
     first, last = other.steps_within(rule.at_least, rule.at_most) if other.is_number else (1, 0)
     if rule.answers or not numbers or first > last:
         must = f"must say at_least or at_most, within the numbers that answer {other.name}"
-        yield must, ", ".join(f"{end:g}" for end in numbers) or "something else", ""
+        if rule.at_least is not None and rule.at_most is not None and rule.at_least > rule.at_most:
+            must = "at_least must not be above at_most"
+        yield must, told, ""
 
 
 def _form(question: StudyQuestion) -> _Found:

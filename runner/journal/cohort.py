@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
+from math import inf
 from typing import Any
 
 from protocol.errors import BadInput
@@ -152,20 +153,24 @@ def group_for(
 
 Due = tuple[datetime, datetime]
 """From when until when a session may begin."""
+_NEVER = datetime.max.replace(tzinfo=UTC)
 
 
 def due_between(study: Study, before: SessionState) -> Due | None:
     """Return when the session after a completed one is due; None at any time."""
     if study.design.hours_between is None or before.completed_utc is None:
         return None
-    least, most = (timedelta(hours=hours) for hours in study.design.hours_between)
-    return before.completed_utc + least, before.completed_utc + most
+    least, most = study.design.hours_between
+    ended = before.completed_utc
+    # A date has no infinity: where no hours are the most, the last there is stands for it.
+    last = _NEVER if most == inf else ended + timedelta(hours=most)
+    return ended + timedelta(hours=least), last
 
 
 def due_in_words(due: Due) -> str:
     """Return when a session is due, in the computer's time zone."""
-    first, last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due)
-    return f"from {first} to {last}"
+    first, *last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due if moment < _NEVER)
+    return f"from {first} to {last[0]}" if last else f"from {first} on"
 
 
 def told_before(

@@ -25,6 +25,7 @@ from protocol.study.study import Study
 from protocol.study.study_question import BETWEEN, Answer, StudyQuestion
 from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
+from protocol.study_file.toml import in_toml
 from runner.clock import Pace
 from runner.journal.cohort import due_between, due_in_words, group_for, group_known, states
 from runner.journal.location import checked_place, mounts_of_this_machine
@@ -144,7 +145,9 @@ def _pace(options: SessionOptions, study: Study, url: str) -> Pace:
     if options.people is not None and options.ratings != "virtual":
         raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
     if unknown := {*(options.people.groups if options.people else ())}.difference(study.groups):
-        raise BadInput(f"--people: the study has no group {', '.join(sorted(unknown))}")
+        told = f"[group.{in_toml(min(unknown))}]"
+        names = ", ".join(study.groups) or "none"
+        raise BadInput(f"--people: {told} must name a group of the study, which has {names}")
     if options.at_window and options.ratings != "virtual":
         raise BadInput(f"--at-window is for --ratings virtual, got {options.ratings}")
     unattended = simulated and options.ratings == "virtual" and not options.at_window
@@ -225,10 +228,17 @@ def with_group(request: Request, say: Callable[[str], None]) -> Request:
         if by_answer:
             asked, noted = _group_answered(request, say)
         elif study.design.assign_groups == "by the operator":
-            names = {name: name for name in study.groups}
-            text = f"Type the group of {options.participant} ({', '.join(names)}), then Enter."
+            names = ", ".join(study.groups)
+            text = f"Type the group of {options.participant} ({names}), then Enter."
+
+            def read(typed: str) -> str | None:
+                if typed in study.groups:
+                    return typed
+                say(f"{typed!r} is no group; capitals and small letters differ.")
+                return None
+
             with suppress(EOFError):
-                asked = typed_answer(say, text, names.get)
+                asked = typed_answer(say, text, read)
     if options.group not in {None, asked}:
         raise BadInput(f"the answer leads to the group {asked}, got --group {options.group}")
     group_for(study, *who, asked)  # told before anything is opened
@@ -264,7 +274,9 @@ def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, 
     found = next((group for group, rule in rules.items() if rule.met_by(given)), None)
     if found is None:
         told = ", ".join(f"{name} {answer}" for name, answer in given.items())
-        raise BadInput(f"{told}: no group of the study is for {request.options.participant}")
+        who = request.options.participant
+        those = "; ".join(f"{group} if {rule}" for group, rule in rules.items())
+        raise BadInput(f"{told}: no group of the study is for {who} ({those})")
     return found, {
         name: BETWEEN.join(answer) if isinstance(answer, tuple) else str(answer)
         for name, answer in given.items()
@@ -291,15 +303,17 @@ def _not_completed(request: Request) -> int | None:
     options = request.options
     if request.rehearsal or options.extra or options.number == 1:
         return None
+    lacking = partial(lacking_before, request)
+    return recorded(request, lacking) if options.folder.journal.exists() else 1
 
-    def first_lacking(journal: Journal) -> int | None:
-        known = states(journal)
-        own = chains_of(journal, options.participant, rehearsal=False)
-        over = {parsed_name(chain).number for chain in own if known[chain].name not in UNFINISHED}
-        lacking = (number for number in range(1, options.number) if number not in over)
-        return None if request.chain(journal) in known else next(lacking, None)
 
-    return recorded(request, first_lacking) if options.folder.journal.exists() else 1
+def lacking_before(request: Request, journal: Journal) -> int | None:
+    """Return the first session of the participant that a new one leaves out; None if none lacks."""
+    known, options = states(journal), request.options
+    own = chains_of(journal, options.participant, rehearsal=request.rehearsal)
+    over = {parsed_name(chain).number for chain in own if known[chain].name not in UNFINISHED}
+    lacking = (number for number in range(1, options.number) if number not in over)
+    return None if options.slides or request.chain(journal) in known else next(lacking, None)
 
 
 def _not_due(request: Request, now: datetime, journal: Journal) -> str | None:

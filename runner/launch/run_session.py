@@ -24,7 +24,7 @@ from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock, WallClock
-from runner.journal.cohort import group_for, slot_for, states, told_before
+from runner.journal.cohort import group_for, group_known, slot_for, states, told_before
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
@@ -37,6 +37,7 @@ from runner.launch.request import (
     Confirm,
     Request,
     SessionOptions,
+    lacking_before,
     recorded,
     refused,
     requested,
@@ -107,10 +108,16 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     new = chain not in journal.sessions()
     before = journal.events(chain)
     earlier = touchbeam_versions(before)[-1:]
+    known = states(journal)
+    had = group_known(known, options.participant, request.kind, chain)
+    if request.rehearsal and (number := lacking_before(request, journal)):
+        say(f"WARNING: session {number} of {options.participant} is not completed.")
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, chain, clock)
     if session.group is not None:
-        say(f"{options.participant} belongs to the group {session.group}.")
+        drawn = request.rehearsal and had is None and options.group is None
+        chance = ", drawn by chance for this rehearsal: --group names another" * drawn
+        say(f"{options.participant} belongs to the group {session.group}{chance}.")
     if new and not request.rehearsal and chains_of(journal, options.participant, rehearsal=True):
         say(f"{options.participant} was a rehearsal before; this is the session itself.")
     if earlier and earlier[0] != (now := versions()["touchbeam"]):

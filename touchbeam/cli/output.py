@@ -283,7 +283,8 @@ def _own_words(message: str) -> str:
 def _line(error: BaseException) -> tuple[str, int]:
     match error:
         case typer.TyperException():
-            return f"{_own_words(error.format_message())} (see touchbeam --help)", error.exit_code
+            of = getattr(getattr(error, "ctx", None), "command_path", "touchbeam")
+            return f"{_own_words(error.format_message())} (see {of} --help)", error.exit_code
         case BadInput():
             return str(error), BAD_INPUT
         case WorkFailed():

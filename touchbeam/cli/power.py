@@ -250,8 +250,8 @@ def _print(found: "list[Findings]", record: "Json") -> None:
         say(f"WARNING: {warning}.")
     for each in found:
         print_table(f"Tests: {each.design}", lines_of_tests(each))
-        print_table(f"Estimates: {each.design}", lines_of_estimates(each))
         if hidden := left_out(each):
-            say(f"{len(hidden)} more pairs, with less power, stand in power.json.")
+            say(f"{len(hidden)} more tests of pairs, with less power, stand in power.json.")
+        print_table(f"Estimates: {each.design}", lines_of_estimates(each))
     say(FAMILY)
     say(f"Simulated: {found[0].studies} studies, {found[0].null_studies} without any effect.")

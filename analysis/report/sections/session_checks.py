@@ -282,7 +282,7 @@ def left_out(found: Findings) -> blocks.Section:
     """Return the exclusions, and the incidents of the sessions."""
     loaded, rules = found.loaded, rules_in_words(found.study.exclusions)
     counts = _counts(loaded)
-    unfinished = ", ".join(loaded.unfinished) or "none"
+    unfinished = "; ".join(_unfinished(loaded)) or "none"
     if found.published:
         # A published table does not tell, which is not the same as none.
         unfinished = "unknown for a published table"
@@ -349,7 +349,12 @@ def left_out_lines(loaded: StudyData) -> list[str]:
         for what in ("rehearsals", "sessions withdrawn")
         if counts[what]
     ]
-    return [*said, *(f"Not finished: {who}" for who in loaded.unfinished[:_MOST_LINES])]
+    return [*said, *(f"Not finished: {which}" for which in _unfinished(loaded)[:_MOST_LINES])]
+
+
+def _unfinished(loaded: StudyData) -> list[str]:
+    those = zip(loaded.unfinished, loaded.unfinished_sessions, strict=True)
+    return [f"{who}, session {number}" for who, number in those]
 
 
 def _counts(loaded: StudyData) -> dict[str, int]:

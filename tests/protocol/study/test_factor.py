@@ -74,9 +74,9 @@ def test_conditions_of_the_file_are_a_factor_of_their_own() -> None:
             "study.toml:9: factor voltage: the amplitude must",
         ),
         ("[50, 100, 150, 200]", "[50, 50]", "factor voltage, values: must differ"),
-        ("[50, 100, 150, 200]", '["a", "b"]', "factor voltage, values: must be a number"),
+        ("[50, 100, 150, 200]", '["a", "b"]', "factor voltage, value 1: must be a number, got 'a'"),
         ("[50, 100, 150, 200]", str(list(range(1, 12))), "at most 30 conditions, got 33; leave a"),
-        ('"frequency_hz"', '"frequency"', "values: must be at most 10, .*; frequency_hz is in Hz"),
+        ('"frequency_hz"', '"frequency"', "value 1: must be at most 10, .*; frequency_hz is in Hz"),
         ('"frequency_hz"', '"frequncy_hz"', "varies: must be .*; did you mean 'frequency_hz'"),
         (
             f"frequency_hz{HERTZ}",
@@ -89,6 +89,8 @@ def test_conditions_of_the_file_are_a_factor_of_their_own() -> None:
             "condition: names must differ, got '50 V",
         ),
         ('"frequency"\n', '"Voltage"\n', "names must differ by more than case"),
+        ('"frequency"\n', '"Group"\n', "have anyway, got 'Group'"),
+        ('"frequency"\n', '"condition by voltage"\n', "have anyway, got 'condition by"),
         (
             '"frequency"\n',
             '"Condition"\n',

@@ -50,8 +50,13 @@ def problems(rule: str, when: str = "") -> list[str]:
             "asked_if: must name a question before this one",
         ),
         ('{ question = "gloves", is = ["yess"] }', "", "must say `is`, of the answers to gloves"),
-        ('{ question = "gloves" }', "", "must say `is`, of the answers to gloves, got something"),
+        ('{ question = "gloves" }', "", "must say `is`, of the answers to gloves, got nothing"),
         ('{ question = "gloves", at_least = 1 }', "", "must say `is`, of the answers to gloves"),
+        (
+            '{ question = "change", is = ["swapped"] }',
+            'conditions = ["voltage"]',
+            "to what its conditions ask, got 'swapped'; known: smoother, rougher, same",
+        ),
         ('{ question = "noticed", is = ["maybe"] }', "", "to noticed, got 'maybe'; known: no, yes"),
         (
             '{ question = "score", at_least = 11 }',
@@ -61,7 +66,11 @@ def problems(rule: str, when: str = "") -> list[str]:
         ('{ question = "sure", at_most = -1 }', "", "within the numbers that answer sure, got -1"),
         ('{ question = "sure", at_least = 1.2, at_most = 1.8 }', "", "answer sure, got 1.2, 1.8"),
         ('{ question = "sure", is = ["1"] }', "", "must say at_least or at_most"),
-        ('{ question = "sure", at_least = 3, at_most = 2 }', "", "that answer sure, got 3, 2"),
+        (
+            '{ question = "sure", at_least = 3, at_most = 2 }',
+            "",
+            "at_least must not be above at_most, got 3, 2",
+        ),
         ('{ question = "sure", at_least = 3 }', 'when = "after"', "when: must be 'trial' as that"),
         (
             '{ question = "noticed", is = ["yes"] }',

@@ -9,7 +9,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened
-from runner.journal.cohort import due_in_words, states
+from runner.journal.cohort import due_between, due_in_words, states
 from runner.journal.opening import open_journal
 from runner.launch.request import (
     SessionOptions,
@@ -98,6 +98,39 @@ def test_a_session_begins_when_it_is_due_or_with_a_reason(
     assert opened.override == "the train was late"
     assert typed("status", tmp_path, "--json") == 0
     assert '"next_due_utc": []' in capsys.readouterr().out
+
+
+def test_a_session_may_be_due_at_any_time_after_the_least_hours(tmp_path: Path) -> None:
+    study_in(tmp_path, "paper", ("[design]", "[design]\nsessions = 2\nhours_between = [20, inf]"))
+    run_session(tmp_path, "P01")
+    study = StudyFolder(path=tmp_path).study()
+    with open_journal(tmp_path / "study.db") as journal:
+        state = states(journal)["P01/1"]
+    assert state.completed_utc is not None
+    due = due_between(study, state)
+    assert due is not None
+    assert due[0] == state.completed_utc + timedelta(hours=20)
+    assert due[1] > state.completed_utc + timedelta(days=36_500)
+    assert due_in_words(due).endswith(" on")
+
+
+def test_a_rehearsal_out_of_turn_or_of_a_group_by_chance_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study_in(tmp_path, "paper", ("[design]", "[design]\nsessions = 2"))
+    with (tmp_path / "study.toml").open("a") as file:
+        file.write('[[group]]\nname = "young"\nsize = 4\n[[group]]\nname = "old"\nsize = 5\n')
+
+    def shown(number: int) -> str:
+        run = ("run", tmp_path, "--participant", "P01", "--session", number, "--ratings", "virtual")
+        assert typed(*map(str, run)) == 0
+        return capsys.readouterr().out
+
+    early, again = shown(2), shown(1)
+    assert "WARNING: session 1 of P01 is not completed." in early
+    assert ", drawn by chance for this rehearsal: --group names another." in early
+    assert "WARNING" not in again
+    assert "by chance" not in again  # it has a group by now
 
 
 @pytest.mark.parametrize(

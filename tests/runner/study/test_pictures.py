@@ -134,7 +134,7 @@ def test_a_text_is_needed_in_every_language_and_must_fit(
     text = study.study_file.read_text(encoding="utf-8")
     study.study_file.write_text(text.replace(', zh = "如图。"', ""), encoding="utf-8")
     assert typed("check", study.path) == 2
-    assert "page.0.text.zh: must be given, got nothing" in capsys.readouterr().err
+    assert "page 1, text.zh: must be given, got nothing" in capsys.readouterr().err
     study.study_file.write_text(text.replace("Like this.", "Like this. " * 40), encoding="utf-8")
     assert typed("check", study.path) == 2
     assert "page.0.text.en: a text must fit its place" in capsys.readouterr().err

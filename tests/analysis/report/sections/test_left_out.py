@@ -19,7 +19,7 @@ def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
     ]
     assert undisturbed in pages[0]
     assert undisturbed not in pages[1]
-    assert "unfinished sessions: P01" in pages[1]
+    assert "unfinished sessions: P01, session 1" in pages[1]
     published = report_html(plain_report())
     assert undisturbed not in published
     assert "Interruptions are unknown for a published table." in published
@@ -38,7 +38,7 @@ def test_the_terminal_names_who_is_left_out_and_why() -> None:
         "Left out: P02, session 1 (operator): fell asleep",
         "Left out: P01, session 1, trial 3 (operator): a noise",
         "Left out: rehearsals: 1",
-        "Not finished: P03",
+        "Not finished: P03, session 1",
     ]
 
 

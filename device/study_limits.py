@@ -48,9 +48,9 @@ def reach_problems(study: Study) -> Iterator[Problem]:
             places.append((("track", number, "standard"), track.reference))
     for path, place_m in places:
         if place_m > length_m:
-            where, rule = (
-                ".".join(map(str, path)),
-                f"must lie on the beam, which ends at {length_m:g} m",
-            )
+            where = ".".join(map(str, path))
+            if path[0] == "track":
+                where = f"track {study.track[int(path[1])].name}, {path[2]}"
+            rule = f"must lie on the beam, which ends at {length_m:g} m"
             hint = f"that is {1e3 * place_m:.12g} mm; the beam is {1e3 * length_m:g} mm long"
             yield Problem(where, rule, f"{place_m!r} m", hint, path)

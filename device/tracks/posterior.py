@@ -104,7 +104,9 @@ def correct_share(
     by_chance = GUESS_RATE[track.task]
     at = (track.share - by_chance) / (1 - by_chance)
     if track.shape == "weibull":
-        curve = 1 - np.exp(log(1 - at) * (distance / threshold) ** slope)
+        # Far above the threshold of a steep curve the power is infinite, and the curve is 1.
+        with np.errstate(over="ignore"):
+            curve = 1 - np.exp(log(1 - at) * (distance / threshold) ** slope)
     else:
         from scipy.special import ndtr, ndtri  # loaded for this shape alone
 

@@ -39,6 +39,17 @@ def require_printable(text: str) -> str:
     return text
 
 
+def spelled(pattern: str, as_what: str) -> AfterValidator:
+    """Return what refuses a text unlike the pattern, and says what it must be."""
+
+    def fitting(text: str) -> str:
+        if re.fullmatch(pattern, text) is None:
+            raise ValueError(f"must be {as_what}")
+        return text
+
+    return AfterValidator(fitting)
+
+
 LONGEST_NAME = 64
 
 # `strict`: a number in quotes is a slip in the file, and must not pass for a number.

@@ -5,7 +5,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Share, Whole, setting
+from protocol.study.fields import (
+    Count,
+    Name,
+    NotNegative,
+    Positive,
+    Record,
+    Share,
+    Whole,
+    setting,
+    spelled,
+)
 from protocol.study.touch import OnBeam, Touch
 
 Task = Literal["two intervals", "three intervals", "yes or no"]
@@ -90,6 +100,10 @@ class Stop(Record):
 
 Steps = tuple[Positive, ...]
 Range = tuple[NotNegative, NotNegative]
+Slope = Annotated[Positive, Field(le=1e6)]
+_OF_A_RULE = spelled(
+    r"[1-9] down [1-9] up", '"N down M up", each from 1 to 9, such as "3 down 1 up"'
+)
 
 
 class Track(Record):
@@ -127,7 +141,7 @@ class Track(Record):
     default half-way from chance to 1: 0.75, 0.667 or 0.5"""
     start: NotNegative | None = None
     """first level of a staircase, the easiest by default; one of the levels"""
-    rule: Annotated[str, Field(pattern=r"^[1-9] down [1-9] up$")] | None = None
+    rule: Annotated[str, _OF_A_RULE] | None = None
     """of a staircase: `"3 down 1 up"` is harder after 3 correct answers and easier after an
     error"""
     step_db: Steps = setting((), max_length=20)
@@ -141,7 +155,7 @@ class Track(Record):
     """cumulative: an error does not reset the count of correct answers"""
     first_reversal: Literal["by the rule", "1 down 1 up"] = "by the rule"
     """how a staircase moves until its first reversal"""
-    slope: Range | None = None
+    slope: tuple[Slope, Slope] | None = None
     """of the curve, from least to most: Weibull's exponent, 1 to 5 by default, or of `normal` the
     inverse of its SD in units of the axis"""
     lapse: Range = setting((0.0, 0.08), "of the lapse rate, from least to most")

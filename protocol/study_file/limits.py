@@ -251,7 +251,8 @@ def limit_problems(study: Study) -> list[Problem]:
 def _subject(study: Study) -> Iterator[Problem]:
     if not study.condition and not study.track:
         hint = "such as those of touchbeam new DIR --template paper, or --template threshold"
-        yield Problem.of_key("condition", "must be given, or a [[track]]", "neither", hint)
+        # Of no key, so that it is not said of a study whose tracks cannot be read.
+        yield Problem("condition", "must be given, or a [[track]]", "neither", hint)
 
 
 def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Iterator[Problem]:

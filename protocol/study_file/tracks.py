@@ -1,6 +1,6 @@
 """What is wrong with the tracks of a study: levels, standard, rule, stop and definition."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from itertools import pairwise
 from math import gcd
 from typing import Any
@@ -8,16 +8,22 @@ from typing import Any
 from protocol.errors import Problem
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
-from protocol.tracks.procedure import WHOLE, most_reversals, nearest
+from protocol.tracks.convergence import converges_at
+from protocol.tracks.procedure import WHOLE, most_reversals, nearest, staircase
 
 _ROUNDED = 1e-4
 """How far a level may be from what it stands for, relative to it: nobody types all its digits."""
+_APART, _LEAST = 1e-6, 1e-9
+"""What neighbouring levels must differ by, relative to their distance from the standard and in
+units of the axis: what no rig tells apart would end as a division by 0."""
 _OF_STAIRCASES = ("rule", "step_db", "step_levels", "up_step_db", "up_step_levels")
 
 
 def track_problems(study: Study) -> Iterator[Problem]:
     """Yield what is wrong with the tracks themselves; their touches are checked as all others."""
-    mounted = {track.comparison.beam or study.touch.beam for track in study.track}
+    # A beam that there is not is told once, where beams are.
+    known = {None, *study.beams}
+    mounted = {track.comparison.beam or study.touch.beam for track in study.track} & known
     for number, track in enumerate(study.track):
         told = _Teller(track, number)
         if len(mounted) > 1 and study.design.tracks == "interleaved":
@@ -26,8 +32,9 @@ def track_problems(study: Study) -> Iterator[Problem]:
             yield told("comparison.beam", "must be that of all tracks", beam, hint)
         # What follows needs levels, and those need a standard.
         yield from (
-            [*_standard(track, told), *_touches(track, told)]
+            [*_standard(track, told), *_touches(track, told, known)]
             or [*_levels(track, told)]
+            or [*_apart(track, told)]
             or [
                 *_method(track, told),
                 *_start(track, told),
@@ -47,8 +54,10 @@ class _Teller:
         self._where, self._path = f"track {track.name}", ("track", number)
 
     def __call__(self, key: str, rule: str, value: object, hint: str) -> Problem:
-        where = f"{self._where}, {key.replace('.', ', ')}"
-        return Problem(where, rule, str(value), hint, (*self._path, *key.split(".")))
+        keys = key.split(".") if key else []
+        return Problem(
+            ", ".join([self._where, *keys]), rule, str(value), hint, (*self._path, *keys)
+        )
 
 
 _Problems = Iterator[Problem]
@@ -79,10 +88,11 @@ def _standard(track: Track, told: _Teller) -> _Problems:
         yield told("comparison.voltage_v", rule, comparison.voltage_v, hint)
 
 
-def _touches(track: Track, told: _Teller) -> _Problems:
-    if track.standard is not None and track.standard.beam != track.comparison.beam:
+def _touches(track: Track, told: _Teller, known: Set[str | None]) -> _Problems:
+    beam, other = track.standard and track.standard.beam, track.comparison.beam
+    if track.standard is not None and beam != other and {beam, other} <= known:
         hint = "nobody can wait for a beam within a trial"
-        yield told("standard.beam", "must be that of the comparison", track.standard.beam, hint)
+        yield told("standard.beam", "must be that of the comparison", beam or "none", hint)
     for name, touch in (("standard", track.standard), ("comparison", track.comparison)):
         if touch is None:
             continue
@@ -113,7 +123,7 @@ def _levels(track: Track, told: _Teller) -> _Problems:
         rule, got = "must not begin or end at 0 in equal ratios", "0"
         hint = 'begin above 0, or write spaced = "equal steps"'
     elif len(set(values)) < max(2, len(values)):
-        rule, got = "must be at least 2, and differ", _several(values)
+        rule, got = "must be at least 2, and differ", _several(values, levels.first)
         hint = "give more levels, each once"
     elif min(values) <= reference <= max(values):
         side = f"the standard at {reference:g}" if track.standard else "0"
@@ -128,7 +138,16 @@ def _levels(track: Track, told: _Teller) -> _Problems:
         yield told("levels", rule, got, hint)
 
 
-def _several(values: Sequence[float]) -> str:
+def _apart(track: Track, told: _Teller) -> _Problems:
+    if any(b - a < max(_LEAST, _APART * b) for a, b in pairwise((0.0, *track.distances))):
+        rule = f"must differ from each other by 1 in {1 / _APART:,.0f}, and from the standard"
+        got = f"{min(track.values):.15g} to {max(track.values):.15g}"
+        yield told("levels", rule, got, "give fewer levels, or a wider range")
+
+
+def _several(values: Sequence[float], alone: float | None) -> str:
+    if not values and alone is not None:
+        return f"1 level: {alone:g}"
     return ", ".join(f"{value:g}" for value in values[:5]) + ", ..." * (len(values) > 5) or "none"
 
 
@@ -174,16 +193,36 @@ def _staircase(track: Track, told: _Teller) -> _Problems:
         yield told("rule", "must be given for a staircase", "nothing", hint)
     if bool(track.step_db) == bool(track.step_levels):
         hint = "such as step_db = [4, 4, 1], or step_levels = [4, 4, 1]"
-        rule = "must be given for a staircase, or step_levels instead"
-        yield told("step_db", rule, "both" if track.step_db else "neither", hint)
+        rule = "must have step_db or step_levels for a staircase"
+        # Of the track, so that it is not said of one whose steps cannot be read.
+        yield told("", rule, "both" if track.step_db else "neither", hint)
     if track.up_step_db and track.up_step_levels:
         hint = "leave one of them out"
         yield told("up_step_db", "must not be given beside up_step_levels", "both", hint)
-    yield from _steps(track, told)
+    wrong = [*_steps(track, told)]
+    yield from wrong
+    if track.rule is not None and (track.step_db or track.step_levels) and not wrong:
+        yield from _convergence(track, told)
+
+
+def _convergence(track: Track, told: _Teller) -> _Problems:
+    at = converges_at(staircase(track))
+    if not _least(track) < round(at, 4) < 1 - track.lapse[0]:
+        rule = f"must converge to a share above {_least(track):.3g} and below what lapses leave"
+        hint = 'more correct answers down, fewer errors up: such as "3 down 1 up", 0.794'
+        yield told("rule", rule, f'"{track.rule}", {at:.4f}', hint)
+
+
+def _least(track: Track) -> float:
+    """Return the share correct, or of yes, that needs nothing to be felt."""
+    return GUESS_RATE[track.task] or track.false_alarms[0]
 
 
 def _steps(track: Track, told: _Teller) -> _Problems:
-    grid_db = track.levels.step_db
+    grid_db, most = track.levels.step_db, len(track.values) - 1
+    for key in ("step_levels", "up_step_levels"):
+        if (step := max(getattr(track, key), default=0)) > most:
+            yield told(key, f"must be at most {most}, from the first level to the last", step, "")
     every = [(key, db) for key in ("step_db", "up_step_db") for db in getattr(track, key)]
     if every and grid_db is None:
         hint = "give step_levels and up_step_levels, numbers of levels"
@@ -195,6 +234,9 @@ def _steps(track: Track, told: _Teller) -> _Problems:
             rule = f"must be whole steps of the levels, which are {grid_db:.4g} dB apart"
             yield told(key, rule, f"{db:g} dB", _fitting(track, [each for _, each in every]))
             return
+        if round(db / grid_db) > most:
+            rule = f"must be at most {grid_db * most:.4g} dB, from the first level to the last"
+            yield told(key, rule, f"{db:g} dB", "")
 
 
 def _fitting(track: Track, steps_db: Sequence[float]) -> str:
@@ -232,7 +274,7 @@ def _stop(track: Track, told: _Teller) -> _Problems:
 
 
 def _curve(track: Track, told: _Teller) -> _Problems:
-    chance = GUESS_RATE[track.task]
+    chance, least = GUESS_RATE[track.task], _least(track)
     pair: Any
     if track.task != "yes or no" and "false_alarms" in track.model_fields_set:
         hint = "leave it out: guesses are half or a third of all answers"
@@ -241,14 +283,16 @@ def _curve(track: Track, told: _Teller) -> _Problems:
     for key, pair in ranges.items():
         if pair and pair[0] > pair[1]:
             yield told(key, "must go from least to most", list(pair), "change their order")
-    if track.slope and not track.slope[0]:
-        yield told("slope", "must be above 0", "0", "0 is a curve that does not rise")
     for key in ("lapse", "false_alarms"):
         if ranges[key][1] >= 0.5:
             rule, hint = "must be below 0.5", "nobody measures a threshold with more"
             yield told(key, rule, f"{ranges[key][1]:g}", hint)
-    if not chance < track.share < 1 - track.lapse[1]:
-        below = f"must lie above chance, {chance:.3g} in {track.task}"
-        rule = f"{below}, and below what lapses leave, {1 - track.lapse[1]:.3g}"
+            return
+    if track.threshold_at is None and not track.share < 1 - track.lapse[1]:
+        rule = f"must be below {1 - track.share:.3g}, so that the threshold's share can be reached"
+        yield told("lapse", rule, f"{track.lapse[1]:g}", "or write a lower threshold_at")
+    elif not least < track.share < 1 - track.lapse[1]:
+        what = f"chance, {chance:.3g} in {track.task}" if chance else f"false alarms, {least:.3g}"
+        rule = f"must lie above {what}, and below what lapses leave, {1 - track.lapse[1]:.3g}"
         hint = f"half-way from chance to 1 is {(1 + chance) / 2:.3g}, the default"
         yield told("threshold_at", rule, f"{track.share:g}", hint)

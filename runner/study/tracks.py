@@ -55,10 +55,10 @@ class ShownTrack:
         }
 
     def lines(self) -> Iterator[str]:
-        track = self.track
+        track, s = self.track, "s" * (self.track.trials > 1)
         beside = [f"{many} {kind}" for kind in ("catch", "easy") if (many := getattr(track, kind))]
         yield f"Track       {track.name}: {track.task}, {track.method}, " + " + ".join(
-            [f"{track.trials} trials", *beside]
+            [f"{track.trials} trial{s}", *beside]
         )
         levels, unit = track.values, _UNITS[track.axis]
         drives = "" if track.axis == "voltage" else f"; {_range(self.volts)} V"
@@ -73,7 +73,7 @@ class ShownTrack:
         said = "yes" if track.task == "yes or no" else "correct"
         yield f"            threshold at {track.share:.4g} {said}, as 200 simulated observers show:"
         yield (
-            f"            about {self.rmse_db:.1f} dB (RMSE) after {self.trials:.0f} trials, "
+            f"            about {self.rmse_db:.1f} dB (RMSE) after {self.trials:.0f} trial{s}, "
             f"95% interval {self.interval_db:.1f} dB wide"
         )
 

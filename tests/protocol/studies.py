@@ -218,6 +218,7 @@ standard = { place = "smooth", voltage_v = 0 }
 comparison = { place = "smooth" }
 rule = "1 down 1 up"
 step_levels = [1]
+up_step_levels = [2]
 trials = 9
 stop = { reversals = 4 }
 catch = 2

@@ -34,8 +34,8 @@ def drawn(random: Random) -> dict[str, Any]:
         else ((0, 190) if axis == "voltage" else (1.001, 1.9))
     )
     ends = sorted(random.uniform(low, high) for _ in range(2))
-    steps = [random.randint(1, 4) for _ in range(random.randint(1, 3))]
-    of_staircase = {"rule": f"{random.randint(1, 4)} down 1 up", "step_levels": steps}
+    steps = [random.randint(1, min(4, count - 1)) for _ in range(random.randint(1, 3))]
+    of_staircase = {"rule": f"{random.randint(2, 4)} down 1 up", "step_levels": steps}
     drive = {"voltage_v": random.uniform(20, 260)} if axis == "frequency" else {}
     zero = {"voltage_v": 0} if axis == "voltage" else {"frequency": 1.0, **drive}
     return {

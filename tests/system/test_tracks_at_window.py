@@ -37,12 +37,12 @@ def test_the_answers_at_the_window_choose_the_levels(small_display: str, tmp_pat
     answers = seat.payloads("answered")
     assert [each["change"] for each in answers] == [NAMES[it] for it in CHOICES]
     assert person.given == CHOICES
-    level = 10  # one step harder after a right answer, one easier after a wrong one
+    level = 10  # one step harder after a right answer, two easier after a wrong one
     for each in answers:
         assert each["track"]["level"] == level
         right = NAMES[each["track"]["interval"] - 1]
         assert each["track"]["correct"] == (each["change"] == right)
-        level = min(level + (-1 if each["track"]["correct"] else 1), 10)
+        level = min(level + (-1 if each["track"]["correct"] else 2), 10)
     by = [{change["by"] for change in each["traces"][0]["changes"]} for each in answers]
     assert by == [{"key"}, {"pointer"}] * 2
     driven = [each["commanded"]["voltage_v"] for each in seat.payloads("touch-started")]

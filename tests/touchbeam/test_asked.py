@@ -135,7 +135,7 @@ trials = 10
 """
     file.write_text(text[: text.index("[[track]]")] + beyond, encoding="utf-8")
     said = CliRunner().invoke(app, ["check", str(folder)]).output
-    assert "track.0.levels: must lie on the beam, which ends at 0.1 m, got 0.4 m" in said
+    assert "track place, levels: must lie on the beam, which ends at 0.1 m, got 0.4 m" in said
 
 
 def test_power_says_how_thresholds_err(folder: Path) -> None:

@@ -128,6 +128,70 @@ GRID = "to = 158.11, count = 31"
             '= "3 down 1 up", which converges to 0.794 correct',
         ),
         (
+            [(LEVELS, "levels = { from = 50, to = 50, count = 1 }")],
+            "track smallest amplitude, levels: must be at least 2, and differ, got 1 level: 50; "
+            "give more levels, each once",
+        ),
+        (
+            [(LEVELS, "levels = { from = 50, to = 50.0000000001, count = 200 }")],
+            "track smallest amplitude, levels: must differ from each other by 1 in 1,000,000, and "
+            "from the standard, got 50 to 50.0000000001; give fewer levels, or a wider range",
+        ),
+        (
+            [(LEVELS, "levels = { from = 1e-300, to = 100, count = 20 }")],
+            "track smallest amplitude, levels: must differ from each other by 1 in 1,000,000, and "
+            "from the standard, got 1e-300 to 100; give fewer levels, or a wider range",
+        ),
+        (
+            [('rule = "3 down 1 up"', 'rule = "2 down 2 up"')],
+            "track by a staircase, rule: must converge to a share above 0.5 and below what lapses "
+            'leave, got "2 down 2 up", 0.5000; more correct answers down, fewer errors up: such as '
+            '"3 down 1 up", 0.794',
+        ),
+        (
+            [('rule = "3 down 1 up"', 'rule = "1 up 3 down"')],
+            'track by a staircase, rule: must be "N down M up", each from 1 to 9, such as "3 down '
+            "1 up\", got '1 up 3 down'",
+        ),
+        (
+            [("step_db = [4, 4, 1]", "step_db = [100]")],
+            "track by a staircase, step_db: must be at most 30 dB, from the first level to the "
+            "last, got 100 dB",
+        ),
+        (
+            [("step_db = [4, 4, 1]", "step_levels = [400]")],
+            "track by a staircase, step_levels: must be at most 30, from the first level to the "
+            "last, got 400",
+        ),
+        (
+            [("step_db = [4, 4, 1]", "step_levels = [1.5]")],
+            "track by a staircase, step_levels 1: must be a whole number, got 1.5",
+        ),
+        (
+            [("threshold_at = 0.75", "lapse = [0.5, 0.6]")],
+            "track smallest amplitude, lapse: must be below 0.5, got 0.6; nobody measures a "
+            "threshold with more",
+        ),
+        (
+            [("threshold_at = 0.75", "lapse = [0.2, 0.3]")],
+            "track smallest amplitude, lapse: must be below 0.25, so that the threshold's share "
+            "can be reached, got 0.3; or write a lower threshold_at",
+        ),
+        (
+            [(TASK, 'task = "yes or no"'), ("threshold_at = 0.75", "threshold_at = 0.01")],
+            "track smallest amplitude, threshold_at: must lie above false alarms, 0.02, and below "
+            "what lapses leave, 0.92, got 0.01; half-way from chance to 1 is 0.5, the default",
+        ),
+        (
+            [("threshold_at = 0.75", "slope = [1, 1e300]")],
+            "track smallest amplitude, slope 2: must be at most 1000000, got 1e+300",
+        ),
+        (
+            [(COMPARISON, 'comparison = { place = "smooth", beam = "xx" }')],
+            "track smallest amplitude, comparison: the beam must be one of [beams], got 'xx'; "
+            "known: none",
+        ),
+        (
             [(QUEST, 'method = "constant"')],
             "track smallest amplitude, trials: must be a multiple of the 41 levels of constant "
             "stimuli, got 40; such as 41",
@@ -158,6 +222,14 @@ def test_a_wrong_track_is_told_with_its_place_and_a_remedy(
     changes: list[tuple[str, str]], said: str
 ) -> None:
     assert refused(*changes) == said
+
+
+def test_of_a_track_that_cannot_be_read_only_that_is_told() -> None:
+    first = TEXT[: TEXT.index("[[track]]", TEXT.index("[[track]]") + 1)]
+    with pytest.raises(StudyError) as caught:
+        parsed_study(first.replace(LEVELS, ""))
+    (problem,) = caught.value.problems
+    assert problem.path == ("track", 0, "levels")
 
 
 def test_a_misspelt_key_of_a_track_hides_no_other_problem() -> None:

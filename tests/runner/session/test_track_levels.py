@@ -149,7 +149,9 @@ ASKED = [
 
 
 def one_track(method: str, task: str, axis: str = "voltage") -> str:
-    text = STAIRS.replace('rule = "1 down 1 up"\nstep_levels = [1]\n', METHODS[method])
+    text = STAIRS.replace(
+        'rule = "1 down 1 up"\nstep_levels = [1]\nup_step_levels = [2]\n', METHODS[method]
+    )
     text = text.replace('method = "staircase"', f'method = "{method}"').replace(
         'task = "two intervals"', f'task = "{task}"'
     )

@@ -109,7 +109,7 @@ axis = "voltage"
 levels = { from = 10, to = 100, count = 11 }
 standard = { place = "smooth", voltage_v = 0 }
 comparison = { place = "smooth" }
-rule = "1 down 1 up"
+rule = "2 down 1 up"
 step_levels = [2, 1]
 trials = 4
 stop = { reversals = 2 }

@@ -1,6 +1,6 @@
 """The cohort as recorded in the journal: sessions, their states and their slots."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from math import inf
@@ -11,6 +11,7 @@ from protocol.journal.events import terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState, folded
 from protocol.plan.blocks import SlotState, arrivals, next_slot
+from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal
@@ -184,6 +185,27 @@ def told_before(
         if (state.opened.participant, state.opened.kind) == (participant, kind)
         for (name, _), answer in state.questions.items()
     }
+
+
+def cannot_go_on(study: Study, trials: Iterable[Trial], before: SessionState) -> str:
+    """Return why a session cannot go on with `trials`, its plan under `study`; '' if it can."""
+    opened = before.opened.trials if before.opened else ()
+    # Answers are stored by number: under another plan they would belong to other trials.
+    planned, begun = (
+        [(trial.index, trial.kind, trial.condition, trial.track) for trial in each]
+        for each in (trials, opened)
+    )
+    # So are the levels of tracks: on another grid the next level would not follow from them.
+    levels = {track.name: dict(enumerate(track.values)) for track in study.track}
+    moved = any(
+        told.level is not None and levels.get(told.name, {}).get(told.level) != told.value
+        for answers in before.tracks.values()
+        for told in answers
+    )
+    if not moved and planned == begun:
+        return ""
+    what, stay = "levels" if moved else "trials", len(before.answered)
+    return f"cannot go on, because the study has other {what} now; its answers ({stay}) stay"
 
 
 def _slot_state(state: SessionState, before: SlotState) -> SlotState:

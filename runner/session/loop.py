@@ -14,7 +14,8 @@ from protocol.plan.plan import deferral
 from protocol.plan.trials import FEEDBACK_S, Trial
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
-from runner.journal.names import chain_name, session_name
+from runner.journal.cohort import cannot_go_on
+from runner.journal.names import chain_name, chains_of, parsed_name, session_name
 from runner.journal.session_log import abort_trial, close_interrupted
 from runner.journal.store import Journal, JournalError
 from runner.journal.verification import chain_is_unbroken
@@ -255,7 +256,11 @@ def require_resumable(
     if before.is_excluded or before.name in {"completed", "withdrawn"}:
         raise BadInput(f"{name} is already {before.shown_name}; {_instead(session)}")
     assert before.opened is not None, "session-opened is the first event of every session"
-    _require_same_trials(name, session, before)
+    if why := cannot_go_on(session.study, session.plan.trials, before):
+        own = chains_of(journal, session.participant, rehearsal=rehearsal)
+        number = 1 + max(parsed_name(each).number for each in own)
+        extra = "" if session.slides else " --extra"
+        raise BadInput(f"{name} {why}; begin anew with --session {number}{extra}")
     _require_fresh(name, session, before.last_event_utc, now)
 
 
@@ -269,29 +274,6 @@ def _instead(session: Session) -> str:
             f"{session.participant}"
         )
     return "choose another participant or --session"
-
-
-def _require_same_trials(name: str, session: Session, before: SessionState) -> None:
-    assert before.opened is not None, "the caller asked"
-    # Answers are stored by number: under another plan they would belong to other trials.
-    planned, opened = (
-        [(trial.index, trial.kind, trial.condition, trial.track) for trial in trials]
-        for trials in (session.plan.trials, before.opened.trials)
-    )
-    # So are the levels of tracks: on another grid the next level would not follow from them.
-    levels = {track.name: dict(enumerate(track.values)) for track in session.study.track}
-    moved = any(
-        told.level is not None and levels.get(told.name, {}).get(told.level) != told.value
-        for answers in before.tracks.values()
-        for told in answers
-    )
-    if moved or planned != opened:
-        changed = "amended" if session.registration is None else "registered or amended"
-        what = "levels" if moved else "trials"
-        raise BadInput(
-            f"{name} has different {what} in the {changed} study; finish it as --session "
-            f"{session.number + 1}"
-        )
 
 
 def _require_fresh(name: str, session: Session, last_event: datetime | None, now: datetime) -> None:

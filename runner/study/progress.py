@@ -11,6 +11,7 @@ from typing import Any
 
 from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
+from protocol.plan.plan import plan
 from protocol.study.study import Study
 from runner.journal import cohort
 from runner.journal.names import REHEARSAL, parsed_name, session_name
@@ -31,6 +32,8 @@ class Progress:
     now: datetime
     program: str = "touchbeam"
     """As it is typed here."""
+    accepted: bool = True
+    """Whether the study file is the one that sessions go on with."""
 
     @property
     def next_slot(self) -> int | None:
@@ -109,7 +112,8 @@ class Progress:
     def resume_before(self, state: SessionState) -> datetime | None:
         """Return until when an unfinished session may be resumed."""
         script = state.opened is not None and state.opened.kind == SCRIPT
-        if script or state.shown_name in _OVER or state.last_event_utc is None:
+        over = script or state.shown_name in _OVER or self._cannot_go_on(state)
+        if over or state.last_event_utc is None:
             return None
         rules = self.study.session if self.study is not None else None
         hours = _RESUME_WITHIN_H if rules is None else rules.resume_within_h
@@ -132,9 +136,45 @@ class Progress:
             )
         yield self._cohort()
 
+    def stranded(self) -> Iterator[str]:
+        """Yield each session that the study as it is now leaves unfinished, and what to do."""
+        for chain, state in self.sessions.items():
+            if self._cannot_go_on(state):
+                yield parsed_name(chain).plain + self._advice(chain, state).replace(";", "", 1)
+
+    def _cannot_go_on(self, state: SessionState) -> str:
+        """Return why the study as it is now leaves a session unfinished; '' if it does not."""
+        opened = state.opened
+        if self.study is None or not self.accepted or state.shown_name in _OVER:
+            return ""
+        # Nobody has no slot, and without its plan there is nothing to compare.
+        if not isinstance(opened, SessionOpened) or opened.slot is None or not state.planned:
+            return ""
+        study = self.study.of_group(opened.group)
+        trials = plan(study, opened.slot, opened.session).trials
+        return cohort.cannot_go_on(study, trials, state)
+
+    def _anew(self, state: SessionState) -> str:
+        """Return how a participant begins anew; '' after a later session."""
+        opened = state.opened
+        assert opened is not None, "it has a plan"
+        alike = (
+            each.session
+            for each in self.summaries
+            if (each.participant, each.kind) == (opened.participant, opened.kind)
+        )
+        if max(alike) > opened.session:
+            return ""
+        who = ("--participant", opened.participant, "--session", str(opened.session + 1))
+        return f"; begin anew: {self._command('run', *who, '--extra', *_options(state))}"
+
     def _advice(self, chain: str, state: SessionState) -> str:
+        if parsed_name(chain).plain in self.running:
+            return ""
+        if why := self._cannot_go_on(state):
+            return f"; {why}{self._anew(state)}"
         until = self.resume_before(state)
-        if until is None or parsed_name(chain).plain in self.running:
+        if until is None:
             return ""
         named = parsed_name(chain)
         who = ["--participant", named.participant]

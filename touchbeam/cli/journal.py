@@ -16,7 +16,9 @@ from touchbeam.cli.output import complain, counted, print_json, program, require
 if TYPE_CHECKING:
     from runner.journal.store import Journal
     from runner.journal.verification import SessionVerdict
+    from runner.study.folder import StudyFolder
     from runner.study.old_results import OldResults
+    from runner.study.progress import Progress
 
 app = typer.Typer()
 
@@ -24,25 +26,9 @@ app = typer.Typer()
 @app.command()
 def status(study: options.StudyArgument, as_json: options.JsonOption = False) -> None:
     """Show the progress of each session and what to do next."""
-    from runner.journal.cohort import states
-    from runner.journal.names import parsed_name
-    from runner.launch.locks import held_sessions
-    from runner.study.progress import Progress
-
     folder = options.study_folder(study)
     with options.study_journal(folder) as journal:
-        sessions = states(journal)
-    file = None
-    with suppress(BadInput):  # what is recorded is told all the same
-        file = folder.study()
-    progress = Progress(
-        folder=study,
-        study=file,
-        sessions=sessions,
-        running=held_sessions([parsed_name(chain).plain for chain in sessions], study),
-        now=WallClock().utc(),
-        program=program(),
-    )
+        progress = _progress(folder, journal)
     if not as_json:
         for line in progress.lines():
             say(line)
@@ -125,6 +111,32 @@ def backup(
         )
     if not result["ok"]:
         raise typer.Exit(1)
+
+
+def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
+    from protocol.registration.registration import locked
+    from protocol.study_file.loading import text_digest
+    from runner.journal.amendments import accepted_digests
+    from runner.journal.cohort import states
+    from runner.journal.names import parsed_name
+    from runner.launch.locks import held_sessions
+    from runner.study.progress import Progress
+    from runner.study.registered import registration_of
+
+    sessions, file, accepted = states(journal), None, False
+    with suppress(BadInput):  # what is recorded is told all the same
+        registered = registration_of(folder.path)
+        file = locked(folder.study(), registered.digest if registered else None)
+        accepted = accepted_digests(journal)[-1:] == [text_digest(folder.text())]
+    return Progress(
+        folder=folder.path,
+        study=file,
+        sessions=sessions,
+        running=held_sessions([parsed_name(chain).plain for chain in sessions], folder.path),
+        now=WallClock().utc(),
+        program=program(),
+        accepted=accepted,
+    )
 
 
 def _verification(
@@ -213,7 +225,11 @@ def amend(study: options.StudyArgument, reason: options.ReasonOption) -> None:
     proved_study(text, str(folder.study_file))
     with options.study_journal(folder, to_write=True) as journal:
         broken = accept(journal, clock := WallClock(), text, reason)
-    say("The changed study.toml is accepted; sessions continue with it.")
+        stranded = list(_progress(folder, journal).stranded())
+    but = ", but for those named below" * bool(stranded)
+    say(f"The changed study.toml is accepted; sessions continue with it{but}.")
+    for line in stranded:
+        say(line)
     if broken is not None:
         say(
             f"This breaks the lock of registration {broken.registration[:12]} as of "

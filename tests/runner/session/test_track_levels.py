@@ -434,8 +434,8 @@ def test_a_session_is_not_resumed_at_other_levels(tmp_path: Path) -> None:
         now = FakeClock().utc()
         require_resumable(journal, made.session, before, now)
         before.tracks[asked.name] = [replace(answer, value=asked.values[1] * 1.1)]
-        with pytest.raises(BadInput, match="P01/1 has different levels in the amended study"):
+        with pytest.raises(BadInput, match=r"P01/1 cannot go on, .* other levels now"):
             require_resumable(journal, made.session, before, now)
         before.tracks[asked.name] = [replace(answer, level=len(asked.values))]
-        with pytest.raises(BadInput, match="finish it as --session 2"):
+        with pytest.raises(BadInput, match="begin anew with --session 2 --extra"):
             require_resumable(journal, made.session, before, now)

@@ -85,7 +85,7 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
     """Return the threshold as a session tells it, and the mean of a staircase's reversals."""
     from device.tracks.posterior import estimate
     from protocol.tracks.convergence import converges_at
-    from protocol.tracks.procedure import place_after, reversal_mean, staircase
+    from protocol.tracks.procedure import in_mean, place_after, reversal_mean, staircase
 
     found: dict[str, Any] = {
         "threshold": None,
@@ -102,6 +102,7 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
     if track.turns:
         turned_at = place_after(track, told).turned_at
         found["reversals"] = len(turned_at)
+        found["reversals_in_mean"] = len(in_mean(track, turned_at))
         found["reversal_mean"] = reversal_mean(track, turned_at)
         if track.method == "staircase":
             found["reversal_mean_at"] = round(converges_at(staircase(track)), 4)

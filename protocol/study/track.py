@@ -122,7 +122,8 @@ class Track(Record):
     against the standard that is predicted for the calibrated rig; m on the beam"""
     levels: Annotated[Levels, Field(description="all levels there are; see below")]
     standard: TrackTouch | None = None
-    """the touch that the comparison is told from; in yes or no, that without a stimulus"""
+    """the touch with which the comparison is compared; in yes or no, the touch without a stimulus,
+    of catch trials"""
     comparison: TrackTouch
     """the touch at a level: the axis fills in the missing key"""
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS, strict=True)]
@@ -149,15 +150,15 @@ class Track(Record):
     step_levels: tuple[Count, ...] = setting((), max_length=20)
     """instead of `step_db`: steps as numbers of levels"""
     up_step_db: Steps = setting((), max_length=20)
-    """weighted: the steps towards easier levels, if they are others"""
+    """of a weighted staircase: the steps towards easier levels, where they differ from `step_db`"""
     up_step_levels: tuple[Count, ...] = setting((), "likewise as numbers of levels", max_length=20)
     streak: Literal["consecutive", "cumulative"] = "consecutive"
     """cumulative: an error does not reset the count of correct answers"""
     first_reversal: Literal["by the rule", "1 down 1 up"] = "by the rule"
     """how a staircase moves until its first reversal"""
     slope: tuple[Slope, Slope] | None = None
-    """of the curve, from least to most: Weibull's exponent, 1 to 5 by default, or of `normal` the
-    inverse of its SD in units of the axis"""
+    """smallest and largest slope that the curve may have: with `weibull` its exponent, 1 to 5 by
+    default; with `normal` 1/SD, per unit of the axis"""
     lapse: Range = setting((0.0, 0.08), "of the lapse rate, from least to most")
     false_alarms: Range = (0.02, 0.4)
     """of yes or no: the share of yes without a stimulus, from least to most, that QUEST+ and the

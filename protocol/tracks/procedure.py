@@ -145,13 +145,17 @@ def place_after(track: Track, answers: Iterable[Answer]) -> Place:
     return place
 
 
+def in_mean(track: Track, turned_at: tuple[int, ...]) -> tuple[int, ...]:
+    """Return those reversals that were made with the last step."""
+    return turned_at[0 if track.method == "limits" else max(map(len, in_levels(track))) - 1 :]
+
+
 def reversal_mean(track: Track, turned_at: tuple[int, ...]) -> float | None:
     """Return the mean level of the reversals made with the last step, None before there are two.
 
     It is taken in ratios where the levels are in equal ratios.
     """
-    coarse = 0 if track.method == "limits" else max(map(len, in_levels(track))) - 1
-    values = [track.values[level] for level in turned_at[coarse:]]
+    values = [track.values[level] for level in in_mean(track, turned_at)]
     if len(values) < 2:
         return None
     in_ratios = track.levels.step_db is not None

@@ -41,6 +41,7 @@ def test_a_staircase_says_its_levels_and_the_mean_of_its_reversals(folder: Path)
     # 4 dB until the second reversal, then 1 dB.
     assert told["levels"] == [30, 30, 30, 26, 26, 26, 22, 26, 26, 26, 25, 26, 26, 26, 25]
     assert told["estimate"]["reversals"] == 5
+    assert told["estimate"]["reversals_in_mean"] == 3
     assert told["estimate"]["reversal_mean_at"] == 0.7937
     last = [told["values"][number] for number in (10, 13, 14)]
     assert told["estimate"]["reversal_mean"] == pytest.approx(

@@ -159,7 +159,8 @@ def track(
     if (mean := estimate.get("reversal_mean")) is not None:
         at = estimate.get("reversal_mean_at")
         defined = "" if at is None else f", which converges to {at:.4g} correct"
-        say(f"Mean of the last reversals of {estimate['reversals']}: {mean:.4g}{defined}")
+        of = f"the last {estimate['reversals_in_mean']} of {estimate['reversals']} reversals"
+        say(f"Mean of {of}: {mean:.4g}{defined}")
 
 
 @app.command(cls=options.Choosing)

@@ -257,7 +257,7 @@ def _stop(track: Track, told: _Teller) -> _Problems:
         return
     most = most_reversals(track)
     if stop.reversals is not None and stop.reversals > most:
-        rule = f"cannot be reached: {track.trials} trials give at most {most}"
+        rule = f"cannot be reached: trials = {track.trials} gives at most {most}"
         if not most:
             rule, hint = f'cannot be reached: method = "{track.method}" has none', "leave it out"
         else:

@@ -113,6 +113,11 @@ def test_a_threshold_is_recovered(keys: dict[str, Any]) -> None:
     assert np.sqrt(errors) < 4
 
 
+def test_the_steepest_curve_is_a_step_and_no_warning() -> None:
+    found = estimate(track(slope=[1e6, 1e6]), [Answer(30, True), Answer(3, False)])
+    assert 3 < found.threshold < 100
+
+
 def test_what_is_expected_is_what_single_tracks_give() -> None:
     # People with the one slope and lapse rate that the track assumes, one by one.
     asked = track(trials=30, slope=[3, 3], lapse=[0.02, 0.02])

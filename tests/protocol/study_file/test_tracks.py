@@ -99,8 +99,8 @@ GRID = "to = 158.11, count = 31"
         ),
         (
             [("stop = { reversals = 12 }", "stop = { reversals = 40 }")],
-            "track by a staircase, stop, reversals: cannot be reached: 60 trials give at most 29, "
-            "got 40; ask for fewer reversals, or give more trials",
+            "track by a staircase, stop, reversals: cannot be reached: trials = 60 gives at most "
+            "29, got 40; ask for fewer reversals, or give more trials",
         ),
         (
             [("threshold_at = 0.75", "stop = { reversals = 4 }")],

@@ -107,6 +107,8 @@ Order = Literal["williams", "blocks", "random", "fixed"]
 Grouping = Literal["no", "block", "session"]
 MOST_REPEATS = 20
 """Of a condition in a session."""
+MOST_HOURS_BETWEEN = 87_600
+"""Ten years: longer ones would leave the calendar."""
 Pause = Annotated[NotNegative, Field(le=600)]
 """Within a trial or before it, s: more than 10 minutes are in ms."""
 ReadableTime = Annotated[NotNegative, Field(le=10)]
@@ -165,6 +167,11 @@ class Design(Record):
         least, most = self.hours_between or (0.0, 1.0)
         if least >= most:
             raise ValueError(f"hours_between must rise, got {least:g} to {most:g}")
+        if max(least, most if most != inf else 0.0) > MOST_HOURS_BETWEEN:
+            raise ValueError(
+                f"hours_between must be at most {MOST_HOURS_BETWEEN}, ten years, or inf at the "
+                f"end, got {least:g} to {most:g}"
+            )
         if self.hours_between is not None and self.sessions == 1:
             raise ValueError("sessions must be above 1 where hours_between is given, got 1")
         return self

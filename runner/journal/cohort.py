@@ -154,7 +154,7 @@ def group_for(
 
 Due = tuple[datetime, datetime]
 """From when until when a session may begin."""
-_NEVER = datetime.max.replace(tzinfo=UTC)
+NEVER = datetime.max.replace(tzinfo=UTC)
 
 
 def due_between(study: Study, before: SessionState) -> Due | None:
@@ -164,13 +164,13 @@ def due_between(study: Study, before: SessionState) -> Due | None:
     least, most = study.design.hours_between
     ended = before.completed_utc
     # A date has no infinity: where no hours are the most, the last there is stands for it.
-    last = _NEVER if most == inf else ended + timedelta(hours=most)
+    last = NEVER if most == inf else ended + timedelta(hours=most)
     return ended + timedelta(hours=least), last
 
 
 def due_in_words(due: Due) -> str:
     """Return when a session is due, in the computer's time zone."""
-    first, *last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due if moment < _NEVER)
+    first, *last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due if moment < NEVER)
     return f"from {first} to {last[0]}" if last else f"from {first} on"
 
 

@@ -80,7 +80,11 @@ class Progress:
             {
                 **summary.record(),
                 "resume_before_utc": (until := self.resume_before(state)) and until.isoformat(),
-                "next_due_utc": [each.isoformat() for each in self.next_due(summary, state) or ()],
+                "next_due_utc": [
+                    each.isoformat()
+                    for each in self.next_due(summary, state) or ()
+                    if each < cohort.NEVER
+                ],
             }
             for summary, state in zip(self.summaries, self.sessions.values(), strict=True)
         ]

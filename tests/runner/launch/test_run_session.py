@@ -9,6 +9,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened
+from protocol.study_file.loading import StudyError
 from runner.journal.cohort import due_between, due_in_words, states
 from runner.journal.opening import open_journal
 from runner.launch.request import (
@@ -100,7 +101,9 @@ def test_a_session_begins_when_it_is_due_or_with_a_reason(
     assert '"next_due_utc": []' in capsys.readouterr().out
 
 
-def test_a_session_may_be_due_at_any_time_after_the_least_hours(tmp_path: Path) -> None:
+def test_a_session_may_be_due_at_any_time_after_the_least_hours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     study_in(tmp_path, "paper", ("[design]", "[design]\nsessions = 2\nhours_between = [20, inf]"))
     run_session(tmp_path, "P01")
     study = StudyFolder(path=tmp_path).study()
@@ -112,6 +115,15 @@ def test_a_session_may_be_due_at_any_time_after_the_least_hours(tmp_path: Path) 
     assert due[0] == state.completed_utc + timedelta(hours=20)
     assert due[1] > state.completed_utc + timedelta(days=36_500)
     assert due_in_words(due).endswith(" on")
+    assert typed("status", tmp_path, "--json") == 0
+    assert "9999" not in capsys.readouterr().out
+
+
+def test_more_hours_between_sessions_than_the_calendar_has_are_refused(tmp_path: Path) -> None:
+    given = "[design]\nsessions = 2\nhours_between = [20, 1e300]"
+    study_in(tmp_path, "paper", ("[design]", given))
+    with pytest.raises(StudyError, match="at most 87600, ten years, or inf at the end, got 20 to"):
+        StudyFolder(path=tmp_path).study()
 
 
 def test_a_rehearsal_out_of_turn_or_of_a_group_by_chance_is_said(

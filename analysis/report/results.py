@@ -88,12 +88,12 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
 def threshold_lines(found: Findings) -> list[str]:
     """Return for the terminal the mean threshold of each track; nothing without tracks."""
     cohort = found.thresholds.cohort if found.thresholds else ()
-    return [f"Threshold of {each.track}: {_mean_threshold(each)}" for each in cohort]
+    return [f"Threshold in the track {each.track}: {_mean_threshold(each)}" for each in cohort]
 
 
 def _thresholds(found: Thresholds) -> str:
     """Tell the mean threshold of each track, with the share that defines it."""
-    return " ".join(f"Of {each.track}: {_mean_threshold(each)}" for each in found.cohort)
+    return " ".join(f"In the track {each.track}: {_mean_threshold(each)}" for each in found.cohort)
 
 
 def _mean_threshold(each: CohortThreshold) -> str:

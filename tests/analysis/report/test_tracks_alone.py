@@ -39,7 +39,7 @@ def test_thresholds_are_said_with_the_share_that_defines_them() -> None:
     assert {each["participant"] for each in told["people"]} == {"P01", "P02"}
     assert told["people"][0]["threshold_at"] == 0.75
     first, second = threshold_lines(found)
-    assert first.startswith("Threshold of smallest amplitude: ")
+    assert first.startswith("Threshold in the track smallest amplitude: ")
     assert "a Weber fraction of 0." in second
     assert "of predicted friction, where a share of 0.75 is right" in second
     assert {each["axis"] for each in told["readings"]} == {"voltage", "predicted contrast"}

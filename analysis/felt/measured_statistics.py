@@ -12,9 +12,9 @@ import pandas as pd
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
 from analysis.friction import recorded
 from analysis.friction.measured_contrast import (
-    Compared,
     MeasuredContrast,
     Rest,
+    TouchPair,
     borrowed_contrasts,
     measured_contrast,
     rest_of,
@@ -212,7 +212,7 @@ def _of_trial(
     assert session is not None
     if isinstance(session.jitter, NotEstimable):
         return session.jitter
-    compared = Compared(
+    compared = TouchPair(
         effect=change.effect,
         contrary=change.contrary,
         before=None if first == last else session.touches[first],

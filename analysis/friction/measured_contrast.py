@@ -37,7 +37,7 @@ TINY = 1e-24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compared:
+class TouchPair:
     """What a trial compares.
 
     `effect` and `contrary` are as in `Change`. `before` is the first touch, None where the change
@@ -87,7 +87,7 @@ def rest_of(unforced: Sequence[TouchForces], jitter: Jitter) -> Rest | NotEstima
 
 
 def measured_contrast(
-    compared: Compared, jitter: Jitter, rest: Rest | NotEstimable
+    compared: TouchPair, jitter: Jitter, rest: Rest | NotEstimable
 ) -> MeasuredContrast | NotEstimable:
     """Return the contrast of a trial as it was measured, positive when it is the expected one.
 
@@ -155,7 +155,7 @@ def _measured(predictors: Mapping[str, float], variance: float) -> MeasuredContr
 
 
 def _over_path(
-    compared: Compared, rest: Rest | NotEstimable, jitter: Jitter
+    compared: TouchPair, rest: Rest | NotEstimable, jitter: Jitter
 ) -> MeasuredContrast | NotEstimable:
     width_m = compared.contact_m / BINS_OF_CONTACT
     after = profile(compared.after, width_m, jitter)

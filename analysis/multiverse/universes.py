@@ -13,7 +13,7 @@ from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import NothingToReport, StudyData, study_data
 from analysis.statistics.summary import Reading, reading
-from analysis.trials.contrasts import RUNGS, trial_contrasts
+from analysis.trials.contrasts import BEAM_MODELS, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import NOMINAL, Calibration
@@ -194,7 +194,7 @@ def _contrasts(
 ) -> Iterator[tuple[dict[Choice, str], FloatArray]]:
     """Yield the contrasts of all trials, shape (trials,), by contrast, law and rung."""
     # The report's own options come first: the first of all analyses is then the report's.
-    rungs = (RUNG, *(rung for rung in RUNGS if rung != RUNG))
+    rungs = (RUNG, *(rung for rung in BEAM_MODELS if rung != RUNG))
     laws = (LAW, *(law for law in LAWS if law != LAW))
     known: list[dict[tuple[str, str], FloatArray]] = []
     for name in (TOUCHED, PLANNED):

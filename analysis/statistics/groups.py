@@ -173,7 +173,7 @@ def _outside(n: int, m: int) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class GroupMean:
     """How many people of a group have a value, with their mean and median; NaN of nobody."""
 
     name: str
@@ -189,7 +189,7 @@ class Compared:
     `statistic` is u of two groups and H of Kruskal and Wallis (1952), corrected for ties, of more.
     """
 
-    groups: tuple[Group, ...]
+    groups: tuple[GroupMean, ...]
     statistic: float
     p: float
     error: float
@@ -224,7 +224,7 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
         p, error = tested.p, tested.error
     return Compared(
         groups=tuple(
-            Group(
+            GroupMean(
                 name=name,
                 n=found.size,
                 mean=float(found.mean()) if found.size else np.nan,

@@ -310,7 +310,7 @@ def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -
 
 # The range of each condition's contrast over rungs, laws, and what the paper leaves open.
 
-RUNGS = ("mode", *SEGMENTED_RUNGS)
+BEAM_MODELS = ("mode", *SEGMENTED_RUNGS)
 """The models of the beam; the cheaper rungs approximate the first of them."""
 FACTORS = (0.5, 0.5**0.5, 1.0, 2**0.5, 2.0)
 """Multiples of the damping ratio and of the finger's speed, neither of which the paper gives."""
@@ -364,7 +364,7 @@ def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -
         condition=condition,
         kind=change.kind,
         value=predicted_contrast(change, rig=rig),
-        by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in RUNGS},
+        by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in BEAM_MODELS},
         by_law={law: predicted_contrast(change, law, rig=rig) for law in LAWS},
         by_damping={
             f"{factor * damping_ratio:.4g}": predicted_contrast(

@@ -14,7 +14,7 @@ from analysis.report.wording import interval, number
 from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveCheck
-from analysis.trials.contrasts import FACTORS, RUNGS, ContrastRange
+from analysis.trials.contrasts import BEAM_MODELS, FACTORS, ContrastRange
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from protocol.journal.records import VirtualTruth
@@ -219,8 +219,8 @@ def _range_table(ranges: Sequence[ContrastRange]) -> Table:
         name="contrast-ranges",
         caption=f"Contrast of each condition as planned (law {LAW}, rung {RUNG}), and the range "
         "of its values if one assumption changes: the rung of the model "
-        f"({', '.join(RUNGS)}), the friction law ({', '.join(LAWS)}), the damping ratio and the "
-        f"finger's speed (each {low:g} to {high:g} times the assumed one).",
+        f"({', '.join(BEAM_MODELS)}), the friction law ({', '.join(LAWS)}), the damping ratio and "
+        f"the finger's speed (each {low:g} to {high:g} times the assumed one).",
     )
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.friction.measured_contrast import (
-    Compared,
     MeasuredContrast,
     Rest,
+    TouchPair,
     measured_contrast,
     rest_of,
 )
@@ -68,8 +68,8 @@ def compared(
     along_path: bool = False,
     contrary: bool = False,
     within: bool = False,
-) -> Compared:
-    return Compared(
+) -> TouchPair:
+    return TouchPair(
         effect=effect,
         contrary=contrary,
         before=before,
@@ -81,7 +81,7 @@ def compared(
 
 
 def contrast(
-    what: Compared, jitter: Jitter = QUIET, rest: Rest | NotEstimable = NO_REST
+    what: TouchPair, jitter: Jitter = QUIET, rest: Rest | NotEstimable = NO_REST
 ) -> MeasuredContrast:
     found = measured_contrast(what, jitter, rest)
     assert isinstance(found, MeasuredContrast), found

@@ -21,7 +21,7 @@ from analysis.multiverse.curve import (
     named_claims,
 )
 from analysis.multiverse.universes import NOTHING, STRICT, Choice, Universe, universes
-from analysis.trials.contrasts import RUNGS
+from analysis.trials.contrasts import BEAM_MODELS
 from device.friction.laws import LAWS
 from protocol.journal.events import Event, StoredEvent, TouchEnded, TrialExcluded
 from tests.analysis.chains import chain, published_chain, scored_session
@@ -105,7 +105,7 @@ def test_choices_that_do_not_differ_are_not_multiplied_but_named() -> None:
     assert "no score was withheld, so that the three readings are one" in found.single.values()
     assert curves(found)["voltage-best"].tally.analyses == 1
     order = curves(found)["order-follows-model"]
-    assert order.tally.analyses == len(LAWS) * len(RUNGS)
+    assert order.tally.analyses == len(LAWS) * len(BEAM_MODELS)
     assert list(order.options) == [Choice.LAW, Choice.RUNG]
     assert order.options[Choice.LAW][0] == "consistent", "the report's own option comes first"
 

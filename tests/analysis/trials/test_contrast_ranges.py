@@ -6,7 +6,7 @@ import pytest
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.trials.contrasts import (
-    RUNGS,
+    BEAM_MODELS,
     at_places,
     condition_changes,
     contrast_range,
@@ -38,7 +38,7 @@ def test_each_condition_has_a_kind_of_contrast() -> None:
 def test_a_range_holds_the_contrast_itself(name: str) -> None:
     found = contrast_range(name, CONDITIONS[name])
     assert found.value == predicted_contrast(CONDITIONS[name])
-    assert tuple(found.by_rung) == RUNGS
+    assert tuple(found.by_rung) == BEAM_MODELS
     assert tuple(found.by_law) == tuple(LAWS)
     assert found.by_rung[TOP_RUNG] == found.by_law["consistent"] == found.value
     assert found.by_damping["0.005"] == found.by_speed["0.03992"] == found.value

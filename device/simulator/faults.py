@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import MAX_VOLTAGE_V, Instrument
-from device.simulator.models.dialect import Dialect
+from device.simulator.models.dialect import Dialect, Happenings
 from device.simulator.models.gauge_model import GaugeModel
 from device.simulator.models.scpi import ScpiError
 
@@ -126,19 +126,19 @@ class Broken:
         self._sound = {
             name: getattr(owner, setting) for name, (owner, setting, _) in self._settings.items()
         }
-        self._happenings: dict[str, Callable[[], None]] = {
-            "brown-out": dialect.restart,
-            "error-queued": lambda: dialect.status.complain(_ERROR),
-            "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
-            "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
-            "limits-lost": self._lose_limits,
-            "samples-lost": self._lose_samples,
-            "panel-changed": dialect.turn_knobs,
-            "modulated": dialect.modulate,
-            "signal-added": dialect.add_signal,
-            "frequency-changed": self._turn_frequency,
-            "panel-on": self._press_output,
-        }
+        self._happenings: tuple[Happenings, ...] = (
+            {
+                "brown-out": dialect.restart,
+                "error-queued": lambda: dialect.status.complain(_ERROR),
+                "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
+                "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
+                "limits-lost": lambda: setattr(instrument, "limit_v", MAX_VOLTAGE_V),
+                "samples-lost": self.gauge.sampler.lose,
+                "frequency-changed": self._turn_frequency,
+                "panel-on": self._press_output,
+            },
+            dialect.happenings(),
+        )
         """What happens once, when a fault is switched on."""
 
     def switch(self, name: str, *, on: bool) -> None:
@@ -149,8 +149,9 @@ class Broken:
         if name in self._settings:
             owner, setting, faulty = self._settings[name]
             setattr(owner, setting, faulty if on else self._sound[name])
-        if name in self._happenings and on:
-            self._happenings[name]()
+        for happenings in self._happenings:
+            if name in happenings and on:
+                happenings[name]()
         if name == "relay-stuck":
             self.instrument.left_v = 0.0  # it holds what is on when the output is switched off
 
@@ -158,16 +159,7 @@ class Broken:
         for name in sorted(self.active):
             self.switch(name, on=False)
 
-    def _lose_samples(self) -> None:
-        self.dialect.lose_samples()
-        self.gauge.sampler.lose()
-
-    def _lose_limits(self) -> None:
-        self.instrument.limit_v = MAX_VOLTAGE_V
-        self.dialect.lose_limits()
-
     def _turn_frequency(self) -> None:
-        self.dialect.turn_frequency(OTHER_HZ)
         self.instrument.sweep, self.instrument.frequency_hz = None, OTHER_HZ
 
     def _press_output(self) -> None:

@@ -8,7 +8,7 @@ from device.simulator.hardware import power_stage
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
 from device.simulator.models import scpi
-from device.simulator.models.dialect import Dialect, Status, asked
+from device.simulator.models.dialect import Dialect, Happenings, Status, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 IDN = "touchbeam,BOARD,SIM,1.2"
@@ -39,14 +39,13 @@ class BoardDialect(Dialect):
         self._forget()
         self.status.power_on()
 
-    def lose_samples(self) -> None:
-        self.sampler.lose()
-
-    def turn_knobs(self) -> None:
-        """Change limit and ramp, as if the board had a panel."""
+    def happenings(self) -> Happenings:
         # A board has no panel: what may change behind the host's back are limit and ramp.
-        self._instrument.limit_v = power_stage.MAX_VOLTAGE_V
-        self._instrument.ramp_v_per_s = power_stage.RAMP_RANGE_V_PER_S[1]
+        def forget_limits() -> None:
+            self._instrument.limit_v = power_stage.MAX_VOLTAGE_V
+            self._instrument.ramp_v_per_s = power_stage.RAMP_RANGE_V_PER_S[1]
+
+        return {"samples-lost": self.sampler.lose, "panel-changed": forget_limits}
 
     def _handlers(self) -> dict[str, Handler]:
         instrument, sampler, volts = self._instrument, self.sampler, "[SOURce#:]VOLTage"

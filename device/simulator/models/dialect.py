@@ -1,13 +1,14 @@
 """The base of all dialects: compound lines, common commands, status registers and error queue."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from device.simulator.models import scpi
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 QUEUE_LENGTH = 20
+Happenings = Mapping[str, Callable[[], object]]
 POWER_ON = 128
 OPERATION_COMPLETE = 1
 _EVENT_BITS = {1: 32, 2: 16, 3: 8, 4: 4}
@@ -98,23 +99,9 @@ class Dialect:
     def follow(self) -> None:
         """Put on the beam what is given now that time has passed."""
 
-    def lose_samples(self) -> None:
-        """Forget samples of the force channel that nobody has asked for yet."""
-
-    def lose_limits(self) -> None:
-        """Forget the limits that the device keeps besides those of its power stage."""
-
-    def turn_knobs(self) -> None:
-        """Change at the panel what the drive relies on."""
-
-    def modulate(self) -> None:
-        """Switch frequency modulation on at the panel, where there is one."""
-
-    def add_signal(self) -> None:
-        """Add a second signal to the output at the panel, where there is one."""
-
-    def turn_frequency(self, frequency_hz: float) -> None:
-        """Change the frequency at the panel, where it is kept besides by the power stage."""
+    def happenings(self) -> Happenings:
+        """Return what happens in this dialect alone when a fault is switched on, by its name."""
+        return {}
 
     def _answered(self, header: str, argument: str) -> str | None:
         try:

@@ -7,13 +7,13 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
-from device.simulator.models.dialect import Dialect, Status, asked
+from device.simulator.models.dialect import Dialect, Happenings, Status, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 SOURCE_OHM = 50.0
@@ -28,44 +28,64 @@ PANEL_LOAD_OHM, PANEL_UNIT, PANEL_OFFSET_V = 50.0, "VRMS", 1.0
 DEVIATION_HZ = 2_000.0
 """How far frequency modulation moves the frequency once it is switched on at the panel."""
 SCPI_INFINITY = 9.9e37
+_ROUNDING = 1e-9
+"""A value that is at the end of its range but for this share of it is not complained about."""
 _AMPLITUDES = {**scpi.VOLTS, "VPP": 1.0, "MVPP": 1e-3, "VRMS": 1.0, "MVRMS": 1e-3}
 _OHM = {"": 1.0, "OHM": 1.0, "KOHM": 1e3}
 _ROOTS = ("OUTPut", "TRIGger", "SYSTem")
 
 
 @dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What a channel keeps and tells: a number with unit and range, one of `words`, or a switch.
+
+    `name` is the attribute of the channel that keeps it, '' for one of its `settings`.
+    """
+
+    header: str
+    name: str = ""
+    default: float | str | bool = False
+    lowest: float = 0.0
+    highest: float = 0.0
+    units: Mapping[str, float] = field(default_factory=lambda: scpi.NO_UNIT)
+    words: tuple[str, ...] = ()
+
+    def value(self, argument: str) -> float | str | bool:
+        if self.words:
+            return scpi.choice(argument, self.words)
+        if self.highest == self.lowest:
+            return scpi.boolean(argument)
+        return scpi.quantity(argument, self.units, self.lowest, self.highest)
+
+
+UNIT = Setting(header="VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
+
+
+def function(*words: str) -> Setting:
+    """Return the setting of the wave, which is one of `words`."""
+    return Setting(header="FUNCtion[:SHAPe]", name="function", words=words)
+
+
+def limits(header: str) -> tuple[Setting, Setting]:
+    """Return the settings of the voltage limits, which begin with `header`."""
+    volts = Setting(header="", lowest=-10.0, highest=10.0, units=scpi.VOLTS)
+    return (
+        replace(volts, header=f"{header}:HIGH", name="limit_high_v"),
+        replace(volts, header=f"{header}:LOW", name="limit_low_v"),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Model:
-    """What differs between the models."""
+    """What differs between the models; `limit_switch` is '' where there are no voltage limits."""
 
     idn: str
     channels: int
     digits: int
     least_emf_vpp: float
     most_hz: float
-    limits: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Kept:
-    """What a channel keeps and tells: a number with unit and range, one of `words`, or a switch."""
-
-    header: str
-    default: float | str = 0.0
-    lowest: float = 0.0
-    highest: float = 0.0
-    units: Mapping[str, float] = field(default_factory=lambda: scpi.NO_UNIT)
-    words: tuple[str, ...] = ()
-
-    @property
-    def is_switch(self) -> bool:
-        return not self.words and self.highest == self.lowest
-
-    def value(self, argument: str) -> float | str:
-        if self.words:
-            return scpi.choice(argument, self.words)
-        if self.is_switch:
-            return float(scpi.boolean(argument))
-        return scpi.quantity(argument, self.units, self.lowest, self.highest)
+    settings: tuple[Setting, ...] = ()
+    limit_switch: str = ""
 
 
 @dataclass
@@ -86,7 +106,7 @@ class Channel:
     limited: bool = False
     limit_high_v: float = DEFAULT_LIMIT_V
     limit_low_v: float = -DEFAULT_LIMIT_V
-    settings: dict[str, float | str] = field(default_factory=dict)
+    settings: dict[str, float | str | bool] = field(default_factory=dict)
 
     @property
     def shown(self) -> float:
@@ -99,10 +119,6 @@ class Channel:
     def unit_vpp(self) -> float:
         """The unit that is set, Vpp."""
         return VPP_PER_VRMS if self.unit == "VRMS" else 1.0
-
-    @property
-    def amplitude(self) -> float:
-        return self.shown * self.emf_vpp / self.unit_vpp
 
     @property
     def offset_v(self) -> float:
@@ -124,22 +140,21 @@ class Channel:
     def least_vpp(self) -> float:
         return self.shown * self.least_emf_vpp
 
-    def set_vpp(self, vpp: float) -> ScpiError | None:
-        """Keep an amplitude; one out of range is clipped, and the maker's complaint returned."""
+    def set_vpp(self, vpp: float) -> None:
+        """Keep an amplitude; one out of range is clipped, and the maker's complaint raised."""
         least, most = self.least_vpp(), self.most_vpp()
         self.emf_vpp = min(max(vpp, least), most) / self.shown
-        # A value that is at the end but for its rounding is not complained about.
-        if vpp > most * (1 + 1e-9):
-            return UPPER
-        return LOWER if vpp < least * (1 - 1e-9) else None
+        if vpp > most * (1 + _ROUNDING):
+            raise UPPER
+        if vpp < least * (1 - _ROUNDING):
+            raise LOWER
 
-    def set_offset(self, offset_v: float) -> ScpiError | None:
-        """Keep an offset; one that leaves no room for the amplitude is clipped."""
+    def set_offset(self, offset_v: float) -> None:
+        """Keep an offset; one that leaves no room for the amplitude is clipped, as `set_vpp`."""
         most_v = self.shown * (MOST_EMF_VPP - self.emf_vpp) / 2
         self.emf_offset_v = min(max(offset_v, -most_v), most_v) / self.shown
-        if abs(offset_v) > most_v * (1 + 1e-9):
-            return UPPER if offset_v > 0 else LOWER
-        return None
+        if abs(offset_v) > most_v * (1 + _ROUNDING):
+            raise UPPER if offset_v > 0 else LOWER
 
     def set_levels(self, low_v: float, high_v: float) -> None:
         """Set amplitude and offset by both ends; `ScpiError` unless they rise and can be given."""
@@ -152,8 +167,8 @@ class Channel:
 
     def limit(self, on: bool) -> None:
         """Switch the limits; `ScpiError`, and they stay off, if what is set now exceeds them."""
-        fits_below = self.level_v(1) <= self.limit_high_v * (1 + 1e-9)
-        if on and not (fits_below and self.level_v(-1) >= self.limit_low_v * (1 + 1e-9)):
+        fits_below = self.level_v(1) <= self.limit_high_v * (1 + _ROUNDING)
+        if on and not (fits_below and self.level_v(-1) >= self.limit_low_v * (1 + _ROUNDING)):
             raise ScpiError(-221, "Settings conflict; signal exceeds the voltage limits")
         self.limited = on
 
@@ -161,20 +176,18 @@ class Channel:
 class GeneratorDialect(Dialect):
     """Answers a generator's commands; channel 1 is what `instrument` puts on the beam."""
 
-    functions: ClassVar[tuple[str, ...]] = ()
-    limit_header: ClassVar[str] = "[SOURce#:]VOLTage:LIMit"
-    limit_state: ClassVar[str] = ":STATe"
-    modulation: ClassVar[tuple[str, float | str]]
+    switches: ClassVar[tuple[str, str]] = ("0", "1")
+    """How it answers that something is off, and on."""
+    modulation: ClassVar[tuple[str, str | bool]]
     """The setting for frequency modulation, and its value while that is on."""
-    addition: ClassVar[tuple[str, float | str]]
+    addition: ClassVar[tuple[str, str | bool]]
     """The same for the signal that is added to that of channel 1, and whose signal that is."""
     added_channel: ClassVar[int] = 2
 
-    def __init__(self, instrument: Instrument, model: Model, settings: Sequence[Kept] = ()) -> None:
+    def __init__(self, model: Model, instrument: Instrument, _beam: object) -> None:
         self.idn = model.idn
         self._instrument = instrument
         self._model = model
-        self._settings = settings
         self.channels: list[Channel] = []
         """The first one drives the beam."""
         self._preset()
@@ -203,24 +216,25 @@ class GeneratorDialect(Dialect):
         if instrument.output:
             instrument.voltage_v = instrument.target_v
 
-    def lose_limits(self) -> None:
-        self.channels[0].limited = False
+    def happenings(self) -> Happenings:
+        # Not the first channel itself: a reset makes new ones.
+        def change(**values: float | str | bool) -> None:
+            vars(self.channels[0]).update(values)
 
-    def turn_knobs(self) -> None:
-        first = self.channels[0]
-        first.load_ohm, first.unit = PANEL_LOAD_OHM, PANEL_UNIT
-        first.emf_offset_v = PANEL_OFFSET_V
+        def add() -> None:
+            settings = self.channels[0].settings
+            # A 33220A has no other signal than its modulation.
+            settings.update([self.addition if self.addition[0] in settings else self.modulation])
 
-    def modulate(self) -> None:
-        self.channels[0].settings.update([self.modulation])
-
-    def add_signal(self) -> None:
-        known = self.addition[0] in self.channels[0].settings
-        # A 33220A has no other signal than its modulation.
-        self.channels[0].settings.update([self.addition if known else self.modulation])
-
-    def turn_frequency(self, frequency_hz: float) -> None:
-        self.channels[0].frequency_hz = frequency_hz
+        return {
+            "limits-lost": lambda: change(limited=False),
+            "panel-changed": lambda: change(
+                load_ohm=PANEL_LOAD_OHM, unit=PANEL_UNIT, emf_offset_v=PANEL_OFFSET_V
+            ),
+            "frequency-changed": lambda: change(frequency_hz=self._instrument.frequency_hz),
+            "modulated": lambda: self.channels[0].settings.update([self.modulation]),
+            "signal-added": add,
+        }
 
     def of(self, call: Call) -> Channel:
         return self.channels[call.channel - 1]
@@ -234,7 +248,7 @@ class GeneratorDialect(Dialect):
         else:
             self.channels[channel - 1].output = on
 
-    def _has(self, setting: tuple[str, float | str]) -> bool:
+    def _has(self, setting: tuple[str, str | bool]) -> bool:
         header, value = setting
         return self.channels[0].settings.get(header) == value
 
@@ -243,11 +257,11 @@ class GeneratorDialect(Dialect):
         return True
 
     def _preset(self) -> None:
-        least_vpp = self._model.least_emf_vpp
-        kept = {kept.header: kept.default for kept in self._settings}
+        model = self._model
+        kept = {setting.header: setting.default for setting in model.settings if not setting.name}
         self.channels[:] = [
-            Channel(least_emf_vpp=least_vpp, settings=dict(kept))
-            for _ in range(self._model.channels)
+            Channel(least_emf_vpp=model.least_emf_vpp, settings=dict(kept))
+            for _ in range(model.channels)
         ]
         self._instrument.reset()
         self._instrument.frequency_hz = self.channels[0].frequency_hz
@@ -255,111 +269,77 @@ class GeneratorDialect(Dialect):
     # The commands, as makers' manuals write them, and what each one does.
 
     def _handlers(self) -> dict[str, Handler]:
-        volts, load = "[SOURce#:]VOLTage", self._number(lambda it: it.load_ohm, 1.0, 10_000.0)
-        level = f"{volts}[:LEVel][:IMMediate]"
+        volts, most_hz = "[SOURce#:]VOLTage[:LEVel][:IMMediate]", self._model.most_hz
         commands: dict[str, Handler] = {
             "*IDN?": asked(lambda: self.idn),
             "*RST": asked(self._preset),
             "[SOURce#:]FREQuency[:CW]": self._set_frequency,
-            "[SOURce#:]FREQuency[:CW]?": self._number(
-                lambda it: it.frequency_hz, 1e-6, self._model.most_hz
-            ),
-            "[SOURce#:]FUNCtion[:SHAPe]": lambda call: setattr(
-                self.of(call), "function", scpi.choice(call.argument, self.functions)
-            ),
-            "[SOURce#:]FUNCtion[:SHAPe]?": self._word(lambda it: it.function),
+            "[SOURce#:]FREQuency[:CW]?": self._tells(lambda it: it.frequency_hz, 1e-6, most_hz),
             "OUTPut#[:STATe]": lambda call: self.switch(
                 call.channel, on=scpi.boolean(call.argument)
             ),
-            "OUTPut#[:STATe]?": lambda call: self._switch_word(call, on=self.is_on(call.channel)),
+            "OUTPut#[:STATe]?": lambda call: self._told(call, self.is_on(call.channel)),
             "OUTPut#:LOAD": self._set_load,
-            "OUTPut#:LOAD?": load,
-            f"{level}[:AMPLitude]": self._set_amplitude,
-            f"{level}[:AMPLitude]?": self._amplitude,
-            f"{level}:OFFSet": self._set_offset,
-            f"{level}:OFFSet?": self._number(lambda it: it.offset_v, -10, 10),
-            f"{level}:HIGH": lambda call: self._set_level(call, high=True),
-            f"{level}:LOW": lambda call: self._set_level(call, high=False),
-            f"{level}:HIGH?": self._number(lambda it: it.level_v(1), -10, 10),
-            f"{level}:LOW?": self._number(lambda it: it.level_v(-1), -10, 10),
-            f"{volts}:UNIT": lambda call: setattr(
-                self.of(call), "unit", scpi.choice(call.argument, ("VPP", "VRMS"))
-            ),
-            f"{volts}:UNIT?": self._word(lambda it: it.unit),
+            "OUTPut#:LOAD?": self._tells(lambda it: it.load_ohm, 1.0, 10_000.0),
+            f"{volts}[:AMPLitude]": self._set_amplitude,
+            f"{volts}[:AMPLitude]?": self._amplitude,
+            f"{volts}:OFFSet": self._set_offset,
+            f"{volts}:OFFSet?": self._tells(lambda it: it.offset_v, -10, 10),
+            f"{volts}:HIGH": lambda call: self._set_level(call, high=True),
+            f"{volts}:LOW": lambda call: self._set_level(call, high=False),
+            f"{volts}:HIGH?": self._tells(lambda it: it.level_v(1), -10, 10),
+            f"{volts}:LOW?": self._tells(lambda it: it.level_v(-1), -10, 10),
         }
-        if self._model.limits:
-            commands |= self._limits()
-        for kept in self._settings:
-            commands |= self._keeping(kept)
+        if switch := self._model.limit_switch:
+            commands[switch] = lambda call: self.of(call).limit(scpi.boolean(call.argument))
+            commands[f"{switch}?"] = self._tells(lambda it: it.limited)
+        for setting in self._model.settings:
+            commands |= self._keeping(setting)
         return commands
 
-    def _limits(self) -> dict[str, Handler]:
-        limit, state = self.limit_header, f"{self.limit_header}{self.limit_state}"
-
-        def put(name: str) -> Handler:
-            return lambda call: setattr(
-                self.of(call), name, scpi.quantity(call.argument, scpi.VOLTS, -10.0, 10.0)
-            )
-
-        return {
-            f"{limit}:HIGH": put("limit_high_v"),
-            f"{limit}:LOW": put("limit_low_v"),
-            f"{limit}:HIGH?": self._number(lambda it: it.limit_high_v, -10, 10),
-            f"{limit}:LOW?": self._number(lambda it: it.limit_low_v, -10, 10),
-            state: lambda call: self.of(call).limit(scpi.boolean(call.argument)),
-            f"{state}?": lambda call: self._switch_word(call, on=self.of(call).limited),
-        }
-
-    def _keeping(self, kept: Kept) -> dict[str, Handler]:
+    def _keeping(self, setting: Setting) -> dict[str, Handler]:
         """The two commands of a setting that is only kept."""
+        key = setting.name or setting.header
+
+        def place(call: Call) -> dict[str, float | str | bool]:
+            return vars(self.of(call)) if setting.name else self.of(call).settings
 
         def put(call: Call) -> None:
-            self.of(call).settings[kept.header] = kept.value(call.argument)
+            place(call)[key] = setting.value(call.argument)
 
         def get(call: Call) -> str:
-            value = self.of(call).settings[kept.header]
-            if isinstance(value, str):
-                scpi.nothing(call.argument)
-                return value
-            if kept.is_switch:
-                return self._switch_word(call, on=bool(value))
-            return self._told(call, value, kept.lowest, kept.highest)
+            return self._told(call, place(call)[key], setting.lowest, setting.highest)
 
-        header = kept.header if kept.header.startswith(_ROOTS) else f"[SOURce#:]{kept.header}"
+        header = setting.header
+        header = header if header.startswith(_ROOTS) else f"[SOURce#:]{header}"
         return {header: put, f"{header}?": get}
 
-    def _number(
-        self, value_of: Callable[[Channel], float], lowest: float, highest: float
+    def _tells(
+        self, value_of: Callable[[Channel], float | bool], lowest: float = 0.0, highest: float = 0.0
     ) -> Handler:
         return lambda call: self._told(call, value_of(self.of(call)), lowest, highest)
 
-    def _word(self, word_of: Callable[[Channel], str]) -> Handler:
-        def word(call: Call) -> str:
-            scpi.nothing(call.argument)
-            return word_of(self.of(call))
-
-        return word
-
-    def _switch_word(self, call: Call, *, on: bool) -> str:
-        """Return what a query for a switch answers."""
-        scpi.nothing(call.argument)
-        return str(int(on))
-
-    def _told(self, call: Call, kept: float, lowest: float, highest: float) -> str:
+    def _told(
+        self, call: Call, kept: float | str | bool, lowest: float = 0.0, highest: float = 0.0
+    ) -> str:
         """Return the answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
+        if isinstance(kept, bool | str):
+            scpi.nothing(call.argument)
+            return self.switches[kept] if isinstance(kept, bool) else kept
         # SCPI has a number for infinity, and no word.
         return self._text(min(scpi.told(call.argument, kept, lowest, highest), SCPI_INFINITY))
 
     def _text(self, value: float) -> str:
-        return f"{value:+.{self._model.digits}E}"
+        sign = "+" if self.plus else ""
+        return f"{value:{sign}.{self._model.digits}E}"
 
     def _set_frequency(self, call: Call) -> None:
         value = scpi.quantity(call.argument, scpi.HERTZ, 1e-6, self._model.most_hz)
-        self.of(call).frequency_hz = self._gain(call) * value
+        self.of(call).frequency_hz = self._gain(call.channel) * value
 
-    def _gain(self, call: Call) -> float:
+    def _gain(self, channel: int) -> float:
         """The gain of the fault `read-back-differs`, which only the channel on the beam shows."""
-        return self._instrument.set_gain if call.channel == 1 else 1.0
+        return self._instrument.set_gain if channel == 1 else 1.0
 
     def _set_load(self, call: Call) -> None:
         text = scpi.given(call.argument)
@@ -368,8 +348,8 @@ class GeneratorDialect(Dialect):
 
     def _amplitude(self, call: Call) -> str:
         channel = self.of(call)
-        ends = (channel.least_vpp() / channel.unit_vpp, channel.most_vpp() / channel.unit_vpp)
-        return self._told(call, channel.amplitude, *ends)
+        values_vpp = channel.shown * channel.emf_vpp, channel.least_vpp(), channel.most_vpp()
+        return self._told(call, *(vpp / channel.unit_vpp for vpp in values_vpp))
 
     def _set_amplitude(self, call: Call) -> None:
         channel, argument = self.of(call), call.argument
@@ -379,34 +359,16 @@ class GeneratorDialect(Dialect):
             # A unit in the command counts before the one that is set, as at the real generator.
             unit = next((unit for unit in ("VPP", "VRMS") if unit in argument.upper()), None)
             in_vrms = (unit or channel.unit) == "VRMS"
-            vpp = self._gain(call) * (value * VPP_PER_VRMS if in_vrms else value)
-        _complain(channel.set_vpp(vpp))
+            vpp = self._gain(call.channel) * (value * VPP_PER_VRMS if in_vrms else value)
+        channel.set_vpp(vpp)
 
     def _set_offset(self, call: Call) -> None:
         channel = self.of(call)
         room_v = channel.most_vpp() / 2
         extreme = scpi.extremes(call.argument, -room_v, room_v)
-        value = scpi.number(call.argument, scpi.VOLTS) if extreme is None else extreme
-        _complain(channel.set_offset(value))
+        channel.set_offset(scpi.number(call.argument, scpi.VOLTS) if extreme is None else extreme)
 
     def _set_level(self, call: Call, *, high: bool) -> None:
         channel = self.of(call)
         value = scpi.number(call.argument, scpi.VOLTS)
         channel.set_levels(*((channel.level_v(-1), value) if high else (value, channel.level_v(1))))
-
-
-def _complain(complaint: ScpiError | None) -> None:
-    """The maker clips, keeps the clipped value, and complains."""
-    if complaint is not None:
-        raise complaint
-
-
-def models(
-    dialect: Callable[[Instrument, Model], Dialect], generators: Mapping[str, Model]
-) -> dict[str, Callable[[Instrument, object], Dialect]]:
-    """Return what simulates each of `generators`, by name; none of them needs the beam."""
-
-    def simulating(generator: Model) -> Callable[[Instrument, object], Dialect]:
-        return lambda instrument, _: dialect(instrument, generator)
-
-    return {name: simulating(generator) for name, generator in generators.items()}

@@ -3,13 +3,60 @@
 Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide.
 """
 
-from typing import ClassVar
+from functools import partial
 
-from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models.dialect import asked
-from device.simulator.models.generator_model import GeneratorDialect, Kept, Model, models
+from device.simulator.models.generator_model import (
+    UNIT,
+    GeneratorDialect,
+    Model,
+    Setting,
+    function,
+    limits,
+)
 from device.simulator.models.scpi import SECONDS, Handler, ScpiError
 
+_SETTINGS = (
+    function(
+        "SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARB", "USER", "DC"
+    ),
+    UNIT,
+    Setting(header="PHASe", default=0.0, lowest=-360, highest=360),
+    Setting(header="FUNCtion:SQUare:DCYCle", default=50.0, lowest=0.01, highest=99.99),
+    Setting(header="FUNCtion:RAMP:SYMMetry", default=100.0, lowest=0, highest=100),
+    Setting(header="FUNCtion:PULSe:PERiod", default=1e-3, lowest=33e-9, highest=1e6, units=SECONDS),
+    Setting(header="PULSe:PERiod", default=1e-3, lowest=200e-9, highest=2e3, units=SECONDS),
+    Setting(header="FUNCtion:PULSe:HOLD", default="WIDT", words=("WIDTh", "DCYCle")),
+    Setting(header="FUNCtion:PULSe:WIDTh", default=1e-4, lowest=16e-9, highest=1e6, units=SECONDS),
+    Setting(header="FUNCtion:PULSe:DCYCle", default=10.0, lowest=0, highest=100),
+    Setting(header="FUNCtion:PULSe:TRANsition[:BOTH]", default=1e-8, lowest=5e-9, highest=1e-6),
+    Setting(header="FUNCtion:ARBitrary", default="EXP_RISE", words=("EXP_RISE",)),
+    Setting(header="FUNCtion:ARBitrary:SRATe", default=4e4, lowest=1e-6, highest=250e6),
+    Setting(header="FUNCtion:ARBitrary:ADVance", default="SRAT", words=("SRATe", "TRIGger")),
+    Setting(header="FUNCtion:ARBitrary:FILTer", default="NORM", words=("NORMal", "STEP", "OFF")),
+    Setting(header="FREQuency:MODE", default="CW", words=("CW", "LIST", "SWEep", "FIXed")),
+    Setting(header="SWEep:STATe"),
+    Setting(header="BURSt:STATe"),
+    Setting(header="BURSt:MODE", default="TRIG", words=("TRIGgered", "GATed")),
+    Setting(header="BURSt:NCYCles", default=1.0, lowest=1, highest=50_000),
+    Setting(header="BURSt:INTernal:PERiod", default=1e-2, lowest=1e-6, highest=8e3, units=SECONDS),
+    Setting(header="AM:STATe"),
+    Setting(header="FM:STATe"),
+    Setting(header="PM:STATe"),
+    Setting(header="PWM:STATe"),
+    Setting(header="FSKey:STATe"),
+    Setting(header="OUTPut:TRIGger[:STATe]"),
+    Setting(
+        header="TRIGger#:SOURce", default="IMM", words=("IMMediate", "EXTernal", "BUS", "TIMer")
+    ),
+    Setting(header="SYSTem:BEEPer:STATe", default=True),
+)
+_OF_33500 = (
+    *limits("VOLTage:LIMit"),
+    Setting(header="BPSK:STATe"),
+    Setting(header="SUM:STATe"),
+    Setting(header="COMBine:FEED", default="NONE", words=("CH1", "CH2", "NONE")),
+)
 _GENERATORS = {
     "keysight": Model(
         idn="Agilent Technologies,33522B,SIM,3.05-1.19-2.00-52-00",
@@ -17,7 +64,8 @@ _GENERATORS = {
         digits=15,
         least_emf_vpp=2e-3,
         most_hz=30e6,
-        limits=True,
+        settings=(*_SETTINGS, *_OF_33500),
+        limit_switch="[SOURce#:]VOLTage:LIMit:STATe",
     ),
     "keysight-33220A": Model(
         idn="Agilent Technologies,33220A,SIM,2.02-2.02-22-2",
@@ -25,59 +73,18 @@ _GENERATORS = {
         digits=13,
         least_emf_vpp=20e-3,
         most_hz=20e6,
-        limits=False,
+        settings=_SETTINGS,
     ),
 }
-SETTINGS = (
-    Kept(header="PHASe", lowest=-360, highest=360),
-    Kept(header="FUNCtion:SQUare:DCYCle", default=50.0, lowest=0.01, highest=99.99),
-    Kept(header="FUNCtion:RAMP:SYMMetry", default=100.0, lowest=0, highest=100),
-    Kept(header="FUNCtion:PULSe:PERiod", default=1e-3, lowest=33e-9, highest=1e6, units=SECONDS),
-    Kept(header="PULSe:PERiod", default=1e-3, lowest=200e-9, highest=2e3, units=SECONDS),
-    Kept(header="FUNCtion:PULSe:HOLD", default="WIDT", words=("WIDTh", "DCYCle")),
-    Kept(header="FUNCtion:PULSe:WIDTh", default=1e-4, lowest=16e-9, highest=1e6, units=SECONDS),
-    Kept(header="FUNCtion:PULSe:DCYCle", default=10.0, lowest=0, highest=100),
-    Kept(header="FUNCtion:PULSe:TRANsition[:BOTH]", default=1e-8, lowest=5e-9, highest=1e-6),
-    Kept(header="FUNCtion:ARBitrary", default="EXP_RISE", words=("EXP_RISE",)),
-    Kept(header="FUNCtion:ARBitrary:SRATe", default=4e4, lowest=1e-6, highest=250e6),
-    Kept(header="FUNCtion:ARBitrary:ADVance", default="SRAT", words=("SRATe", "TRIGger")),
-    Kept(header="FUNCtion:ARBitrary:FILTer", default="NORM", words=("NORMal", "STEP", "OFF")),
-    Kept(header="FREQuency:MODE", default="CW", words=("CW", "LIST", "SWEep", "FIXed")),
-    Kept(header="SWEep:STATe"),
-    Kept(header="BURSt:STATe"),
-    Kept(header="BURSt:MODE", default="TRIG", words=("TRIGgered", "GATed")),
-    Kept(header="BURSt:NCYCles", default=1.0, lowest=1, highest=50_000),
-    Kept(header="BURSt:INTernal:PERiod", default=1e-2, lowest=1e-6, highest=8e3, units=SECONDS),
-    Kept(header="AM:STATe"),
-    Kept(header="FM:STATe"),
-    Kept(header="PM:STATe"),
-    Kept(header="PWM:STATe"),
-    Kept(header="FSKey:STATe"),
-    Kept(header="OUTPut:TRIGger[:STATe]"),
-    Kept(header="TRIGger#:SOURce", default="IMM", words=("IMMediate", "EXTernal", "BUS", "TIMer")),
-    Kept(header="SYSTem:BEEPer:STATe", default=1.0),
-)
-SETTINGS_33500 = (
-    *SETTINGS,
-    Kept(header="BPSK:STATe"),
-    Kept(header="SUM:STATe"),
-    Kept(header="COMBine:FEED", default="NONE", words=("CH1", "CH2", "NONE")),
-)
 
 
 class KeysightDialect(GeneratorDialect):
     """Answers the commands of a 33220A or 33522B."""
 
     plus = "+"
-    modulation = ("FM:STATe", 1.0)
+    modulation = ("FM:STATe", True)
     addition = ("COMBine:FEED", "CH2")
-    functions: ClassVar[tuple[str, ...]] = (
-        "SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARB", "USER", "DC",
-    )  # fmt: skip
     _burst_end_s = 0.0
-
-    def __init__(self, instrument: Instrument, model: Model) -> None:
-        super().__init__(instrument, model, SETTINGS_33500 if model.limits else SETTINGS)
 
     def _sounding(self) -> bool:
         """A burst that waits for its trigger, or is over, gives nothing."""
@@ -100,4 +107,4 @@ class KeysightDialect(GeneratorDialect):
         self._burst_end_s = self._instrument.time_s + cycles / first.frequency_hz
 
 
-MODELS = models(KeysightDialect, _GENERATORS)
+MODELS = {name: partial(KeysightDialect, model) for name, model in _GENERATORS.items()}

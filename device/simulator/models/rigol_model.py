@@ -4,13 +4,33 @@ Source: Rigol DG800 and DG1000Z Programming Guides. Numbers have seven digits, s
 `OFF`. What is out of range is clipped, and complained about.
 """
 
-from typing import ClassVar
+from functools import partial
 
-from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
-from device.simulator.models.generator_model import GeneratorDialect, Kept, Model, models
+from device.simulator.models.generator_model import (
+    UNIT,
+    GeneratorDialect,
+    Model,
+    Setting,
+    function,
+    limits,
+)
 from device.simulator.models.scpi import SECONDS, Call, Handler
 
+_FUNCTIONS = ("SINusoid", "SQUare", "RAMP", "PULSe", "NOISe", "USER", "HARMonic", "DC")
+_SETTINGS = (
+    function(*_FUNCTIONS),
+    UNIT,
+    Setting(header="MOD[:STATe]"),
+    Setting(header="SWEep:STATe"),
+    Setting(header="BURSt[:STATe]"),
+    Setting(header="HARMonic[:STATe]"),
+    Setting(header="SUM[:STATe]"),
+    Setting(header="PHASe", default=0.0, lowest=0, highest=360),
+    Setting(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
+    Setting(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, units=SECONDS),
+    Setting(header="OUTPut#:SYNC[:STATe]", default=True),
+)
 _GENERATORS = {
     "rigol": Model(
         idn="Rigol Technologies,DG832,SIM,00.02.05.00.00",
@@ -18,7 +38,8 @@ _GENERATORS = {
         digits=6,
         least_emf_vpp=4e-3,
         most_hz=35e6,
-        limits=True,
+        settings=(*_SETTINGS, *limits("OUTPut#:VOLLimit")),
+        limit_switch="OUTPut#:VOLLimit[:STATe]",
     ),
     "rigol-DG1062Z": Model(
         idn="Rigol Technologies,DG1062Z,SIM,03.01.12",
@@ -26,76 +47,46 @@ _GENERATORS = {
         digits=6,
         least_emf_vpp=2e-3,
         most_hz=60e6,
-        limits=False,
+        settings=_SETTINGS,
     ),
 }
-SETTINGS = (
-    Kept(header="MOD[:STATe]"),
-    Kept(header="SWEep:STATe"),
-    Kept(header="BURSt[:STATe]"),
-    Kept(header="HARMonic[:STATe]"),
-    Kept(header="SUM[:STATe]"),
-    Kept(header="PHASe", lowest=0, highest=360),
-    Kept(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
-    Kept(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, units=SECONDS),
-    Kept(header="OUTPut#:SYNC[:STATe]", default=1.0),
-)
 
 
 class RigolDialect(GeneratorDialect):
     """Answers the commands of a DG832 or DG1062Z."""
 
-    functions: ClassVar[tuple[str, ...]] = (
-        "SINusoid", "SQUare", "RAMP", "PULSe", "NOISe", "USER", "HARMonic", "DC",
-    )  # fmt: skip
-    limit_header: ClassVar[str] = "OUTPut#:VOLLimit"
-    limit_state: ClassVar[str] = "[:STATe]"
-    modulation = ("MOD[:STATe]", 1.0)
-    addition = ("SUM[:STATe]", 1.0)
+    switches = ("OFF", "ON")
+    modulation = ("MOD[:STATe]", True)
+    addition = ("SUM[:STATe]", True)
     # The sum's second signal is as large as the first.
     added_channel = 1
 
-    def __init__(self, instrument: Instrument, model: Model) -> None:
-        super().__init__(instrument, model, SETTINGS)
-
-    def _switch_word(self, call: Call, *, on: bool) -> str:
-        scpi.nothing(call.argument)
-        return "ON" if on else "OFF"
-
-    def _text(self, value: float) -> str:
-        return f"{value:.{self._model.digits}E}"
-
     def _handlers(self) -> dict[str, Handler]:
-        handlers = super()._handlers()
-        apply = "[SOURce#:]APPLy"
+        handlers, apply = super()._handlers(), "[SOURce#:]APPLy"
+        set_phase = handlers["[SOURce#:]PHASe"]
         return {
             **handlers,
             # Rigol knows the load by two names.
             "OUTPut#:IMPedance": handlers["OUTPut#:LOAD"],
             "OUTPut#:IMPedance?": handlers["OUTPut#:LOAD?"],
-            **{
-                f"{apply}:{function}": self._applied(function, handlers["[SOURce#:]PHASe"])
-                for function in self.functions
-            },
+            **{f"{apply}:{word}": self._applied(word, set_phase) for word in _FUNCTIONS},
             f"{apply}?": self._application,
         }
 
-    def _applied(self, function: str, set_phase: Handler) -> Handler:
+    def _applied(self, word: str, set_phase: Handler) -> Handler:
         """`APPLy` sets everything at once, and leaves the output as it is."""
 
         def apply(call: Call) -> None:
-            self.of(call).function = scpi.choice(function, self.functions)
+            self.of(call).function = scpi.choice(word, _FUNCTIONS)
             values = scpi.split_outside_quotes(call.argument, ",")
             setters: tuple[Handler, ...] = (
-                self._set_frequency,
-                self._set_amplitude,
-                self._set_offset,
+                *(self._set_frequency, self._set_amplitude, self._set_offset),
                 set_phase,
             )
             # Noise has no frequency, and a constant voltage neither that nor an amplitude.
-            if function == "NOISe":
+            if word == "NOISe":
                 setters = setters[1:]
-            elif function == "DC":
+            elif word == "DC":
                 setters, values = setters[2:], values[2:]
             # Not strict, because the last values may be left out.
             for setter, value in zip(setters, values, strict=False):
@@ -106,9 +97,9 @@ class RigolDialect(GeneratorDialect):
     def _application(self, call: Call) -> str:
         scpi.nothing(call.argument)
         channel = self.of(call)
-        phase = float(channel.settings["PHASe"])
-        values = (channel.frequency_hz, channel.amplitude, channel.offset_v, phase)
-        return f'"{channel.function},{",".join(self._text(value) for value in values)}"'
+        phase, vpp = float(channel.settings["PHASe"]), channel.shown * channel.emf_vpp
+        values = (channel.frequency_hz, vpp / channel.unit_vpp, channel.offset_v, phase)
+        return f'"{channel.function},{",".join(map(self._text, values))}"'
 
 
-MODELS = models(RigolDialect, _GENERATORS)
+MODELS = {name: partial(RigolDialect, model) for name, model in _GENERATORS.items()}

@@ -7,12 +7,13 @@ does nothing, and what is out of range is clipped.
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 
 from device.simulator.hardware.power_stage import Instrument
-from device.simulator.models.generator_model import GeneratorDialect, Model, models
-from device.simulator.models.scpi import Handler
+from device.simulator.models.generator_model import GeneratorDialect, Model
+from device.simulator.models.scpi import Handler, ScpiError
 
 _GENERATORS = {
     "siglent": Model(
@@ -21,7 +22,6 @@ _GENERATORS = {
         digits=6,
         least_emf_vpp=4e-3,
         most_hz=40e6,
-        limits=False,
     )
 }
 WAVES = ("SINE", "SQUARE", "RAMP", "PULSE", "NOISE", "ARB", "DC")
@@ -40,9 +40,9 @@ class SiglentDialect(GeneratorDialect):
     modulation = ("MDWV", "ON")
     addition = ("CMBN", "ON")
 
-    def __init__(self, instrument: Instrument, model: Model) -> None:
+    def __init__(self, model: Model, instrument: Instrument, beam: object) -> None:
         self._coupled = dict.fromkeys(_COUPLED, "OFF")
-        super().__init__(instrument, model)
+        super().__init__(model, instrument, beam)
         # What a query answers, and what a command does with its words, each on a channel.
         self._answers: dict[str, Callable[[int], str]] = {
             "OUTP": self._output,
@@ -147,7 +147,7 @@ class SiglentDialect(GeneratorDialect):
             channel.function = pairs["WVTP"]
             # A basic wave ends modulation, sweep and burst.
             channel.settings |= dict.fromkeys(_MODES, "OFF")
-        gain = self._instrument.set_gain if number == 1 else 1.0
+        gain = self._gain(number)
         setters: Mapping[str, Callable[[float], object]] = {
             "FRQ": lambda hz: setattr(
                 channel, "frequency_hz", min(max(gain * hz, 1e-6), self._model.most_hz)
@@ -158,7 +158,8 @@ class SiglentDialect(GeneratorDialect):
         }
         for name, setter in setters.items():
             if (value := _number(pairs.get(name, ""))) is not None:
-                setter(value)
+                with suppress(ScpiError):
+                    setter(value)
 
     def _mode_answer(self, mode: str, number: int) -> str:
         if self._setting(number, mode) == "OFF":
@@ -185,4 +186,4 @@ def _number(word: str) -> float | None:
     return float(matched[1]) * _UNITS[matched[2]]
 
 
-MODELS = models(SiglentDialect, _GENERATORS)
+MODELS = {name: partial(SiglentDialect, model) for name, model in _GENERATORS.items()}

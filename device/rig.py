@@ -17,9 +17,10 @@ from typing import NoReturn, TypeVar
 from device.drivers.driver import Driver, Reading, driver_of
 from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
-from device.force_channel.recording import Forces, Recording, Samples
-from device.gauges.owner import MOST_LATE_S, GaugeOwner, Job, PortOwner
+from device.force_channel.recording import Forces, Recorder, Samples
+from device.gauges.owner import GaugeOwner
 from device.link.link import open_link
+from device.port_owner import PortOwner
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
 from protocol.journal.records import Identity, ReadBack
@@ -202,7 +203,7 @@ class Rig(PortOwner):
         self._alive_s = now_s
         self._beats += 1
         recording = self._recording
-        if recording is not None and recording.wait_s() < -MOST_LATE_S:
+        if recording is not None and recording.is_late():
             self._owned(lambda: None)
         if self._gauge is not None:
             self._gauge.keep_up()
@@ -228,9 +229,9 @@ class Rig(PortOwner):
             waits.append(max(self._feed_due_s - now_s, 0.0))
         return min(waits, default=None)
 
-    def _make(self, job: Job) -> None:
+    def _make(self, call: Callable[[], None]) -> None:
         self._stop_if_asked()
-        job.settle()
+        call()
         self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
 
     def _go_on(self) -> None:
@@ -288,7 +289,7 @@ class Rig(PortOwner):
     def _feed_due_s(self) -> float:
         return self._fed_s + self._watchdog_s / FEEDS_PER_WATCHDOG
 
-    def _fetch(self, recording: Recording) -> None:
+    def _fetch(self, recording: Recorder) -> None:
         """Ask for the blocks that are due, until the device must be looked at.
 
         It feeds the watchdog too, so that it is done only if the session moved since the last time.
@@ -301,7 +302,7 @@ class Rig(PortOwner):
             recording.fetch()
 
     def _record(self, rate_hz: int, clock_s: Callable[[], float]) -> None:
-        self._recording = Recording(self._driver.force_source(), rate_hz, clock_s)
+        self._recording = Recorder(self._driver.force_source(), rate_hz, clock_s)
 
     def _feed(self) -> None:
         """See that the device does what it was told, which feeds its watchdog.

@@ -6,7 +6,7 @@ import sys
 import zlib
 from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 from device.errors import DeviceError, ProtocolError
@@ -198,160 +198,8 @@ MISDATED_S = 0.1
 It covers a source that starts slowly. Samples further off would put the wrong part of a touch into
 the results.
 """
-
-
-@dataclass
-class Recorder:
-    """The samples of one recording so far.
-
-    The `offset` is the host's clock minus the source's when the recording began; on the host's
-    clock, the source was told to begin at `told_s` and had confirmed it at `began_s`.
-    """
-
-    source: str
-    rate_hz: float
-    scale: Scale
-    offset: ClockOffset
-    told_s: float
-    began_s: float
-    latest: Forces | None = None
-    """Means of the newest block."""
-    _channels: tuple["array[int]", ...] = field(
-        default_factory=lambda: tuple(array("h") for _ in range(CHANNELS))
-    )
-    _first_s: float = 0.0
-    _saturated: int = 0
-    _heard_s: float = field(init=False)
-    due_s: float = field(init=False)
-    """When to ask for the next block, on the host's clock: once a whole one should be ready."""
-
-    def __post_init__(self) -> None:
-        self._heard_s = self.began_s
-        self.due_s = self.began_s + self._block_s
-
-    @property
-    def count(self) -> int:
-        """The number of samples so far, and so the number of the next one."""
-        return len(self._channels[0])
-
-    @property
-    def _most(self) -> int:
-        return most_in_block(self.rate_hz)
-
-    @property
-    def _block_s(self) -> float:
-        return self._most / self.rate_hz
-
-    def checked(self, block: Block) -> Block:
-        """Return `block` if it is the next one.
-
-        Raise `ProtocolError` for samples that were given before, are too many, or have another rate
-        or date than they should, and `DeviceError` if samples before it were lost.
-        """
-        # Not a `ProtocolError`, which would ask again for what the source no longer keeps.
-        if block.lost or block.first > self.count:
-            raise DeviceError(
-                f"samples of the force channel were lost: sample {self.count} is due, got "
-                f"{block.first}"
-            )
-        # The answer to an earlier question, which a line can deliver twice.
-        if block.first < self.count:
-            raise ProtocolError(
-                f"sample {self.count} of the force channel is due, got {block.first} again"
-            )
-        if block.count > self._most:
-            raise ProtocolError(
-                f"a block must hold at most {self._most} samples, got {block.count}"
-            )
-        if block.count and self.count:
-            self._require_rate(block)
-        elif block.count:
-            self._require_begin(block)
-        return block
-
-    def add(self, block: Block, now_s: float) -> None:
-        """Add the next block, heard at `now_s`; raise `DeviceError` if none came for `SILENT_S`."""
-        if block.count:
-            self._heard_s = now_s
-            self._keep(block)
-        elif now_s > self._heard_s + SILENT_S:
-            raise DeviceError(f"the force channel gave no samples for {SILENT_S:g} s")
-        # Counted from the beginning, so that late blocks do not add up.
-        ready_s = self.began_s + self.count / self.rate_hz + self._block_s
-        is_short = 2 * block.count < self._most  # a line of a gauge may hold less than a block
-        self.due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
-
-    def samples(self, offset: ClockOffset) -> Samples:
-        """Return the recording; raise `DeviceError` if `offset`, of its end, shows a set clock."""
-        clocks = throughout((self.offset, offset))
-        # The error is half of the range, so that clocks may move by twice as much.
-        if clocks.error_s > MISDATED_S:
-            raise DeviceError(
-                "the clock of the force channel moved by "
-                f"{offset.offset_s - self.offset.offset_s:+.3g} s against this computer's while it "
-                f"recorded; {MISDATED_S:g} s are allowed"
-            )
-        return Samples(
-            source=self.source,
-            rate_hz=self.rate_hz,
-            first_s=self._first_s,
-            scale=self.scale,
-            counts=b"".join(map(little_endian, self._channels)),
-            saturated=self._saturated,
-            clock_offset_s=clocks.offset_s,
-            clock_error_s=clocks.error_s,
-        )
-
-    def require_until(self, source_s: float) -> None:
-        """Raise `DeviceError` if samples end a block before `source_s`, on the source's clock."""
-        end_s = self._first_s + self.count / self.rate_hz
-        missing = round((source_s - end_s) * self.rate_hz)
-        # Up to a block may lie between the question for the time and the stop.
-        if missing > self._most:
-            raise DeviceError(f"the last {missing} samples of the force channel were lost")
-
-    def _require_begin(self, block: Block) -> None:
-        """Check that the first sample was taken when the source was told to begin."""
-        first_s = block.first_s + self.offset.offset_s
-        # 0 between the command and its answer: nothing tells when within that time it began.
-        off_s = first_s - min(max(first_s, self.told_s), self.began_s)
-        if abs(off_s) > MISDATED_S + self.offset.error_s:
-            raise ProtocolError(
-                f"the first sample of the force channel is dated {off_s:+.3g} s from its time; "
-                f"{MISDATED_S:g} s are allowed"
-            )
-
-    def _require_rate(self, block: Block) -> None:
-        passed_s = self.count / self.rate_hz
-        off_s = block.first_s - self._first_s - passed_s
-        if abs(off_s) > 1 / self.rate_hz + _CLOCK_REL_TOL * passed_s:
-            raise ProtocolError(
-                f"sample {block.first} of the force channel is {1e3 * off_s:+.3g} ms from its time"
-            )
-
-    def _keep(self, block: Block) -> None:
-        if not self.count:
-            self._first_s = block.first_s
-        parts = [block.counts[channel::CHANNELS] for channel in range(CHANNELS)]
-        for channel, part in zip(self._channels, parts, strict=True):
-            channel.extend(part)
-        # The cheap test first: saturated samples are rare, and counting them takes a loop.
-        if max(map(abs, block.counts)) >= FULL_SCALE:
-            rows = zip(*parts, strict=True)
-            self._saturated += sum(max(map(abs, row)) >= FULL_SCALE for row in rows)
-        self.latest = self._means(block, parts)
-
-    def _means(self, block: Block, parts: list["array[int]"]) -> Forces:
-        means = [sum(part) / len(part) * size for part, size in zip(parts, self.scale, strict=True)]
-        end_s = block.first_s + block.count / self.rate_hz
-        return Forces(
-            at_s=end_s + self.offset.offset_s,
-            tangential_n=means[0],
-            normal_n=means[1],
-            position_m=means[2],
-        )
-
-
+MOST_LATE_S = 0.3
+"""How late samples may be fetched before the session waits for them; a source keeps a second."""
 MOST_LEFT_S = 5.0
 """More than any source still has when it is stopped."""
 
@@ -381,37 +229,39 @@ class ForceSource(Protocol):
         ...
 
 
-class Recording:
-    """The recording that `source` makes from now on; `clock_s` is the session's clock."""
+class Recorder:
+    """Records what `source` samples from now on; `clock_s` is the session's clock."""
 
     def __init__(self, source: ForceSource, rate_hz: float, clock_s: Callable[[], float]) -> None:
         self._source = source
+        self._rate_hz = rate_hz
         self._clock_s = clock_s
+        self._most = most_in_block(rate_hz)
+        self._block_s = self._most / rate_hz
+        self._channels = [array("h") for _ in range(CHANNELS)]
+        self._first_s = 0.0
+        self._saturated = 0
+        self.latest: Forces | None = None
+        """Means of the newest block."""
         # The clock is asked before the start and after the stop: no question delays a block.
-        offset = asked_offset(source.device_time_s, clock_s)
-        told_s = clock_s()
-        scale = source.start_sampling(rate_hz)
-        self._recorder = Recorder(
-            source=source.dialect,
-            rate_hz=rate_hz,
-            scale=scale,
-            offset=offset,
-            told_s=told_s,
-            began_s=clock_s(),
-        )
-
-    @property
-    def latest(self) -> Forces | None:
-        return self._recorder.latest
+        self._offset = asked_offset(source.device_time_s, clock_s)
+        self._told_s = clock_s()
+        self._scale = source.start_sampling(rate_hz)
+        self._began_s = self._heard_s = clock_s()
+        self._due_s = self._began_s + self._block_s
 
     def wait_s(self) -> float:
         """Return how long to wait before asking for the next block; below 0 if that is late."""
-        return self._recorder.due_s - self._clock_s()
+        return self._due_s - self._clock_s()
+
+    def is_late(self) -> bool:
+        """Return whether the next block is due for so long that the session must wait for it."""
+        return self.wait_s() < -MOST_LATE_S
 
     def fetch(self) -> int:
         """Ask for the next block, return its count; raise `DeviceError` if another one comes."""
-        block = self._source.sampled(self._recorder.count, self._recorder.checked)
-        self._recorder.add(block, self._clock_s())
+        block = self._source.sampled(self.count, self._checked)
+        self._add(block, self._clock_s())
         return block.count
 
     def finished(self) -> Samples:
@@ -420,10 +270,127 @@ class Recording:
         ended_s = self._source.device_time_s()
         self._source.stop_sampling()
         # A source that went on sampling would give blocks without end.
-        left = MOST_LEFT_S * self._recorder.rate_hz
+        left = MOST_LEFT_S * self._rate_hz
         while came := self.fetch():
             left -= came
             if left < 0:
                 raise DeviceError("the force channel does not stop")
-        self._recorder.require_until(ended_s)
-        return self._recorder.samples(asked_offset(self._source.device_time_s, self._clock_s))
+        self._require_until(ended_s)
+        clocks = self._clocks(asked_offset(self._source.device_time_s, self._clock_s))
+        return Samples(
+            source=self._source.dialect,
+            rate_hz=self._rate_hz,
+            first_s=self._first_s,
+            scale=self._scale,
+            counts=b"".join(map(little_endian, self._channels)),
+            saturated=self._saturated,
+            clock_offset_s=clocks.offset_s,
+            clock_error_s=clocks.error_s,
+        )
+
+    @property
+    def count(self) -> int:
+        """The number of samples so far, and so the number of the next one."""
+        return len(self._channels[0])
+
+    def _checked(self, block: Block) -> Block:
+        """Return `block` if it is the next one.
+
+        Raise `ProtocolError` for samples that were given before, are too many, or have another rate
+        or date than they should, and `DeviceError` if samples before it were lost.
+        """
+        # Not a `ProtocolError`, which would ask again for what the source no longer keeps.
+        if block.lost or block.first > self.count:
+            raise DeviceError(
+                f"samples of the force channel were lost: sample {self.count} is due, got "
+                f"{block.first}"
+            )
+        # The answer to an earlier question, which a line can deliver twice.
+        if block.first < self.count:
+            raise ProtocolError(
+                f"sample {self.count} of the force channel is due, got {block.first} again"
+            )
+        if block.count > self._most:
+            raise ProtocolError(
+                f"a block must hold at most {self._most} samples, got {block.count}"
+            )
+        if block.count and self.count:
+            self._require_rate(block)
+        elif block.count:
+            self._require_begin(block)
+        return block
+
+    def _add(self, block: Block, now_s: float) -> None:
+        """Add the next block, heard at `now_s`; raise `DeviceError` if none came for `SILENT_S`."""
+        if block.count:
+            self._heard_s = now_s
+            self._keep(block)
+        elif now_s > self._heard_s + SILENT_S:
+            raise DeviceError(f"the force channel gave no samples for {SILENT_S:g} s")
+        # Counted from the beginning, so that late blocks do not add up.
+        ready_s = self._began_s + self.count / self._rate_hz + self._block_s
+        is_short = 2 * block.count < self._most  # a line of a gauge may hold less than a block
+        self._due_s = max(ready_s, now_s + self._block_s / 4) if is_short else ready_s
+
+    def _clocks(self, offset: ClockOffset) -> ClockOffset:
+        """Return the offset of the whole recording; `DeviceError` if a clock was set meanwhile."""
+        clocks = throughout((self._offset, offset))
+        # The error is half of the range, so that clocks may move by twice as much.
+        if clocks.error_s > MISDATED_S:
+            moved_s = offset.offset_s - self._offset.offset_s
+            raise DeviceError(
+                f"the clock of the force channel moved by {moved_s:+.3g} s against this computer's "
+                f"while it recorded; {MISDATED_S:g} s are allowed"
+            )
+        return clocks
+
+    def _require_until(self, source_s: float) -> None:
+        """Raise `DeviceError` if samples end a block before `source_s`, on the source's clock."""
+        end_s = self._first_s + self.count / self._rate_hz
+        missing = round((source_s - end_s) * self._rate_hz)
+        # Up to a block may lie between the question for the time and the stop.
+        if missing > self._most:
+            raise DeviceError(f"the last {missing} samples of the force channel were lost")
+
+    def _require_begin(self, block: Block) -> None:
+        """Check that the first sample was taken when the source was told to begin."""
+        first_s = block.first_s + self._offset.offset_s
+        # 0 between the command and its answer: nothing tells when within that time it began.
+        off_s = first_s - min(max(first_s, self._told_s), self._began_s)
+        if abs(off_s) > MISDATED_S + self._offset.error_s:
+            raise ProtocolError(
+                f"the first sample of the force channel is dated {off_s:+.3g} s from its time; "
+                f"{MISDATED_S:g} s are allowed"
+            )
+
+    def _require_rate(self, block: Block) -> None:
+        passed_s = self.count / self._rate_hz
+        off_s = block.first_s - self._first_s - passed_s
+        if abs(off_s) > 1 / self._rate_hz + _CLOCK_REL_TOL * passed_s:
+            raise ProtocolError(
+                f"sample {block.first} of the force channel is {1e3 * off_s:+.3g} ms from its time"
+            )
+
+    def _keep(self, block: Block) -> None:
+        if not self.count:
+            self._first_s = block.first_s
+        parts = [block.counts[channel::CHANNELS] for channel in range(CHANNELS)]
+        for channel, part in zip(self._channels, parts, strict=True):
+            channel.extend(part)
+        # The cheap test first: saturated samples are rare, and counting them takes a loop.
+        if max(map(abs, block.counts)) >= FULL_SCALE:
+            rows = zip(*parts, strict=True)
+            self._saturated += sum(max(map(abs, row)) >= FULL_SCALE for row in rows)
+        self.latest = self._means(block, parts)
+
+    def _means(self, block: Block, parts: list["array[int]"]) -> Forces:
+        means = [
+            sum(part) / len(part) * size for part, size in zip(parts, self._scale, strict=True)
+        ]
+        end_s = block.first_s + block.count / self._rate_hz
+        return Forces(
+            at_s=end_s + self._offset.offset_s,
+            tangential_n=means[0],
+            normal_n=means[1],
+            position_m=means[2],
+        )

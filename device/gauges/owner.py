@@ -1,21 +1,16 @@
-"""Owners of ports: a gauge has a thread of its own, so that a slow one delays no stop."""
+"""The owner of a gauge's port: it has a thread of its own, so that a slow one delays no stop."""
 
-import contextlib
-import queue
 import re
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from concurrent.futures import Future
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 from device.drivers.driver import defined_in
 from device.errors import DeviceError
-from device.force_channel.recording import Forces, ForceSource, Recording, Samples
+from device.force_channel.recording import Forces, ForceSource, Recorder, Samples
 from device.link.link import Link, Register, open_link
+from device.port_owner import PortOwner
 from protocol.address import AddressError
 
 # What a gauge's driver is: a source of samples behind a link of its own.
@@ -52,92 +47,8 @@ class GaugeDriver(ForceSource, ABC):
         self.link.close()
 
 
-# A source keeps the samples of the last second at least.
-MOST_LATE_S = 0.3
-"""How late samples may be fetched before the session waits for them."""
 _LOOK_S = 0.02
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """A call to make, and its result."""
-
-    work: Callable[[], Any]
-    result: "Future[Any]" = field(default_factory=Future)
-
-    def settle(self) -> None:
-        """Make the call; an error is its result, too."""
-        try:
-            self.result.set_result(self.work())
-        except Exception as error:
-            self.result.set_exception(error)
-
-
-class PortOwner(ABC):
-    """Makes the calls to a port one by one: in a thread once it has one, else in the caller's."""
-
-    unbroken: Callable[[], AbstractContextManager[None]] = nullcontext
-    """Surrounds each step: where the caller works, no signal may leave half a command behind."""
-
-    def __init__(self) -> None:
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
-        self._owner: threading.Thread | None = None
-        self._recording: Recording | None = None
-        self._fault: DeviceError | None = None
-
-    def step(self, wait_s: float | None = 0.0) -> bool:
-        """As the owner, make the next call within `wait_s` and what is due; False once closed."""
-        with self.unbroken():
-            with contextlib.suppress(queue.Empty):
-                job = self._jobs.get(timeout=wait_s)
-                if job is None:
-                    return False
-                self._make(job)
-            self._go_on()
-        return True
-
-    @abstractmethod
-    def idle_s(self) -> float | None:
-        """Return how long the owner may wait for a call; None if only a call gives it work."""
-
-    @abstractmethod
-    def _go_on(self) -> None:
-        """Do what is due; no error may leave it."""
-
-    def _make(self, job: Job) -> None:
-        job.settle()
-
-    def _begin(self, name: str) -> None:
-        # A daemon, so that a device that hangs does not keep the program from ending.
-        self._owner = threading.Thread(target=self._serve, name=name, daemon=True)
-        self._owner.start()
-
-    def _serve(self) -> None:
-        while self.step(self.idle_s()):
-            pass
-
-    def _put(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        job = Job(work=work)
-        self._jobs.put(job)
-        # Without a thread, as on a stepped clock, the caller does the owner's work.
-        if self._owner is None:
-            self.step()
-        return job.result
-
-    def _recorded(self) -> Samples:
-        if self._recording is None:
-            # The fault that ended the recording says more.
-            raise self._fault or DeviceError("nothing is recorded")
-        try:
-            return self._recording.finished()
-        finally:
-            self._recording = None
-
-    def _end(self) -> None:
-        self._jobs.put(None)
-        if self._owner is not None:
-            self._owner.join()
 
 
 class GaugeOwner(PortOwner):
@@ -166,7 +77,7 @@ class GaugeOwner(PortOwner):
     def record(self, rate_hz: float, clock_s: Callable[[], float]) -> None:
 
         def record() -> None:
-            self._recording = Recording(self._gauge, rate_hz, clock_s)
+            self._recording = Recorder(self._gauge, rate_hz, clock_s)
 
         self._owned(record)
 
@@ -179,7 +90,7 @@ class GaugeOwner(PortOwner):
 
     def keep_up(self) -> None:
         """Wait for the owner until samples are not fetched too late."""
-        while (recording := self._recording) is not None and recording.wait_s() < -MOST_LATE_S:
+        while (recording := self._recording) is not None and recording.is_late():
             self._owned(lambda: None)
 
     def require_sound(self) -> None:

@@ -257,10 +257,10 @@ def test_a_session_that_beats_no_more_gets_at_most_four_blocks() -> None:
     bench.rig.record(1000)
     bench.live(0.2)
     bench.device.advance(1.5)  # nobody works meanwhile
-    before = bench.rig._recording._recorder.count  # type: ignore[union-attr]
+    before = bench.rig._recording.count  # type: ignore[union-attr]
     bench.rig.beat()
     for _ in range(20):
         bench.rig.step()
-    assert bench.rig._recording._recorder.count == before + 200  # type: ignore[union-attr]
+    assert bench.rig._recording.count == before + 200  # type: ignore[union-attr]
     bench.live(1)
     assert bench.rig.recorded().counts

@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from html import escape
 from itertools import cycle
@@ -125,7 +125,32 @@ class Words:
     description: str
 
 
-Draw = Callable[[Words], Drawing]
+@dataclass(frozen=True)
+class Sheet:
+    """Empty figure of one of the widths, in which a figure takes its axes before it draws."""
+
+    size: Size
+    figure: Figure = field(default_factory=Figure)
+
+    def axes(self, height_in: float = HEIGHT_IN) -> Axes:
+        """Return the only axes of a figure of this height; a narrow one is lower."""
+        return self.grid(1, 1, height_in)[0]
+
+    def grid(
+        self, rows: int, columns: int, height_in: float, heights: Sequence[float] | None = None
+    ) -> list[Axes]:
+        """Return `rows` x `columns` axes with shared scales, row by row.
+
+        With relative `heights` of the rows, each row has a vertical scale of its own.
+        """
+        self.figure.set_size_inches(self.size.width_in, self.size.height * height_in)
+        shared: Any = {"sharex": True, "sharey": "row" if heights else True}
+        grid = self.figure.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
+        return list(grid.ravel())
+
+
+Draw = Callable[[Sheet], None] | tuple[Panel, ...]
+"""What draws into an empty figure, or panels, which have a size of their own."""
 
 
 def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
@@ -134,7 +159,7 @@ def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
     # Drawn once at most, although the picture and its files are asked for apart.
     @cache
     def drawn() -> Drawing:
-        return draw(words)
+        return drawing(draw, words)
 
     return Drawing(
         name=words.name,
@@ -146,11 +171,11 @@ def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
 
 
 def _svg_of(draw: Draw, words: Words) -> str:
-    return draw(words).svg
+    return drawing(draw, words).svg
 
 
 def _files_of(draw: Draw, words: Words) -> Mapping[str, bytes]:
-    return draw(words).files()
+    return drawing(draw, words).files()
 
 
 def marked(number: int) -> dict[str, Any]:
@@ -195,14 +220,6 @@ def panels_files(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, byt
     with rc_context(_REPRODUCIBLE):
         figure = _panels(panels)
         return {kind: made.get(kind, _saved)(figure) for kind in kinds}
-
-
-def panels_drawing(panels: Sequence[Panel], words: Words) -> Drawing:
-    """Return the same for a page, as SVG, PDF and PNG."""
-    with rc_context(_REPRODUCIBLE):
-        figure = _panels(panels)
-        svg = _svg(figure, words)
-    return Drawing(name=words.name, svg=svg, files=lambda: _two_columns(figure, svg))
 
 
 def _panels(panels: Sequence[Panel]) -> Figure:
@@ -298,46 +315,29 @@ def legend_in(labels: Sequence[str]) -> float:
     return LEGEND_ROW_IN * (1 + -(-len(labels) // legend_columns(labels)))
 
 
-def drawing(words: Words, draw: Callable[[Axes], None], height_in: float = HEIGHT_IN) -> Drawing:
-    """Return what `draw` draws into axes, for two columns and for one."""
-    return grid_drawing(words, lambda grid: draw(grid[0]), 1, 1, height_in)
-
-
-def grid_drawing(
-    words: Words,
-    draw: Callable[[Sequence[Axes]], None],
-    rows: int,
-    columns: int,
-    height_in: float = HEIGHT_IN,
-    heights: Sequence[float] | None = None,
-) -> Drawing:
-    """Return what `draw` draws into `rows` x `columns` axes with shared scales, row by row.
-
-    With relative `heights` of the rows, each row has a vertical scale of its own.
-    """
+def drawing(draw: Draw, words: Words) -> Drawing:
+    """Return what `draw` draws, for two columns and for one; of panels the former alone."""
 
     def figure(size: Size) -> Figure:
-        made = Figure(figsize=(size.width_in, size.height * height_in))
-        shared: Any = {"sharex": True, "sharey": "row" if heights else True}
-        grid = made.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
-        draw(list(grid.ravel()))
-        ConstrainedLayoutEngine().execute(made)
-        return made
+        if isinstance(draw, tuple):
+            return _panels(draw)
+        sheet = Sheet(size)
+        draw(sheet)
+        ConstrainedLayoutEngine().execute(sheet.figure)
+        return sheet.figure
 
     def files() -> Mapping[str, bytes]:
+        with rc_context(_REPRODUCIBLE):
+            two = {".svg": svg.encode(), ".pdf": _saved_pdf(wide), ".png": _saved(wide)}
+        if isinstance(draw, tuple):
+            return two
         with rc_context(_sized(ONE_COLUMN)):
-            narrow = _saved_pdf(figure(ONE_COLUMN))
-        return {**_two_columns(wide, svg), "-column.pdf": narrow}
+            return {**two, "-column.pdf": _saved_pdf(figure(ONE_COLUMN))}
 
-    with rc_context(_sized(TWO_COLUMNS)):
+    with rc_context(_REPRODUCIBLE if isinstance(draw, tuple) else _sized(TWO_COLUMNS)):
         wide = figure(TWO_COLUMNS)
         svg = _svg(wide, words)
     return Drawing(name=words.name, svg=svg, files=files)
-
-
-def _two_columns(figure: Figure, svg: str) -> dict[str, bytes]:
-    with rc_context(_REPRODUCIBLE):
-        return {".svg": svg.encode(), ".pdf": _saved_pdf(figure), ".png": _saved(figure)}
 
 
 def _sized(size: Size) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -169,40 +170,38 @@ def scatter_figure(
     at: FloatArray,
     curves: Mapping[str, FloatArray],
     thresholds: Mapping[str, tuple[float, Interval | NotEstimable]],
-    words: plot.Words,
-) -> plot.Drawing:
-    """Return ratings against predicted contrasts, and the models' curves at the contrasts `at`.
+    sheet: plot.Sheet,
+) -> None:
+    """Draw ratings against predicted contrasts, and the models' curves at the contrasts `at`.
 
     `thresholds` of tracks, with their intervals, stand on the same axis.
     """
-
-    def draw(axes: plot.Axes) -> None:
-        labels = plot.labels_of(ratings.conditions, "condition")
-        for place in np.unique(ratings.condition):
-            own = ratings.condition == place
-            axes.plot(
-                ratings.contrast[own],
-                ratings.rating[own] + plot.jitter(int(own.sum()), scale),
-                linestyle="none",
-                **plot.marked(int(place)),
-                alpha=0.7,
-                label=labels[place],
-            )
-        for model, curve in curves.items():
-            dashes = "-" if model == HEADLINE else "--"
-            axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
-        for number, (track, (value, ends)) in enumerate(thresholds.items()):
-            colour = plot.COLOURS[1 + number % (len(plot.COLOURS) - 2)]
-            axes.axvline(value, color=colour, linestyle=":", label=f"threshold, {track}")
-            if not isinstance(ends, NotEstimable):
-                foot = [0.02 + 0.03 * number] * 2
-                axes.plot(ends, foot, color=colour, transform=axes.get_xaxis_transform())
-        axes.set(ylim=plot.limits(scale), ylabel=f"rating, {scale}")
-        axes.set_xlabel("predicted contrast, change of log friction")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
-
-    shown = len(np.unique(ratings.condition)) + len(thresholds)
-    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.LEGEND_ROW_IN * (shown + 2) / 2)
+    shown = np.unique(ratings.condition)
+    legend_rows = (len(shown) + len(thresholds) + 2) / 2
+    axes = sheet.axes(plot.HEIGHT_IN + plot.LEGEND_ROW_IN * legend_rows)
+    labels = plot.labels_of(ratings.conditions, "condition")
+    for place in shown:
+        own = ratings.condition == place
+        axes.plot(
+            ratings.contrast[own],
+            ratings.rating[own] + plot.jitter(int(own.sum()), scale),
+            linestyle="none",
+            **plot.marked(int(place)),
+            alpha=0.7,
+            label=labels[place],
+        )
+    for model, curve in curves.items():
+        dashes = "-" if model == HEADLINE else "--"
+        axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
+    for number, (track, (value, ends)) in enumerate(thresholds.items()):
+        colour = plot.COLOURS[1 + number % (len(plot.COLOURS) - 2)]
+        axes.axvline(value, color=colour, linestyle=":", label=f"threshold, {track}")
+        if not isinstance(ends, NotEstimable):
+            foot = [0.02 + 0.03 * number] * 2
+            axes.plot(ends, foot, color=colour, transform=axes.get_xaxis_transform())
+    axes.set(ylim=plot.limits(scale), ylabel=f"rating, {scale}")
+    axes.set_xlabel("predicted contrast, change of log friction")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncol=2, frameon=False)
 
 
 def thresholds_of(found: Findings) -> dict[str, tuple[float, Interval | NotEstimable]]:
@@ -218,31 +217,25 @@ def thresholds_of(found: Findings) -> dict[str, tuple[float, Interval | NotEstim
     }
 
 
-def gains_figure(models: Mapping[str, Lines], words: plot.Words) -> plot.Drawing:
-    """Return each subject's gain with its 95% interval, with the models side by side."""
-
-    def draw(axes: plot.Axes) -> None:
-        for number, (model, lines) in enumerate(models.items()):
-            # Side by side, so that the intervals of two models do not cover each other.
-            offset = 0.25 * (number - (len(models) - 1) / 2)
-            _subject_intervals(axes, lines, "gain", offset, number, f"{model}, 95% interval")
-            if lines.group_known:
-                axes.axhline(lines.gain, color=plot.COLOURS[number], linewidth=0.8, linestyle="--")
-        axes.set_ylabel("gain, points per unit of contrast")
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
-
-    return plot.drawing(words, draw)
+def gains_figure(models: Mapping[str, Lines], sheet: plot.Sheet) -> None:
+    """Draw each subject's gain with its 95% interval, with the models side by side."""
+    axes = sheet.axes()
+    for number, (model, lines) in enumerate(models.items()):
+        # Side by side, so that the intervals of two models do not cover each other.
+        offset = 0.25 * (number - (len(models) - 1) / 2)
+        _subject_intervals(axes, lines, "gain", offset, number, f"{model}, 95% interval")
+        if lines.group_known:
+            axes.axhline(lines.gain, color=plot.COLOURS[number], linewidth=0.8, linestyle="--")
+    axes.set_ylabel("gain, points per unit of contrast")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
 
 
-def relative_gains_figure(lines: Lines, words: plot.Words) -> plot.Drawing:
-    """Return each subject's gain less the mean gain, with its 95% interval."""
-
-    def draw(axes: plot.Axes) -> None:
-        _subject_intervals(axes, lines, "relative_gain")
-        axes.axhline(0.0, color=plot.GREY, linewidth=0.8, linestyle="--")
-        axes.set_ylabel("relative gain, points per unit")
-
-    return plot.drawing(words, draw)
+def relative_gains_figure(lines: Lines, sheet: plot.Sheet) -> None:
+    """Draw each subject's gain less the mean gain, with its 95% interval."""
+    axes = sheet.axes()
+    _subject_intervals(axes, lines, "relative_gain")
+    axes.axhline(0.0, color=plot.GREY, linewidth=0.8, linestyle="--")
+    axes.set_ylabel("relative gain, points per unit")
 
 
 def _subject_intervals(
@@ -257,8 +250,8 @@ def _subject_intervals(
     axes.set_xlabel("subject")
 
 
-def predictive_figure(data: Sequence[PredictiveStatistic], words: plot.Words) -> plot.Drawing:
-    """Return each statistic of the study beside the 95% interval of simulated studies.
+def predictive_figure(data: Sequence[PredictiveStatistic], sheet: plot.Sheet) -> None:
+    """Draw each statistic of the study beside the 95% interval of simulated studies.
 
     Each is relative to the median of the simulated ones, so that they share an axis.
     """
@@ -267,17 +260,13 @@ def predictive_figure(data: Sequence[PredictiveStatistic], words: plot.Words) ->
     study = np.array([each.observed for each in data]) / unit
     simulated = np.array([each.predicted for each in data]) / unit
     ends = np.array([each.predicted_interval for each in data]) / unit[:, None]
-
-    def draw(axes: plot.Axes) -> None:
-        places = np.arange(len(data))
-        plot.intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
-        axes.plot(places, study, "D", color=plot.COLOURS[1], label="this study")
-        plot.name_places(axes, [each.name.replace(" ", "\n") for each in data])
-        axes.set_ylim(bottom=0)
-        axes.set_ylabel("distance from the model, relative")
-        axes.legend(loc="best", frameon=False)
-
-    return plot.drawing(words, draw)
+    axes, places = sheet.axes(), np.arange(len(data))
+    plot.intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
+    axes.plot(places, study, "D", color=plot.COLOURS[1], label="this study")
+    plot.name_places(axes, [each.name.replace(" ", "\n") for each in data])
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("distance from the model, relative")
+    axes.legend(loc="best", frameon=False)
 
 
 # Figures of scores: by condition, over the session, by level, and by participant.
@@ -291,41 +280,37 @@ _CLOUD_SD = 0.04
 
 
 def raincloud_figure(
-    table: ScoreTable, lines: FloatArray, means: FloatArray, scale: Scale, words: plot.Words
-) -> plot.Drawing:
-    """Return score densities by condition, with `lines` of subjects and means as diamonds."""
+    table: ScoreTable, lines: FloatArray, means: FloatArray, scale: Scale, sheet: plot.Sheet
+) -> None:
+    """Draw score densities by condition, with `lines` of subjects and means as diamonds."""
     labels = plot.labels_of(table.conditions, "condition")
     # Names that are not cut need room below.
-    below_in = 0.08 * max(0, max(map(len, labels)) - 16)
-
-    def draw(axes: plot.Axes) -> None:
-        places = np.arange(len(table.conditions))
-        for place, column in zip(places, table.scores.T, strict=True):
-            _cloud(axes, float(place), column[~np.isnan(column)], scale)
-        axes.plot(
-            places,
-            lines.T + plot.jitter(len(lines), scale),
-            color=plot.GREY,
-            marker="o",
-            markersize=plot.marker(0.6),
-            linewidth=0.6,
-            alpha=0.6,
-        )
-        axes.plot(
-            places,
-            means,
-            "D",
-            color=plot.COLOURS[1],
-            markersize=plot.marker(1.7),
-            markerfacecolor="none",  # hides no score
-            markeredgewidth=1.5,
-            label="mean",
-        )
-        plot.name_places(axes, labels)
-        axes.set(ylim=plot.limits(scale), ylabel=f"score, {scale}", xlabel="condition")
-        axes.legend(loc="lower left", frameon=False)
-
-    return plot.drawing(words, draw, plot.HEIGHT_IN + below_in)
+    axes = sheet.axes(plot.HEIGHT_IN + 0.08 * max(0, max(map(len, labels)) - 16))
+    places = np.arange(len(table.conditions))
+    for place, column in zip(places, table.scores.T, strict=True):
+        _cloud(axes, float(place), column[~np.isnan(column)], scale)
+    axes.plot(
+        places,
+        lines.T + plot.jitter(len(lines), scale),
+        color=plot.GREY,
+        marker="o",
+        markersize=plot.marker(0.6),
+        linewidth=0.6,
+        alpha=0.6,
+    )
+    axes.plot(
+        places,
+        means,
+        "D",
+        color=plot.COLOURS[1],
+        markersize=plot.marker(1.7),
+        markerfacecolor="none",  # hides no score
+        markeredgewidth=1.5,
+        label="mean",
+    )
+    plot.name_places(axes, labels)
+    axes.set(ylim=plot.limits(scale), ylabel=f"score, {scale}", xlabel="condition")
+    axes.legend(loc="lower left", frameon=False)
 
 
 def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> None:
@@ -336,34 +321,23 @@ def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> N
     # A cloud ends with the scale, because no score can lie beyond it.
     grid = np.linspace(scale.lowest, scale.highest, 201)
     density = np.exp(-(((grid[:, None] - values) / (_CLOUD_SD * scale.span)) ** 2) / 2) @ counts
-    width = 0.38 * density / density.max()
-    axes.fill_betweenx(
-        grid, place + 0.06, place + 0.06 + width, color=plot.COLOURS[5], alpha=0.5, linewidth=0
-    )
+    begin, width = place + 0.06, 0.38 * density / density.max()
+    axes.fill_betweenx(grid, begin, begin + width, color=plot.COLOURS[5], alpha=0.5, linewidth=0)
     low, middle, high = np.quantile(scores, [0.25, 0.5, 0.75])
-    axes.plot(
-        [place - 0.06] * 2,
-        [low, high],
-        color=plot.COLOURS[0],
-        linewidth=plot.marker(0.8),
-        alpha=0.8,
-    )
+    bar: Any = {"color": plot.COLOURS[0], "linewidth": plot.marker(0.8), "alpha": 0.8}
+    axes.plot([place - 0.06] * 2, [low, high], **bar)
     axes.plot([place - 0.06], [middle], "_", color="black", markersize=plot.marker(1.8))
 
 
 def course_figure(
-    places: IntArray, means: FloatArray, errors: FloatArray, scale: Scale, words: plot.Words
-) -> plot.Drawing:
-    """Return mean scores by place in the session, with their standard errors."""
-
-    def draw(axes: plot.Axes) -> None:
-        bars = np.nan_to_num(errors)  # a single score has none
-        axes.errorbar(places, means, yerr=bars, fmt="o-", color=plot.COLOURS[0])
-        axes.set_ylabel(f"mean score ± standard error, {scale}")
-        axes.locator_params(axis="x", integer=True)
-        axes.set_xlabel("place among the session's scored trials")
-
-    return plot.drawing(words, draw)
+    places: IntArray, means: FloatArray, errors: FloatArray, scale: Scale, sheet: plot.Sheet
+) -> None:
+    """Draw mean scores by place in the session, with their standard errors."""
+    axes, bars = sheet.axes(), np.nan_to_num(errors)  # a single score has none
+    axes.errorbar(places, means, yerr=bars, fmt="o-", color=plot.COLOURS[0])
+    axes.set_ylabel(f"mean score ± standard error, {scale}")
+    axes.locator_params(axis="x", integer=True)
+    axes.set_xlabel("place among the session's scored trials")
 
 
 def factor_figure(
@@ -371,77 +345,66 @@ def factor_figure(
     means: FloatArray,
     halves: FloatArray,
     scale: Scale,
-    words: plot.Words,
-) -> plot.Drawing:
-    """Return mean scores by level of a factor, with a line for each level of another one.
+    sheet: plot.Sheet,
+) -> None:
+    """Draw mean scores by level of a factor, with a line for each level of another one.
 
     `factors` are one or two with their levels; `means`, and `halves` of their intervals, have
     shape (levels of the first factor, levels of the second or 1).
     """
     lines, (first, *_, last) = means.shape[1], [*factors, *factors]
     names = plot.labels_of(factors[last], last) if lines > 1 else [""]
-
-    def draw(axes: plot.Axes) -> None:
-        places = np.arange(len(means))
-        of_lines = zip(names, means.T, halves.T, strict=True)
-        for number, (name, middle, half) in enumerate(of_lines):
-            # Beside one another, so that no interval covers another one.
-            at = places + (0.4 / lines) * (number - (lines - 1) / 2)
-            axes.errorbar(at, middle, yerr=half, linewidth=1, **plot.marked(number), label=name)
-        plot.name_places(axes, plot.labels_of(factors[first], first))
-        axes.set(xlabel=first, ylabel=f"mean score, {scale}")
-        axes.margins(y=0.08)
-        if lines > 1:
-            plot.name_series(axes, last)
-
-    return plot.drawing(words, draw, plot.HEIGHT_IN + plot.legend_in(names))
+    axes, places = sheet.axes(plot.HEIGHT_IN + plot.legend_in(names)), np.arange(len(means))
+    of_lines = zip(names, means.T, halves.T, strict=True)
+    for number, (name, middle, half) in enumerate(of_lines):
+        # Beside one another, so that no interval covers another one.
+        at = places + (0.4 / lines) * (number - (lines - 1) / 2)
+        axes.errorbar(at, middle, yerr=half, linewidth=1, **plot.marked(number), label=name)
+    plot.name_places(axes, plot.labels_of(factors[first], first))
+    axes.set(xlabel=first, ylabel=f"mean score, {scale}")
+    axes.margins(y=0.08)
+    if lines > 1:
+        plot.name_series(axes, last)
 
 
-def levels_figure(data: Sequence[ByLevel], scale: Scale, words: plot.Words) -> plot.Drawing:
-    """Return scores against the level of each condition: all of them, means, and M2's curve."""
-
-    def draw(grid: Sequence[plot.Axes]) -> None:
-        for axes, own in zip(grid, data, strict=False):
-            scores = own.score + plot.jitter(len(own.score), scale)
-            axes.plot(own.level, scores, ".", color=plot.GREY, alpha=0.5)
-            # A level with a single score has no bar.
-            errors = np.nan_to_num(own.error)
-            axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=plot.COLOURS[0])
-            if own.expected is not None:
-                axes.plot(own.at, own.expected, color="black", label="M2")
-            axes.set_title(own.condition, fontsize="medium")
-            axes.set_ylim(plot.limits(scale))
-        grid[0].set_ylabel(f"score, {scale}")
-        for axes in grid:
-            axes.set_xlabel("level")
-
+def levels_figure(data: Sequence[ByLevel], scale: Scale, sheet: plot.Sheet) -> None:
+    """Draw scores against the level of each condition: all of them, means, and M2's curve."""
     columns = min(len(data), 3)
     rows = -(-len(data) // columns)
-    return plot.grid_drawing(words, draw, rows, columns, 1.0 + 2.4 * rows)
+    grid = sheet.grid(rows, columns, 1.0 + 2.4 * rows)
+    for axes, own in zip(grid, data, strict=False):
+        scores = own.score + plot.jitter(len(own.score), scale)
+        axes.plot(own.level, scores, ".", color=plot.GREY, alpha=0.5)
+        # A level with a single score has no bar.
+        errors = np.nan_to_num(own.error)
+        axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=plot.COLOURS[0])
+        if own.expected is not None:
+            axes.plot(own.at, own.expected, color="black", label="M2")
+        axes.set_title(own.condition, fontsize="medium")
+        axes.set_ylim(plot.limits(scale))
+    grid[0].set_ylabel(f"score, {scale}")
+    for axes in grid:
+        axes.set_xlabel("level")
 
 
 def noticed_figure(
-    names: tuple[str, ...], series: Mapping[str, FloatArray], words: plot.Words
-) -> plot.Drawing:
-    """Return shares with their intervals, (names, 3) for each of `series`, side by side."""
+    names: tuple[str, ...], series: Mapping[str, FloatArray], sheet: plot.Sheet
+) -> None:
+    """Draw shares with their intervals, (names, 3) for each of `series`, side by side."""
     labels = plot.labels_of(tuple(series), "group")
-
-    def draw(axes: plot.Axes) -> None:
-        for number, (label, shares) in enumerate(zip(labels, series.values(), strict=True)):
-            # A group without such trials has no share.
-            known = ~np.isnan(shares[:, 0])
-            offset = 0.6 * ((number + 0.5) / len(series) - 0.5)
-            places = np.arange(len(names), dtype=np.float64)[known] + offset
-            plot.intervals(axes, places, shares[known, 0], shares[known, 1:], number, label)
-        # What is no signal stands apart from what is one.
-        axes.axvline(0.5, color=plot.GREY, linewidth=0.8, linestyle="--")
-        axes.set(ylim=(-0.03, 1.03), ylabel="share of trials with a reported change")
-        plot.name_places(axes, plot.labels_of(names, "condition"))
-        if len(series) > 1:
-            plot.name_series(axes)
-
-    more = plot.legend_in(labels) if len(series) > 4 else 0.0
-    return plot.drawing(words, draw, plot.HEIGHT_IN + more)
+    axes = sheet.axes(plot.HEIGHT_IN + (plot.legend_in(labels) if len(series) > 4 else 0.0))
+    for number, (label, shares) in enumerate(zip(labels, series.values(), strict=True)):
+        # A group without such trials has no share.
+        known = ~np.isnan(shares[:, 0])
+        offset = 0.6 * ((number + 0.5) / len(series) - 0.5)
+        places = np.arange(len(names), dtype=np.float64)[known] + offset
+        plot.intervals(axes, places, shares[known, 0], shares[known, 1:], number, label)
+    # What is no signal stands apart from what is one.
+    axes.axvline(0.5, color=plot.GREY, linewidth=0.8, linestyle="--")
+    axes.set(ylim=(-0.03, 1.03), ylabel="share of trials with a reported change")
+    plot.name_places(axes, plot.labels_of(names, "condition"))
+    if len(series) > 1:
+        plot.name_series(axes)
 
 
 def people_figure(
@@ -449,30 +412,25 @@ def people_figure(
     scores: Mapping[str, Sequence[FloatArray]],
     means: FloatArray,
     scale: Scale,
-    words: plot.Words,
-) -> plot.Drawing:
-    """Return a small panel for each participant: scores by condition, and the group's means."""
-
-    def draw(grid: Sequence[plot.Axes]) -> None:
-        places = np.arange(len(conditions))
-        for axes, (subject, trials) in zip(grid, scores.items(), strict=False):
-            axes.plot(places, means, color=plot.GREY, linewidth=0.8)
-            for place, own in enumerate(trials):
-                axes.plot(
-                    np.full(len(own), place), own, plot.MARKERS[0], color=plot.COLOURS[0], alpha=0.6
-                )
-            axes.set_title(plot.labels_of((subject,), "subject")[0], fontsize="small", pad=2)
-            axes.set_ylim(plot.limits(scale))
-        for axes in grid[len(scores) :]:
-            axes.set_axis_off()
-        size = "medium" if count <= FEW_NAMES else "x-small"
-        for axes in grid:
-            axes.set_xticks(places, names, rotation=90, fontsize=size)
-
+    sheet: plot.Sheet,
+) -> None:
+    """Draw a small panel for each participant: scores by condition, and the group's means."""
     count, names = len(conditions), plot.labels_of(conditions, "condition")
     columns = min(len(scores), 6, max(1, NAMES_IN_A_ROW // count))
-    rows = -(-len(scores) // columns)
-    return plot.grid_drawing(words, draw, rows, columns, 1.0 + 1.1 * rows)
+    rows, places = -(-len(scores) // columns), np.arange(count)
+    grid = sheet.grid(rows, columns, 1.0 + 1.1 * rows)
+    for axes, (subject, trials) in zip(grid, scores.items(), strict=False):
+        axes.plot(places, means, color=plot.GREY, linewidth=0.8)
+        for place, own in enumerate(trials):
+            at = np.full(len(own), place)
+            axes.plot(at, own, plot.MARKERS[0], color=plot.COLOURS[0], alpha=0.6)
+        axes.set_title(plot.labels_of((subject,), "subject")[0], fontsize="small", pad=2)
+        axes.set_ylim(plot.limits(scale))
+    for axes in grid[len(scores) :]:
+        axes.set_axis_off()
+    size = "medium" if count <= FEW_NAMES else "x-small"
+    for axes in grid:
+        axes.set_xticks(places, names, rotation=90, fontsize=size)
 
 
 # Figures of trials and touches as made: reaction times, and force and place against the plan.
@@ -481,28 +439,25 @@ def people_figure(
 def strips_figure(
     groups: Mapping[str, FloatArray],
     medians: Sequence[float],
-    words: plot.Words,
+    sheet: plot.Sheet,
     axis: str,
     *,
     across: str,
     logarithmic: bool = False,
     asked: float | None = None,
-) -> plot.Drawing:
-    """Return values of each group as points beside its median; `asked` is a dashed line."""
-
-    def draw(axes: plot.Axes) -> None:
-        for place, (values, median) in enumerate(zip(groups.values(), medians, strict=True)):
-            # Multiples of the golden ratio spread points evenly without random numbers.
-            beside = place + 0.3 * ((np.arange(len(values)) * 0.6180339887) % 1.0 - 0.5)
-            axes.plot(beside, values, ".", color=plot.COLOURS[0], alpha=0.5)
-            axes.plot([place - 0.25, place + 0.25], [median] * 2, color="black")
-        if asked is not None:
-            axes.axhline(asked, color=plot.GREY, linestyle="--", linewidth=0.8)
-        if logarithmic:
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter("{x:g}")
-        plot.name_places(axes, plot.labels_of(tuple(groups), across))
-        axes.set(xlabel=across, ylabel=axis)
-
-    return plot.drawing(words, draw)
+) -> None:
+    """Draw values of each group as points beside its median; `asked` is a dashed line."""
+    axes = sheet.axes()
+    for place, (values, median) in enumerate(zip(groups.values(), medians, strict=True)):
+        # Multiples of the golden ratio spread points evenly without random numbers.
+        beside = place + 0.3 * ((np.arange(len(values)) * 0.6180339887) % 1.0 - 0.5)
+        axes.plot(beside, values, ".", color=plot.COLOURS[0], alpha=0.5)
+        axes.plot([place - 0.25, place + 0.25], [median] * 2, color="black")
+    if asked is not None:
+        axes.axhline(asked, color=plot.GREY, linestyle="--", linewidth=0.8)
+    if logarithmic:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+    plot.name_places(axes, plot.labels_of(tuple(groups), across))
+    axes.set(xlabel=across, ylabel=axis)

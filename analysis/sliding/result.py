@@ -10,7 +10,6 @@ import numpy as np
 from analysis.cells import json_text
 from analysis.estimates import Estimate, NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
-from analysis.report.drawing import Drawing, Words, panels_drawing
 from analysis.report.page import Masthead, rendered
 from analysis.sliding import experiment
 from analysis.sliding.comparison import Extreme
@@ -101,11 +100,9 @@ class SlidingResult:
 
     @cached_property
     def _figure(self) -> Figure:
-        def draw(words: Words) -> Drawing:
-            return panels_drawing(self.found.panels, words)
-
         table = _table("places", "Troughs and peaks", self.found.extreme_lines())
-        return Figure(name="friction", title="mu(x)", caption=_CAPTION, draw=draw, table=table)
+        drawn = tuple(self.found.panels)
+        return Figure(name="friction", title="mu(x)", caption=_CAPTION, draw=drawn, table=table)
 
     @property
     def _page(self) -> str:

@@ -1,6 +1,5 @@
 """The study's claims under all choices of analysis, as specification curves."""
 
-from collections.abc import Sequence
 from functools import partial
 from textwrap import fill
 from types import SimpleNamespace
@@ -9,8 +8,8 @@ import numpy as np
 
 from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
 from analysis.multiverse.universes import Choice
+from analysis.report import drawing as plot
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table
-from analysis.report.drawing import COLOURS, GREY, Axes, Drawing, Words, grid_drawing, marker
 from analysis.report.findings import Findings
 from analysis.report.wording import count_of, number, sentence
 
@@ -22,22 +21,19 @@ _MOST_INTERVALS = 100
 """Error bars of more analyses than these would cover each other."""
 
 
-def specification_figure(data: Curve, words: Words) -> Drawing:
-    """Return the effects of a claim's analyses above, and a matrix of their choices below."""
+def specification_figure(data: Curve, sheet: plot.Sheet) -> None:
+    """Draw the effects of a claim's analyses above, and a matrix of their choices below."""
     rows = [line for choice, options in data.options.items() for line in (choice, *options)]
-    below_in = _ROW_IN * (len(rows) + 1)
-
-    def draw(grid: Sequence[Axes]) -> None:
-        _effects(grid[0], data)
-        _choices(grid[1], data)
-        if data.own is not None:
-            for axes in grid:
-                axes.axvline(data.own + 1, color=GREY, linestyle=":", zorder=0)
-
-    return grid_drawing(words, draw, 2, 1, _ABOVE_IN + below_in, (_ABOVE_IN, below_in))
+    heights = _ABOVE_IN, _ROW_IN * (len(rows) + 1)
+    above, below = sheet.grid(2, 1, sum(heights), heights)
+    _effects(above, data)
+    _choices(below, data)
+    if data.own is not None:
+        for axes in (above, below):
+            axes.axvline(data.own + 1, color=plot.GREY, linestyle=":", zorder=0)
 
 
-def _effects(axes: Axes, data: Curve) -> None:
+def _effects(axes: plot.Axes, data: Curve) -> None:
     places = np.arange(1, len(data.judged) + 1)
     effects = np.array([it.effect for it in data.judged])
     significant = np.array([it.significant for it in data.judged])
@@ -45,13 +41,13 @@ def _effects(axes: Axes, data: Curve) -> None:
     ends = np.array([it.interval or (np.nan, np.nan) for it in data.judged])
     if len(places) <= _MOST_INTERVALS:
         errors = np.abs(ends.T - effects)
-        axes.errorbar(places, effects, yerr=errors, fmt="none", ecolor=GREY, elinewidth=0.8)
+        axes.errorbar(places, effects, yerr=errors, fmt="none", ecolor=plot.GREY, elinewidth=0.8)
     # Smaller markers where there are many, so that they do not hide each other.
-    size = min(marker(1.0), marker(60 / len(places)))
+    size = min(plot.marker(1.0), plot.marker(60 / len(places)))
     kinds = {
-        "supported, p < .05": (significant, "o", COLOURS[0], COLOURS[0]),
-        "supported, p ≥ .05": (supported & ~significant, "o", COLOURS[0], "white"),
-        "not supported": (~supported, "s", COLOURS[1], COLOURS[1]),
+        "supported, p < .05": (significant, "o", plot.COLOURS[0], plot.COLOURS[0]),
+        "supported, p ≥ .05": (supported & ~significant, "o", plot.COLOURS[0], "white"),
+        "not supported": (~supported, "s", plot.COLOURS[1], plot.COLOURS[1]),
     }
     for label, (chosen, shape, colour, face) in kinds.items():
         if chosen.any():
@@ -80,10 +76,10 @@ def _effects(axes: Axes, data: Curve) -> None:
     axes.tick_params(axis="x", labelbottom=False)
 
 
-def _choices(axes: Axes, data: Curve) -> None:
+def _choices(axes: plot.Axes, data: Curve) -> None:
     labels: list[str] = []
     headings: list[int] = []
-    size = min(marker(0.8), marker(50 / len(data.judged)))
+    size = min(plot.marker(0.8), plot.marker(50 / len(data.judged)))
     for choice, options in data.options.items():
         headings.append(len(labels))
         labels.append(choice)

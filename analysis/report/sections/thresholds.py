@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -240,39 +241,33 @@ def _logarithmic(track: Track) -> bool:
 
 
 def _panels(
-    people: Sequence[PersonThreshold], words: plot.Words, draw: object, labels: tuple[str, str]
-) -> plot.Drawing:
+    people: Sequence[PersonThreshold], sheet: plot.Sheet, x_label: str, y_label: str
+) -> Iterator[tuple[plot.Axes, PersonThreshold]]:
+    """Yield labelled axes for each person."""
     columns = min(PANELS_A_ROW, len(people))
     rows = -(-len(people) // columns)
-
-    def drawn(grid: Sequence[plot.Axes]) -> None:
-        names = plot.labels_of(tuple(each.participant for each in people), "person")
-        for place, axes in enumerate(grid):
-            if place >= len(people):
-                axes.set_visible(False)
-                continue
-            draw(axes, people[place])  # type: ignore[operator]
-            axes.set_title(names[place], fontsize="medium")
-            if place % columns == 0:
-                axes.set_ylabel(labels[1])
-            if place >= len(people) - columns:
-                axes.set_xlabel(labels[0])
-
-    return plot.grid_drawing(words, drawn, rows, columns, 0.6 + 2.3 * rows)
+    grid = sheet.grid(rows, columns, 0.6 + 2.3 * rows)
+    names = plot.labels_of(tuple(each.participant for each in people), "person")
+    for axes in grid[len(people) :]:
+        axes.set_visible(False)
+    for place, (axes, person) in enumerate(zip(grid, people, strict=False)):
+        axes.set_title(names[place], fontsize="medium")
+        if place % columns == 0:
+            axes.set_ylabel(y_label)
+        if place >= len(people) - columns:
+            axes.set_xlabel(x_label)
+        yield axes, person
 
 
-def _levels_figure(
-    track: Track, people: Sequence[PersonThreshold], words: plot.Words
-) -> plot.Drawing:
-    def draw(axes: plot.Axes, person: PersonThreshold) -> None:
+def _levels_figure(track: Track, people: Sequence[PersonThreshold], sheet: plot.Sheet) -> None:
+    for axes, person in _panels(people, sheet, "answer", _axis(track)):
         course = person.course
         at, values = np.arange(1, len(course.values) + 1), np.array(course.values)
         right, turned = np.array(course.correct), np.array(course.reversal)
+        wrong: Any = {"color": plot.COLOURS[1], "markersize": 3, "fillstyle": "none"}
         axes.plot(at, values, "-", color=plot.GREY, linewidth=0.8)
         axes.plot(at[right], values[right], "o", color=plot.COLOURS[0], markersize=3)
-        axes.plot(
-            at[~right], values[~right], "o", color=plot.COLOURS[1], markersize=3, fillstyle="none"
-        )
+        axes.plot(at[~right], values[~right], "o", **wrong)
         axes.plot(at[turned], values[turned], "o", color="black", markersize=7, fillstyle="none")
         if np.isfinite(person.threshold):
             axes.axhline(person.threshold, color="black", linestyle="--", linewidth=0.8)
@@ -281,16 +276,12 @@ def _levels_figure(
             axes.yaxis.set_major_formatter("{x:g}")
             axes.yaxis.set_minor_formatter("{x:g}")
 
-    return _panels(people, words, draw, ("answer", _axis(track)))
 
-
-def _curves_figure(
-    track: Track, people: Sequence[PersonThreshold], words: plot.Words
-) -> plot.Drawing:
+def _curves_figure(track: Track, people: Sequence[PersonThreshold], sheet: plot.Sheet) -> None:
     side = 1 if track.values[-1] > track.reference else -1
     distance = curve_places(track)
-
-    def draw(axes: plot.Axes, person: PersonThreshold) -> None:
+    named = "share of yes" if track.intervals == 1 else "share right"
+    for axes, person in _panels(people, sheet, _axis(track), named):
         fit = person.fit
         # A catch trial has no place on a logarithmic axis.
         points = [each for each in person.points if each[0] > 0 or not _logarithmic(track)]
@@ -310,6 +301,3 @@ def _curves_figure(
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter("")
             axes.set_xlim(0.85 * levels.min(initial=distance[0]), 1.2 * distance[-1])
-
-    named = "share of yes" if track.intervals == 1 else "share right"
-    return _panels(people, words, draw, (_axis(track), named))

@@ -1,12 +1,21 @@
 """Figures of the report: names that the font can draw, and the scale of the scores."""
 
 import re
+from functools import partial
 from itertools import count
 
 import numpy as np
 import pytest
 
-from analysis.report.drawing import FORMATS, Panel, Series, Words, marked, panels_files
+from analysis.report.drawing import (
+    FORMATS,
+    Panel,
+    Series,
+    Words,
+    drawing,
+    marked,
+    panels_files,
+)
 from analysis.report.figure_data import (
     factor_figure,
     noticed_figure,
@@ -20,10 +29,10 @@ from tests.analysis.reports import SCORES, imported, made
 
 
 def test_names_missing_from_the_font_are_numbered_and_dollars_do_not_start_formulas() -> None:
-    drawing = made(SCORES[:1], names=("电压", "$a^$", "pressure")).figures[0].drawing
-    assert drawing is not None
-    assert ">condition 1</text>" in drawing.svg
-    assert ">$a^$</text>" in drawing.svg
+    found = made(SCORES[:1], names=("电压", "$a^$", "pressure")).figures[0].drawing
+    assert found is not None
+    assert ">condition 1</text>" in found.svg
+    assert ">$a^$</text>" in found.svg
 
 
 def cloud(highest: float) -> list[float]:
@@ -31,7 +40,8 @@ def cloud(highest: float) -> list[float]:
     table = imported(np.tile(SCORES, (2, 1)) * highest / 10).table
     scale = Scale(0, highest)
     words, scores = Words(name="scores", title="", description=""), table.scores
-    svg = raincloud_figure(table, scores, scores.mean(axis=0), scale, words).svg
+    draw = partial(raincloud_figure, table, scores, scores.mean(axis=0), scale)
+    svg = drawing(draw, words).svg
     _, _, rest = svg.partition('id="scores-FillBetweenPolyCollection_1"')
     outline = re.search(r' d="([^"]*)"', rest)
     assert outline is not None
@@ -51,7 +61,7 @@ def test_many_conditions_have_room(count: int) -> None:
     table, scale = imported(scores, names=names).table, Scale(0, 10)
     words = Words(name="scores", title="", description="")
     means = table.scores.mean(axis=0)
-    raincloud_figure(table, table.scores, means, scale, words)
+    drawing(partial(raincloud_figure, table, table.scores, means, scale), words)
     ratings = Ratings(
         subjects=table.subjects,
         conditions=names,
@@ -61,7 +71,8 @@ def test_many_conditions_have_room(count: int) -> None:
         rating=table.scores.ravel(),
     )
     at = np.array([0.0, 1.0])
-    svg = scatter_figure(ratings, scale, at, {"M2": at, "M1": 2 * at}, {}, words).svg
+    draw = partial(scatter_figure, ratings, scale, at, {"M2": at, "M1": 2 * at}, {})
+    svg = drawing(draw, words).svg
     assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count
 
 
@@ -79,7 +90,7 @@ def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -
     means = np.full(count, 5.0)
     scores = {f"P{who}": tuple(np.array([5.0]) for _ in names) for who in range(12)}
     words = Words(name="people", title="", description="")
-    svg = people_figure(names, scores, means, Scale(0, 10), words).svg
+    svg = drawing(partial(people_figure, names, scores, means, Scale(0, 10)), words).svg
     names_at = re.findall(r"translate\(([\d.]+) [\d.]+\) rotate\(-90\)", svg)
     places = sorted({float(x) for x in names_at})
     assert min(np.diff(places)) > 9  # pt
@@ -93,10 +104,11 @@ def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
         for factor, many in {"condition": 30, "group": 6}.items()
     }
     words = Words(name="groups", title="Groups", description="")
-    means = factor_figure(factors, np.full((30, 6), 5.0), np.ones((30, 6)), Scale(0, 10), words)
+    cells = np.full((30, 6), 5.0), np.ones((30, 6))
+    means = drawing(partial(factor_figure, factors, *cells, Scale(0, 10)), words)
     assert f"{name} 29<" in means.svg
     shares = {f"{name} {number}": np.full((30, 3), 0.5) for number in range(6)}
-    for drawn in (means, noticed_figure(factors["condition"], shares, words)):
+    for drawn in (means, drawing(partial(noticed_figure, factors["condition"], shares), words)):
         assert set(drawn.files()) == set(FORMATS)
 
 

@@ -249,7 +249,7 @@ Block = str | Table | TableGroup | Figure | Items | Definitions | None
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Section of the page, with its part of the report's other files.
+    """Section of the page, with its part of the report's other files; without blocks not shown.
 
     Attributes:
         name: id in the page.
@@ -260,8 +260,8 @@ class Section:
     """
 
     name: str
-    title: str
-    blocks: Sequence[Block]
+    title: str = ""
+    blocks: Sequence[Block] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
 

@@ -1,6 +1,6 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -192,6 +192,12 @@ class Findings:
             ),
             p_holm=p_holm,
         )
+
+    def reread(self) -> Iterator[tuple[str, Design]]:
+        """Yield the same under each other reading of withheld scores, with its name."""
+        for name, table in list(self.table.tables.items())[1:]:
+            if made := self.design_by(name, table):
+                yield name, made
 
     @property
     def groups(self) -> GroupStatistics | None:

@@ -1,7 +1,7 @@
 """HTML page of the report: one file that needs no network."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 from html import escape
 from importlib.metadata import version
@@ -12,8 +12,10 @@ from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
-    designs,
-    effects,
+    conditions,
+    detection,
+    factors,
+    groups,
     measured,
     methods,
     model_checks,
@@ -26,6 +28,7 @@ from analysis.report.sections import (
     thresholds,
 )
 from analysis.report.wording import count_of
+from analysis.trials.trial_statistics import LINKS
 from device.friction.laws import LAWS
 from protocol.errors import BadInput
 from protocol.journal.shared_form import UNKNOWN_UTC
@@ -128,43 +131,62 @@ def _sessions(found: Findings) -> str:
     return f"{when}{kind}".strip()
 
 
-SECTIONS: Mapping[str, Callable[[Findings], blocks.Section]] = MappingProxyType(
+@dataclass(frozen=True)
+class Part:
+    """A section of the page, and what is known of it before it is made.
+
+    Attributes:
+        make: makes the section.
+        figures: names of all the figures that it may have.
+        fits: those that it needs beside M2, which the results in words need, too.
+        front: what stands among the results whichever sections are shown.
+        of_tracks: whether a study of tracks alone has it; all others compare conditions.
+    """
+
+    make: Callable[[Findings], blocks.Section]
+    _: KW_ONLY
+    figures: Sequence[str] = ()
+    fits: Sequence[str] = ()
+    front: Sequence[Callable[[Findings], blocks.Block]] = ()
+    of_tracks: bool = False
+
+
+SECTIONS: Mapping[str, Part] = MappingProxyType(
     {
-        "table4": scores.section,
-        "methods": methods.section,
-        "registration": registration.section,
-        "thresholds": thresholds.section,
-        "tests": effects.tests,
-        "groups": designs.groups,
-        "detection": designs.detection,
-        "factors": designs.factors,
-        "agreement": effects.agreement,
-        "sensitivity": sensitivity.section,
-        "measured": measured.section,
-        "model": predictions.section,
-        "questions": scores.own_questions,
-        "left-out": session_checks.left_out,
-        "checks": session_checks.section,
-        "predictive": model_checks.predictive,
-        "recovery": model_checks.recovery,
-        "contrasts": model_checks.section,
-        multiverse.MULTIVERSE: multiverse.section,
-        "glossary": glossary,
-        "provenance": methods.provenance,
-        "trials": scores.trials,
+        "table4": Part(scores.section, front=(scores.score_table, scores.notes)),
+        "methods": Part(methods.section),
+        "registration": Part(registration.section, of_tracks=True),
+        "thresholds": Part(thresholds.section, figures=thresholds.FIGURES, of_tracks=True),
+        "tests": Part(conditions.tests, figures=("scores",), front=(conditions.scores_figure,)),
+        "groups": Part(groups.section, figures=("groups",)),
+        "detection": Part(detection.section, figures=("noticed",)),
+        "factors": Part(factors.section, figures=factors.FIGURES),
+        "agreement": Part(conditions.agreement, figures=("people",), fits=LINKS),
+        "sensitivity": Part(
+            sensitivity.section,
+            figures=("relative-gains", "sensitivity"),
+            fits=("M3",),
+            front=(sensitivity.relative_figure,),
+        ),
+        "measured": Part(measured.section, fits=("M3",)),
+        "model": Part(
+            predictions.section, figures=("model", "levels"), front=(predictions.ratings_figure,)
+        ),
+        "questions": Part(scores.own_questions, of_tracks=True),
+        "left-out": Part(session_checks.left_out, of_tracks=True),
+        "checks": Part(session_checks.section, figures=session_checks.FIGURES),
+        "predictive": Part(
+            model_checks.predictive, figures=("predictive-m2", "predictive-m3"), fits=("M3",)
+        ),
+        "recovery": Part(model_checks.recovery),
+        "contrasts": Part(model_checks.section, fits=("M2 at places",)),
+        multiverse.MULTIVERSE: Part(multiverse.section, figures=multiverse.FIGURES),
+        "glossary": Part(glossary, of_tracks=True),
+        "provenance": Part(methods.provenance, of_tracks=True),
+        "trials": Part(scores.trials, of_tracks=True),
     }
 )
 """The sections of the page by name, in the order in which an author needs them."""
-
-FRONTS: Mapping[str, Sequence[Callable[[Findings], blocks.Block]]] = MappingProxyType(
-    {
-        "table4": (scores.score_table, scores.notes),
-        "tests": (effects.scores_figure,),
-        "sensitivity": (sensitivity.relative_figure,),
-        "model": (predictions.ratings_figure,),
-    }
-)
-"""What stands among the results whichever sections are shown, by the section that it belongs to."""
 
 
 def require_sections(names: Iterable[str]) -> None:

@@ -10,26 +10,20 @@ from analysis.felt.measured_statistics import measured_statistics
 from analysis.kept import Kept
 from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
-from analysis.multiverse.curve import NAMES, multiverse
+from analysis.multiverse.curve import multiverse
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
-from analysis.report.page import FRONTS, SECTIONS, page_html, require_sections
+from analysis.report.page import SECTIONS, page_html, require_sections
 from analysis.report.sections.multiverse import MULTIVERSE
 from analysis.statistics.summary import TableStatistics
-from analysis.trials.trial_statistics import LINKS, TrialStatistics
+from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
 from device.friction.scenes import NOMINAL
 from protocol.study.study import Study
 
 ALWAYS = frozenset({"table4", "provenance"})
 """The sections without which there is no report."""
-
-
-WITHOUT_CONDITIONS = frozenset(
-    {"thresholds", "questions", "left-out", "registration", "glossary", "provenance", "trials"}
-)
-"""The sections that a study of tracks alone has; all others compare conditions."""
 
 
 def _figure_paths(name: str) -> list[str]:
@@ -46,7 +40,7 @@ class Report(Findings):
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """All sections, shown or not; if they are wanted `alone`, those shown and `ALWAYS`."""
-        return tuple(SECTIONS[name](self).keeping(self.keep) for name in self.needed)
+        return tuple(SECTIONS[name].make(self).keeping(self.keep) for name in self.needed)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -56,7 +50,7 @@ class Report(Findings):
         return tuple(name for name in SECTIONS if name in wanted and self._has(name))
 
     def _has(self, section: str) -> bool:
-        return bool(self.loaded.table.conditions) or section in WITHOUT_CONDITIONS
+        return bool(self.loaded.table.conditions) or SECTIONS[section].of_tracks
 
     @property
     def chosen(self) -> tuple[Section, ...]:
@@ -78,11 +72,9 @@ class Report(Findings):
         own = {section.name: section for section in self.sections}
         return tuple(
             own.get(name)
-            or Section(name=name, title="", blocks=[make(self) for make in own_blocks]).keeping(
-                self.keep
-            )
-            for name, own_blocks in FRONTS.items()
-            if self._has(name)
+            or Section(name=name, blocks=[make(self) for make in part.front]).keeping(self.keep)
+            for name, part in SECTIONS.items()
+            if part.front and self._has(name)
         )
 
     @property
@@ -93,25 +85,10 @@ class Report(Findings):
         return [figure for section in in_order for figure in section.figures]
 
 
-FIGURES = (
-    *("scores", "people", "relative-gains", "sensitivity", "model", "levels", "course"),
-    *("noticed", "groups", "reaction-times", "forces", "places", "predictive-m2", "predictive-m3"),
-    *(f"{MULTIVERSE}-{claim}" for claim in NAMES),
-    # Six factors of the file, its conditions, and the sessions.
-    *(f"factor-{number}" for number in range(1, 9)),
-    *(f"{what}-{number}" for what in ("track", "psychometric") for number in range(1, 21)),
-)
-"""The names of all figures that a report may have."""
 # An earlier report may have left figures that this one does not have; these are removed.
-FIGURE_FILES = frozenset(path for name in FIGURES for path in _figure_paths(name))
-_FITS = {
-    "agreement": LINKS,
-    "sensitivity": ("M3",),
-    "measured": ("M3",),
-    "predictive": ("M3",),
-    "contrasts": ("M2 at places",),
-}
-"""The fits that a section needs beside M2, which the results in words need, too."""
+FIGURE_FILES = frozenset(
+    path for part in SECTIONS.values() for name in part.figures for path in _figure_paths(name)
+)
 
 
 def report(
@@ -157,7 +134,7 @@ def report(
         shown=shown,
         keep=keep,
     )
-    needed = (fit for name in result.needed for fit in _FITS.get(name, ()))
+    needed = (fit for name in result.needed for fit in SECTIONS[name].fits)
     # Before any section asks for them, because sections ask one after another.
     trials.fit_ahead(dict.fromkeys(("M2", *needed)))
     return result

@@ -27,6 +27,8 @@ SIMPLE_ONLY = (
     "conditions depart from the line: its intervals are then too narrow, and the group's often "
     "excludes 0 although there is no gain."
 )
+READ_AS = {"zero": "withheld as lowest possible", "lowest": "withheld as lowest given"}
+"""How withheld scores are read otherwise, by the name of the reading."""
 
 
 def number(value: float | NotEstimable | None, digits: int = 3) -> str:

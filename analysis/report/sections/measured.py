@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 from analysis.estimates import Json, NotEstimable, or_null, plain, why
 from analysis.felt.measured_statistics import MeasuredStatistics
-from analysis.report.as_json import fit_json, law_json
 from analysis.report.blocks import Column, Items, Section, Table, at, estimate, law_columns
+from analysis.report.estimates_json import fit_json, law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, group_gain, number, p_equals
 from analysis.sensitivity.lines import SMALL_SPREAD
@@ -25,7 +25,7 @@ def section(found: Findings) -> Section:
     """Return contrasts and sensitivities by the recorded touches; nothing if there are none."""
     measured = found.measured
     if measured is None:
-        return Section(name="measured", title="", blocks=[], data={})
+        return Section(name="measured")
     left_out = [
         f"{count} scored trial{'s' * (count > 1)}, because {reason}; left out of the fits to "
         "measured contrasts."

@@ -6,8 +6,8 @@ from functools import partial
 from types import SimpleNamespace
 
 from analysis.estimates import LEVEL, Json, NotEstimable, plain
-from analysis.report.as_json import unknown
 from analysis.report.blocks import Block, Column, Figure, Section, Table, estimate, p_cell
+from analysis.report.estimates_json import unknown
 from analysis.report.figure_data import predictive_figure
 from analysis.report.findings import Findings, Scale
 from analysis.report.wording import interval, number

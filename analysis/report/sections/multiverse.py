@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.multiverse.curve import NAMES, Curve, Multiverse, PairTally
+from analysis.multiverse.curve import NAMES, Curve, PairTally
 from analysis.multiverse.universes import Choice
 from analysis.report import drawing as plot
-from analysis.report.blocks import Block, Column, Figure, Items, Section, Table
+from analysis.report.blocks import Column, Figure, Items, Section, Table
 from analysis.report.findings import Findings
 from analysis.report.wording import count_of, number, sentence
 
@@ -99,6 +99,7 @@ def _choices(axes: plot.Axes, data: Curve) -> None:
 
 MULTIVERSE = "multiverse"
 """Name of the section; it is made only if it is asked for by that name."""
+FIGURES = tuple(f"{MULTIVERSE}-{claim}" for claim in NAMES)
 _INTRODUCTION = (
     "An analysis makes choices that others might have made otherwise. Here each claim is judged in "
     "every combination of the choices that bear on it. An analysis supports a claim if its effect "
@@ -108,27 +109,23 @@ _INTRODUCTION = (
 
 
 def section(found: Findings) -> Section:
-    """Return the claims under all choices; without them the names of the figures alone."""
+    """Return the claims under all choices; nothing where they were not asked for."""
     made = found.multiverse
+    if made is None:
+        return Section(name=MULTIVERSE)
+    alone = [f"{choice.capitalize()}: {why}." for choice, why in made.single.items()]
     return Section(
         name=MULTIVERSE,
         title="Other choices of analysis",
-        blocks=[Figure(name=f"{MULTIVERSE}-{name}") for name in NAMES]
-        if made is None
-        else _blocks(made),
-        data={} if made is None else {MULTIVERSE: made.as_json()},
+        blocks=[
+            _INTRODUCTION,
+            Items(heading="Choices that make no difference in this study", lines=alone),
+            Items(heading="Claims", lines=[in_words(curve) for curve in made.curves]),
+            _pair_table(made.pairs) if any(pair.analyses > 1 for pair in made.pairs) else None,
+            *map(_figure, made.curves),
+        ],
+        data={MULTIVERSE: made.as_json()},
     )
-
-
-def _blocks(made: Multiverse) -> list[Block]:
-    alone = [f"{choice.capitalize()}: {why}." for choice, why in made.single.items()]
-    return [
-        _INTRODUCTION,
-        Items(heading="Choices that make no difference in this study", lines=alone),
-        Items(heading="Claims", lines=[in_words(curve) for curve in made.curves]),
-        _pair_table(made.pairs) if any(pair.analyses > 1 for pair in made.pairs) else None,
-        *map(_figure, made.curves),
-    ]
 
 
 def in_words(curve: Curve) -> str:

@@ -7,8 +7,8 @@ import numpy as np
 
 from analysis.estimates import NotEstimable, plain
 from analysis.report import figure_data
-from analysis.report.as_json import law_json
 from analysis.report.blocks import Figure, Section, Table, columns, law_columns
+from analysis.report.estimates_json import law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
 from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts

@@ -326,7 +326,7 @@ def section(found: Findings) -> Section:
     """Return what was registered and how it came out; nothing for a study without registration."""
     lock = found.loaded.lock
     if lock is None:
-        return Section(name="registration", title="Registration", blocks=[])
+        return Section(name="registration")
     results = named_results(found, lock)
     departed = deviations(lock.registration, conduct(found, lock))
     later = _later_contrasts(found)

@@ -7,7 +7,7 @@ from analysis.estimates import Json, plain
 from analysis.loading.sessions import SCORED_KINDS
 from analysis.loading.study_data import LABELS, WITHHELD_AS, marks, unscored, withheld
 from analysis.report import blocks
-from analysis.report.as_json import friedman_json, pair_json
+from analysis.report.estimates_json import friedman_json, pair_json
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex

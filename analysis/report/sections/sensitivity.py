@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 from analysis.estimates import Json, NotEstimable, why
 from analysis.report import figure_data, wording
-from analysis.report.as_json import fit_json, subjects_json
 from analysis.report.blocks import Column, Figure, Items, Section, Table, estimate
+from analysis.report.estimates_json import fit_json, subjects_json
 from analysis.report.findings import Findings
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.linear_model import LinearSensitivity

@@ -10,8 +10,8 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.loading.study_data import StudyData, rules_in_words
 from analysis.report import blocks, figure_data
-from analysis.report.as_json import unknown, with_reasons
 from analysis.report.blocks import columns
+from analysis.report.estimates_json import unknown, with_reasons
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
 from analysis.trials import trial_checks
@@ -19,6 +19,7 @@ from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from analysis.trials.trial_statistics import CatchAnswers, catch_answers
 
+FIGURES = ("course", "reaction-times", "forces", "places")
 _UNORDERED = NotEstimable("the order in which the scores were given is not known")
 
 

@@ -25,6 +25,7 @@ from analysis.trials.track_fits import (
 )
 from protocol.study.track import Track, decibels
 
+FIGURES = tuple(f"{what}-{number}" for what in ("track", "psychometric") for number in range(1, 21))
 MOST_PANELS = 12
 PANELS_A_ROW = 3
 METHOD = (
@@ -44,14 +45,14 @@ METHOD = (
 
 def section(found: Findings) -> Section:
     """Return the thresholds of people and of the cohort; nothing for a study without tracks."""
-    made, title, study = found.thresholds, "Thresholds", found.study
+    made, study = found.thresholds, found.study
     if made is None:
-        return Section(name="thresholds", title=title, blocks=[])
+        return Section(name="thresholds")
     # People come track by track.
     by_track = groupby(made.people, attrgetter("track"))
     return Section(
         name="thresholds",
-        title=title,
+        title="Thresholds",
         blocks=[
             METHOD,
             _cohort_table(made.cohort),

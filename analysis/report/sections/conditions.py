@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.estimates import LEVEL, Interval, Json, NotEstimable, or_null, plain, why
 from analysis.loading.score_table import ScoreTable
-from analysis.report import as_json, figure_data
+from analysis.report import estimates_json, figure_data
 from analysis.report.blocks import (
     Cell,
     Column,
@@ -138,8 +138,8 @@ def _tests_json(main: Reading) -> Json:
     test = main.friedman
     w_ends = test.kendall_w_interval if isinstance(test, Friedman) else test
     return {
-        "friedman": as_json.friedman_json(main),
-        "skillings_mack": as_json.skillings_mack_json(main.skillings_mack),
+        "friedman": estimates_json.friedman_json(main),
+        "skillings_mack": estimates_json.skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
         "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
         **why("kendall_w", test),
@@ -150,7 +150,7 @@ def _tests_json(main: Reading) -> Json:
         if isinstance(test, Friedman)
         else None,
         **why("rank_sums", test),
-        "pairwise": [as_json.pair_json(pair) for pair in main.pairwise],
+        "pairwise": [estimates_json.pair_json(pair) for pair in main.pairwise],
     }
 
 
@@ -345,7 +345,7 @@ def _people_figure(found: Findings) -> Figure:
 
 def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
     if isinstance(icc, NotEstimable):
-        return as_json.unknown(icc, *_ICC)
+        return estimates_json.unknown(icc, *_ICC)
     values = {kind: getattr(icc, name) for kind, name in _ICC.items()}
     missing = [value.reason for value in values.values() if isinstance(value, NotEstimable)]
     ends = icc.intervals
@@ -361,18 +361,18 @@ def _icc_json(icc: IntraclassCorrelation | NotEstimable) -> Json:
 def _additive_json(table: TableStatistics) -> Json:
     effects = table.additive
     if isinstance(effects, NotEstimable):
-        nothing = as_json.unknown(effects, "residual_sd", "subject_sd", "shrinkage")
+        nothing = estimates_json.unknown(effects, "residual_sd", "subject_sd", "shrinkage")
         return {"conditions": {}, "subjects": {}, **nothing}
     return {
-        **as_json.with_reasons(effects),
+        **estimates_json.with_reasons(effects),
         "subject_shrinkage": {name: or_null(s) for name, s in effects.subject_shrinkage.items()},
     }
 
 
 def _ordinal_json(effects: OrdinalEffects | NotEstimable) -> Json:
     if isinstance(effects, NotEstimable):
-        return {"effects": {}, **as_json.unknown(effects, "subject_sd", "log_likelihood")}
+        return {"effects": {}, **estimates_json.unknown(effects, "subject_sd", "log_likelihood")}
     found, within = plain(effects), effects.interaction
     if isinstance(within, Interaction):
-        found["interaction"] = as_json.with_reasons(within)
+        found["interaction"] = estimates_json.with_reasons(within)
     return dict(found)

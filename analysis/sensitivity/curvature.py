@@ -1,9 +1,10 @@
 """Likelihood of ordered answers with its gradient and curvature, at many points at once."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Protocol, Self, TypeAlias
+from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +22,16 @@ BEYOND = -37.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrdinalTrials:
-    """Trials sorted by subject; equal trials are listed once, with their number as `weight`.
+class LatentTrials(ABC):
+    """Trials whose answers are intervals between edges that are linear in the parameters.
+
+    They are sorted by subject; equal trials are listed once, with their number as `weight`. Of the
+    shared parameters those of edges come first, then the population's line, then discrepancies.
 
     Parameters:
         subjects, conditions: their number; with 0 conditions the model has no discrepancies.
-        subject, condition, x, category, weight: shape (trials,); x in standard units.
-        thresholds: shape (categories - 1,), in standard units of the ratings: the values of fixed
-            thresholds and the initial values of free ones.
-        free: shape (categories - 1,), which thresholds are estimated. At least two are fixed: they
-            set the zero and the unit of the latent scale.
+        subject, condition, x, weight: shape (trials,); x is the contrast in standard units.
+        answers: names of the fields, shape (trials,), that hold what was answered.
     """
 
     subjects: int
@@ -38,37 +39,28 @@ class OrdinalTrials:
     subject: IntArray
     condition: IntArray
     x: FloatArray
-    category: IntArray
     weight: FloatArray
-    thresholds: FloatArray
-    free: BoolArray
+    answers: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def categories(self) -> int:
-        """Number of categories."""
-        return len(self.thresholds) + 1
+    @abstractmethod
+    def shared_start(self) -> FloatArray:
+        """Initial values of the shared parameters, (G,)."""
 
     @property
-    def threshold_columns(self) -> slice:
-        """Positions of the free thresholds among the shared parameters; the line follows."""
-        return slice(0, int(self.free.sum()))
-
-    @property
+    @abstractmethod
     def line_columns(self) -> slice:
         """Positions of the population's line among the shared parameters; discrepancies follow."""
-        return slice(self.threshold_columns.stop, self.threshold_columns.stop + 2)
 
     @property
-    def shared_start(self) -> FloatArray:
-        """Initial values of the shared parameters."""
-        return np.concatenate([self.thresholds[self.free], np.zeros(2 + self.conditions)])
+    @abstractmethod
+    def loadings(self) -> tuple[FloatArray, FloatArray]:
+        """How upper and lower edge depend on the shared parameters, (trials, G) each.
 
-    def edges(self, shared: FloatArray) -> FloatArray:
-        """Return all thresholds, with an infinite one at either end, of `shared` (points, G)."""
-        edges = np.tile(np.concatenate([[-np.inf], self.thresholds, [np.inf]]), (len(shared), 1))
-        edges[:, 1:-1][:, self.free] = shared[:, self.threshold_columns]
-        return edges
+        On a subject's own line they depend as on the population's.
+        """
 
+    @abstractmethod
     def bounds(
         self, shared: FloatArray, own: FloatArray, sd: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -82,6 +74,54 @@ class OrdinalTrials:
         Returns:
             Two arrays of shape (trials, points).
         """
+
+    def some(self, step: int) -> Self:
+        """Return the trials of each `step`-th subject."""
+        chosen = self.subject % step == 0
+        names = ("condition", "x", "weight", *self.answers)
+        parts = {name: getattr(self, name)[chosen] for name in names}
+        subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
+        return replace(self, subjects=subjects, subject=subject, **parts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrdinalTrials(LatentTrials):
+    """Trials rated in categories between thresholds, (10).
+
+    Parameters:
+        category: shape (trials,), from 0.
+        thresholds: shape (categories - 1,), in standard units of the ratings: the values of fixed
+            thresholds and the initial values of free ones.
+        free: shape (categories - 1,), which thresholds are estimated. At least two are fixed: they
+            set the zero and the unit of the latent scale.
+    """
+
+    category: IntArray
+    thresholds: FloatArray
+    free: BoolArray
+    answers: ClassVar = ("category",)
+
+    @property
+    def line_columns(self) -> slice:
+        """Those after the free thresholds."""
+        free = int(self.free.sum())
+        return slice(free, free + 2)
+
+    @property
+    def shared_start(self) -> FloatArray:
+        """Thresholds as given, all else 0."""
+        return np.concatenate([self.thresholds[self.free], np.zeros(2 + self.conditions)])
+
+    def edges(self, shared: FloatArray) -> FloatArray:
+        """Return all thresholds, with an infinite one at either end, of `shared` (points, G)."""
+        edges = np.tile(np.concatenate([[-np.inf], self.thresholds, [np.inf]]), (len(shared), 1))
+        edges[:, 1:-1][:, self.free] = shared[:, : self.line_columns.start]
+        return edges
+
+    def bounds(
+        self, shared: FloatArray, own: FloatArray, sd: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (10), each edge less the place."""
         edges = np.ascontiguousarray(self.edges(shared).T)
         lines = np.ascontiguousarray((own + shared[:, None, self.line_columns]).T)
         place = lines[0][self.subject] + lines[1][self.subject] * self.x[:, None]
@@ -91,87 +131,23 @@ class OrdinalTrials:
 
     @cached_property
     def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge depend on the shared parameters, (trials, G) each.
-
-        On a subject's own line they depend as on the population's.
-        """
-        trials, found = np.arange(len(self.x)), []
-        for category in (self.category + 1, self.category):
-            edges = np.zeros((self.categories + 1, len(self.shared_start)))
-            edges[1:-1][self.free, self.threshold_columns] = np.eye(int(self.free.sum()))
-            loading = edges[category]
+        """U and V, mathematics/sensitivity: 1 for the threshold, less those of the place."""
+        of_thresholds = np.zeros((len(self.thresholds) + 2, len(self.shared_start)))
+        free = np.flatnonzero(self.free)
+        of_thresholds[1 + free, np.arange(len(free))] = 1.0
+        upper, lower = of_thresholds[self.category + 1], of_thresholds[self.category]
+        for loading in (upper, lower):
             loading[:, self.line_columns] = -np.stack([np.ones_like(self.x), self.x], axis=1)
             if self.conditions:
-                loading[trials, self.line_columns.stop + self.condition] = -1.0
-            found.append(loading)
-        return found[0], found[1]
-
-    def some(self, step: int) -> "OrdinalTrials":
-        """Return the trials of each `step`-th subject."""
-        chosen = self.subject % step == 0
-        names = ("condition", "x", "category", "weight")
-        parts = {name: getattr(self, name)[chosen] for name in names}
-        subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
-        return replace(self, subjects=subjects, subject=subject, **parts)
+                at = self.line_columns.stop + self.condition
+                loading[np.arange(len(self.x)), at] = -1.0
+        return upper, lower
 
 
 def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the distinct rows, sorted, and the number of times each occurs."""
     rows, counts = np.unique(columns, axis=0, return_counts=True)
     return rows, counts.astype(np.float64)
-
-
-class LatentTrials(Protocol):
-    """Trials whose answers are intervals between edges that are linear in the parameters.
-
-    See `OrdinalTrials`. The line's columns follow those of other shared parameters, and the
-    discrepancies of conditions follow the line.
-    """
-
-    @property
-    def subjects(self) -> int:
-        """Their number."""
-        ...
-
-    @property
-    def subject(self) -> IntArray:
-        """Position of each trial's subject; the trials are sorted by it."""
-        ...
-
-    @property
-    def weight(self) -> FloatArray:
-        """How often each trial occurs."""
-        ...
-
-    @property
-    def x(self) -> FloatArray:
-        """Contrast of each trial."""
-        ...
-
-    @property
-    def shared_start(self) -> FloatArray:
-        """Initial values of the shared parameters."""
-        ...
-
-    @property
-    def line_columns(self) -> slice:
-        """Positions of the population's line among the shared parameters."""
-        ...
-
-    @property
-    def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge depend on the shared parameters, (trials, G) each."""
-        ...
-
-    def some(self, step: int) -> Self:
-        """Return the trials of each `step`-th subject."""
-        ...
-
-    def bounds(
-        self, shared: FloatArray, own: FloatArray, sd: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper edges about the trials' place over σ, (trials, points)."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

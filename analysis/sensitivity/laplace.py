@@ -1,4 +1,7 @@
-"""Laplace's approximation of ordered answers with partially pooled latent lines."""
+"""Laplace's approximation of ordered answers with partially pooled latent lines.
+
+Numbers of equations are those of docs/mathematics/sensitivity.md.
+"""
 
 from dataclasses import dataclass, fields, replace
 
@@ -185,7 +188,7 @@ class LatentField:
         likelihood = self._sums.of(slopes, components.residual_sd)
         away = shared - self.trials.shared_start
         precision = self._shared_prior(components)
-        # (22), mathematics/sensitivity
+        # (22)
         squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
         value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
         curvature = Curvature.of_posterior(
@@ -216,13 +219,13 @@ def _known(
         shared=at.shared + np.where(near[:, None], shared, 0.0),
         z=at.z + np.where(near[:, None, None], z, 0.0),
         value=value,
-        # (26), mathematics/sensitivity
+        # (26)
         log_evidence=value - at.curvature.log_determinant / 2,
     )
 
 
 def _newton(found: LatentModes) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Newton's step of shared parameters and z, and twice the rise that it expects."""
+    """Return (25): the step of shared parameters and z, and twice the rise that it expects."""
     curvature = found.curvature
     shared, z = curvature.newton_step()
     rise = (curvature.shared_gradient.T * shared).sum(axis=1)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,12 +46,10 @@ class Ratings:
                 raise ValueError(f"{name} must have {trials} trials, got {count}")
         _check_positions("subject", self.subject, len(self.subjects))
         _check_positions("condition", self.condition, len(self.conditions))
-        if not np.isfinite(self.contrast).all():
-            bad = self.contrast[~np.isfinite(self.contrast)][0]
-            raise ValueError(f"a predicted contrast must be finite, got {bad}")
-        if np.isinf(self.rating).any():
-            bad = self.rating[np.isinf(self.rating)][0]
-            raise ValueError(f"a rating must be finite or missing, got {bad}")
+        if len(bad := self.contrast[~np.isfinite(self.contrast)]):
+            raise ValueError(f"a predicted contrast must be finite, got {bad[0]}")
+        if len(bad := self.rating[np.isinf(self.rating)]):
+            raise ValueError(f"a rating must be finite or missing, got {bad[0]}")
 
     @property
     def given(self) -> "Ratings":
@@ -65,8 +63,7 @@ class Ratings:
 
 
 def _check_positions(name: str, positions: IntArray, count: int) -> None:
-    outside = positions[(positions < 0) | (positions >= count)]
-    if outside.size:
+    if len(outside := positions[(positions < 0) | (positions >= count)]):
         raise ValueError(f"{name} must lie in [0, {count - 1}], got {outside[0]}")
 
 
@@ -254,10 +251,6 @@ def spread_at(points: FloatArray, axes: Axes) -> FloatArray:
     return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
 
 
-def _column_of_spread(axes: Axes, column: int, points: FloatArray) -> FloatArray:
-    return spread_at(points, axes)[:, column]
-
-
 Medians = tuple[FloatArray, list[Interval]]
 """Posterior medians and their intervals."""
 
@@ -285,11 +278,12 @@ def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
             told |= {name: float(values[row]), f"{name}_interval": intervals[row]}
         return told
 
-    equal = known.equal_gains
-    bias_sd, gain_sd = (
-        known.points.quantiles(partial(_column_of_spread, known.axes, column), *LEVELS)
-        for column in (0, 1)
-    )
+    def spread(column: int) -> list[float]:
+        return known.points.quantiles(
+            lambda points: spread_at(points, known.axes)[:, column], *LEVELS
+        )
+
+    equal, bias_sd, gain_sd = known.equal_gains, spread(0), spread(1)
     # A variance that no trial reduces may exceed that between subjects by rounding.
     own = np.maximum(1 - known.points.weights @ known.own_variance, 0.0)
     lines = Lines(

@@ -27,17 +27,6 @@ MOST_NUMBERS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Skewness:
-    """What the third derivatives add to a normal approximation, shape (points, quantities).
-
-    `shift` is that of the mean, in SDs.
-    """
-
-    shift: FloatArray
-    skew: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Combinations:
     """Linear combinations of the latent parameters, each of few of them.
 
@@ -103,9 +92,8 @@ def marginals(
     known = min(max(known, FEWEST_SKEW_POINTS), MOST_SKEW_POINTS)
     few = np.arange(len(points)) < known
     found = skewness(trials, modes.at(few), residual_sd[few], combinations)
-    everywhere = _interpolated(points, weights, np.concatenate([found.shift, found.skew], axis=1))
-    shift, skew = np.split(everywhere, 2, axis=1)
-    beyond = (np.abs(found.shift) >= MOST_SHIFT) | (np.abs(found.skew) >= MOST_SKEW)
+    shift, skew = np.split(_interpolated(points, weights, np.concatenate(found, axis=1)), 2, axis=1)
+    beyond = (np.abs(found[0]) >= MOST_SHIFT) | (np.abs(found[1]) >= MOST_SKEW)
     return Marginals(
         means=combinations.of(modes.shared, modes.own) + shift * sds,
         sds=sds,
@@ -151,8 +139,11 @@ def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
 
 def skewness(
     trials: LatentTrials, modes: LatentModes, residual_sd: FloatArray, combinations: Combinations
-) -> Skewness:
-    """Return shift and skewness of each combination at each point: (5) to (7), summed by trials."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return what third derivatives add to a normal approximation, (points, combinations) each.
+
+    These are the shift of the mean, in SDs, and the skewness: (6) with (7), as (11) to (15).
+    """
     slopes = edge_slopes(*trials.bounds(modes.shared, modes.own, residual_sd))
     thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
     thirds = np.ascontiguousarray(np.moveaxis(thirds, 2, 1))
@@ -209,9 +200,9 @@ def skewness(
                 (own_quantities, own_trials),
                 [each[0] for each in of_own_trials],
             )
-    return Skewness(
-        shift=np.clip(shift / (2 * sds), -MOST_SHIFT, MOST_SHIFT),
-        skew=np.clip(skew / sds**3, -MOST_SKEW, MOST_SKEW),
+    return (
+        np.clip(shift / (2 * sds), -MOST_SHIFT, MOST_SHIFT),
+        np.clip(skew / sds**3, -MOST_SKEW, MOST_SKEW),
     )
 
 

@@ -3,14 +3,15 @@
 Numbers of equations are those of docs/mathematics/sensitivity.md, "M3".
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.sensitivity.curvature import counted
+from analysis.sensitivity.curvature import LatentTrials, counted
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import WIDE, Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
@@ -26,27 +27,21 @@ RATE_DRAWS = 4000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NoticingTrials:
-    """Answers, with equal trials listed once; implements `LatentTrials`.
+class NoticingTrials(LatentTrials):
+    """Answers to whether something changed; x is relative to the reference contrast.
 
     A subject reports the expected change if lean + d x + sign(x) δ_c + ε > κ, the opposite change
     if that is below -κ, and none in between; ε ~ N(0, 1). The line is (κ, d), the criterion and the
     d′ at x = 1. δ_c is zero without a change.
 
     Parameters:
-        subjects, conditions: their number; with 0 conditions there are no discrepancies.
-        subject, condition, x, answer, weight: shape (trials,); x is relative to the reference.
+        answer: shape (trials,), 1 the expected change, 0 the same, -1 the opposite change.
         two_sided: shape (trials,), whether the opposite change could be answered.
     """
 
-    subjects: int
-    conditions: int
-    subject: IntArray
-    condition: IntArray
-    x: FloatArray
     answer: IntArray
     two_sided: BoolArray
-    weight: FloatArray
+    answers: ClassVar = ("answer", "two_sided")
 
     @property
     def shared_start(self) -> FloatArray:
@@ -55,7 +50,7 @@ class NoticingTrials:
 
     @property
     def line_columns(self) -> slice:
-        """Positions of the population's line among the shared parameters; discrepancies follow."""
+        """Those after the lean."""
         return slice(1, 3)
 
     @cached_property
@@ -66,20 +61,16 @@ class NoticingTrials:
         lower = np.select([self.answer == EXPECTED, self.answer == SAME], [1.0, below], 0.0)
         return upper, lower
 
-    def place(self, shared: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return criterion and mean latent value of each trial, (trials, points) each."""
-        criterion, slope = (own + shared[:, None, self.line_columns]).T
-        place = LEAN * shared[:, 0] + slope[self.subject] * self.x[:, None]
-        if self.conditions:
-            effect = shared.T[self.line_columns.stop :][self.condition]
-            place = place + np.sign(self.x)[:, None] * effect
-        return criterion[self.subject], place
-
     def bounds(
         self, shared: FloatArray, own: FloatArray, sd: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper edges about the trials' place, (trials, points), over σ = 1."""
-        criterion, place = self.place(shared, own)
+        """Return (16); σ is 1."""
+        criteria, slopes = (own + shared[:, None, self.line_columns]).T
+        criterion = criteria[self.subject]
+        place = LEAN * shared[:, 0] + slopes[self.subject] * self.x[:, None]
+        if self.conditions:
+            effect = shared.T[self.line_columns.stop :][self.condition]
+            place = place + np.sign(self.x)[:, None] * effect
         upper, lower = (sign[:, None] for sign in self.signs)
         return (
             np.where(lower == 0, -np.inf, lower * criterion - place) / sd,
@@ -88,25 +79,15 @@ class NoticingTrials:
 
     @cached_property
     def loadings(self) -> tuple[FloatArray, FloatArray]:
-        """How upper and lower edge depend on the shared parameters, (trials, G) each."""
-        found = []
-        for sign in self.signs:
-            loading = np.zeros((len(self.x), len(self.shared_start)))
+        """The signs of the criterion, less the loadings of the place."""
+        upper, lower = np.zeros((2, len(self.x), len(self.shared_start)))
+        for loading, sign in zip((upper, lower), self.signs, strict=True):
             loading[:, 0], loading[:, 1], loading[:, 2] = -LEAN, sign, -self.x
             if self.conditions:
                 trials = np.arange(len(self.x))
                 loading[trials, self.line_columns.stop + self.condition] = -np.sign(self.x)
             loading[sign == 0] = 0.0
-            found.append(loading)
-        return found[0], found[1]
-
-    def some(self, step: int) -> "NoticingTrials":
-        """Return the trials of each `step`-th subject."""
-        chosen = self.subject % step == 0
-        names = ("condition", "x", "answer", "two_sided", "weight")
-        parts = {name: getattr(self, name)[chosen] for name in names}
-        subjects, subject = -(-self.subjects // step), self.subject[chosen] // step
-        return replace(self, subjects=subjects, subject=subject, **parts)
+        return upper, lower
 
 
 @dataclass(frozen=True, kw_only=True)

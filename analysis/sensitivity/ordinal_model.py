@@ -89,8 +89,7 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    found = lines_or_refusal(ready, latent_posterior(ready))
-    return found if isinstance(found, NotEstimable) else found[0]
+    return fit_of(ready, latent_posterior(ready))
 
 
 def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
@@ -120,7 +119,8 @@ def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
             "two different ratings do not set the unit of the latent scale, at least 3 are needed"
         )
     edges = (values[1:] + values[:-1]) / 2
-    fixed = np.isin(np.arange(len(edges)), [0, len(edges) - 1])
+    free = np.ones(len(edges), dtype=np.bool_)
+    free[[0, -1]] = False
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     rows, weight = counted(np.stack([trials.subject, trials.condition, x, category], axis=-1))
     used = len(np.unique(trials.condition))
@@ -138,7 +138,7 @@ def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
             category=rows[:, 3].astype(np.int64),
             weight=weight,
             thresholds=(edges - axes.y_mean) / axes.y_sd,
-            free=~fixed,
+            free=free,
         ),
     )
 
@@ -181,32 +181,29 @@ def _log_prior_of_equal(points: FloatArray) -> FloatArray:
     return np.asarray(log_prior_of_spread(points[:, 1]) + half_cauchy)
 
 
-def lines_or_refusal(
-    ready: PreparedTrials, known: LatentPosterior
-) -> tuple[OrdinalSensitivity, LineMixture] | NotEstimable:
-    """Return `fit_and_lines`, or why the posterior does not tell them."""
-    if refusal := known.points.refusal():
+def fit_of(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity | NotEstimable:
+    """Return lines, thresholds and discrepancies of the posterior, or why it does not tell them."""
+    points, axes = known.points, ready.axes
+    if refusal := points.refusal():
         return refusal
-    fit, mixture = fit_and_lines(ready, known)
-    return mixture.refusal or (fit, mixture)
-
-
-def fit_and_lines(
-    ready: PreparedTrials, known: LatentPosterior
-) -> tuple[OrdinalSensitivity, LineMixture]:
-    """Return lines, thresholds and discrepancies of the posterior, in rating points."""
-    points, trials, axes = known.points, ready.trials, ready.axes
-    mixture, discrepancies = _mixture(ready, known)
-    thresholds = trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
-    fit = OrdinalSensitivity(
+    mixture, of_conditions = _mixture(ready, known)
+    if refusal := mixture.refusal:
+        return refusal
+    thresholds = ready.trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
+    names = ready.conditions if ready.trials.conditions else ()
+    values = (points.weights @ of_conditions.means).tolist()
+    intervals = of_conditions.interval_95(points.weights)
+    return OrdinalSensitivity(
         lines=summary(ready.subjects, mixture),
         residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
         categories=ready.categories,
         thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
-        discrepancies=_discrepancies(ready, points.weights, discrepancies),
+        discrepancies={
+            name: Estimate(value=value, interval=interval)
+            for name, value, interval in zip(names, values, intervals, strict=True)
+        },
         effective_points=points.effective,
     )
-    return fit, mixture
 
 
 def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture, Marginals]:
@@ -247,15 +244,3 @@ def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture
         counts=counts.astype(np.float64),
     )
     return mixture, found.part(others)
-
-
-def _discrepancies(
-    ready: PreparedTrials, weights: FloatArray, found: Marginals
-) -> dict[str, Estimate]:
-    if not ready.trials.conditions:
-        return {}
-    values, intervals = (weights @ found.means).tolist(), found.interval_95(weights)
-    return {
-        name: Estimate(value=value, interval=interval)
-        for name, value, interval in zip(ready.conditions, values, intervals, strict=True)
-    }

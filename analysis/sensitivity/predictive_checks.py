@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 from scipy.special import ndtr
@@ -88,11 +88,11 @@ def checked_ordinal(ratings: Ratings) -> Checked[ordinal_model.OrdinalSensitivit
     if isinstance(ready, NotEstimable):
         return Checked(fit=ready, check=ready)
     posterior = ordinal_model.latent_posterior(ready)
-    found = ordinal_model.lines_or_refusal(ready, posterior)
-    if isinstance(found, NotEstimable):
-        return Checked(fit=found, check=found)
+    fit = ordinal_model.fit_of(ready, posterior)
+    if isinstance(fit, NotEstimable):
+        return Checked(fit=fit, check=fit)
     check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
-    return Checked(fit=check.refusal or found[0], check=check)
+    return Checked(fit=check.refusal or fit, check=check)
 
 
 def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
@@ -114,17 +114,11 @@ def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
     return Checked(fit=check.refusal or summary, check=check)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Compared:
-    """How far the study and a replicate depart from what each draw expects, both (draws,)."""
+Distances: TypeAlias = dict[str, FloatArray]
+"""How far the study and its replicate depart from what each draw expects, by statistic, (2, draws).
 
-    observed: FloatArray
-    replicated: FloatArray
-
-    @property
-    def p(self) -> float:
-        """Share of draws at which the replicate departs at least as far as the study."""
-        return float(1 + (self.replicated >= self.observed).sum()) / (1 + len(self.observed))
+They are those of (30), mathematics/sensitivity.
+"""
 
 
 def _compared_scores(
@@ -132,7 +126,7 @@ def _compared_scores(
     posterior: LatentPosterior,
     ratings: Ratings,
     rng: np.random.Generator,
-) -> dict[str, _Compared]:
+) -> Distances:
     trials, known, axes = ratings.given, ready.trials, ready.axes
     count = _draws(len(trials.rating))
     draws = posterior.draws(count, rng)
@@ -140,7 +134,7 @@ def _compared_scores(
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     given = np.unique(trials.rating, return_inverse=True)[1]
 
-    def compared(part: LatentDraws) -> dict[str, _Compared]:
+    def compared(part: LatentDraws) -> Distances:
         lines = part.own + part.shared[:, None, known.line_columns]
         place = lines[:, trials.subject, 0] + lines[:, trials.subject, 1] * x
         if known.conditions:
@@ -158,7 +152,7 @@ def _compared_scores(
 
 def _compared_answers(
     noticed: Noticing, trials: AnsweredTrials, rng: np.random.Generator
-) -> dict[str, _Compared]:
+) -> Distances:
     known, ratings = noticed.trials, trials.ratings
     sign = np.sign(ratings.contrast)
     # Trials with the change, without it and with its opposite count as different conditions.
@@ -168,7 +162,7 @@ def _compared_answers(
         conditions=tuple(f"{name} {kind}" for name in ratings.conditions for kind in "-0+"),
     )
 
-    def compared(part: LatentDraws) -> dict[str, _Compared]:
+    def compared(part: LatentDraws) -> Distances:
         lines = part.own + part.shared[:, None, known.line_columns]
         criterion, slope = np.moveaxis(lines[:, ratings.subject], -1, 0)
         criterion = np.maximum(criterion, 0.0)
@@ -194,26 +188,20 @@ def _streams(rng: np.random.Generator, count: int, size: int) -> list[np.random.
 
 
 def _in_parts(
-    compared: Callable[[LatentDraws], dict[str, _Compared]], draws: LatentDraws, trials: int
-) -> dict[str, _Compared]:
+    compared: Callable[[LatentDraws], Distances], draws: LatentDraws, trials: int
+) -> Distances:
     """Compare few draws at a time, so that memory does not grow with the number of draws."""
     at_once = max(CELLS // trials, 1)
     parts = [
         compared(draws.part(slice(first, first + at_once)))
         for first in range(0, len(draws.residual_sd), at_once)
     ]
-    return {
-        name: _Compared(
-            observed=np.concatenate([part[name].observed for part in parts]),
-            replicated=np.concatenate([part[name].replicated for part in parts]),
-        )
-        for name in parts[0]
-    }
+    return {name: np.hstack([part[name] for part in parts]) for name in parts[0]}
 
 
 def _tables(
     name: str, trials: Ratings, given: IntArray, below: list[FloatArray], rng: np.random.Generator
-) -> dict[str, _Compared]:
+) -> Distances:
     """Return the distances of counts by condition and by subject from those expected.
 
     `below` has the probability of each category or a lower one, (draws, trials), but for the last.
@@ -226,15 +214,17 @@ def _tables(
         sums = [_sums(each, place, len(present)) for each in below]
         ends = np.stack([0.0 * sums[0], *sums, 0.0 * sums[0] + sizes], axis=-1)
         expected = np.diff(ends, axis=-1).reshape(len(drawn), -1)
-        observed, replicated = (
-            ((_counts(scores, place * categories, expected.shape[1]) - expected) ** 2)
-            / (expected + 0.5)
-            for scores in (given[None], drawn)
-        )
-        found[f"{name} by {of}"] = _Compared(
-            observed=observed.sum(axis=1), replicated=replicated.sum(axis=1)
+        found[f"{name} by {of}"] = np.stack(
+            [
+                _distance(_counts(scores, place * categories, expected.shape[1]), expected)
+                for scores in (given[None], drawn)
+            ]
         )
     return found
+
+
+def _distance(found: FloatArray | IntArray, expected: FloatArray) -> FloatArray:
+    return np.asarray((((found - expected) ** 2) / (expected + 0.5)).sum(axis=1))
 
 
 def _sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
@@ -252,7 +242,7 @@ def _counts(scores: IntArray, first: IntArray, cells: int) -> IntArray:
 
 def _spread(
     trials: Ratings, given: IntArray, below: list[FloatArray], rng: np.random.Generator
-) -> _Compared:
+) -> FloatArray:
     """Return the distance of each subject's squared residuals, in categories, from expected."""
     present, place = np.unique(trials.subject, return_inverse=True)
     mean, square = np.zeros(below[0].shape), np.zeros(below[0].shape)
@@ -260,11 +250,12 @@ def _spread(
         mean += 1 - each
         square += (2 * k + 1) * (1 - each)
     expected = _sums(square - mean**2, place, len(present))
-    observed, replicated = (
-        ((_sums((scores - mean) ** 2, place, len(present)) - expected) ** 2) / (expected + 0.5)
-        for scores in (given, _drawn(below, rng))
+    return np.stack(
+        [
+            _distance(_sums((scores - mean) ** 2, place, len(present)), expected)
+            for scores in (given, _drawn(below, rng))
+        ]
     )
-    return _Compared(observed=observed.sum(axis=1), replicated=replicated.sum(axis=1))
 
 
 def _drawn(below: list[FloatArray], rng: np.random.Generator) -> IntArray:
@@ -276,30 +267,36 @@ def _drawn(below: list[FloatArray], rng: np.random.Generator) -> IntArray:
     return drawn
 
 
-def _share(given: BoolArray, probability: FloatArray, rng: np.random.Generator) -> _Compared:
+def _share(given: BoolArray, probability: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return how far the share of an answer departs from the one expected."""
     expected = probability.mean(axis=1)
     drawn = (rng.random(probability.shape) < probability).mean(axis=1)
-    return _Compared(observed=np.abs(given.mean() - expected), replicated=np.abs(drawn - expected))
+    return np.asarray(np.abs(np.stack([given.mean() - expected, drawn - expected])))
 
 
 def _draws(trials: int) -> int:
     return MOST_DRAWS if trials <= LARGE else LARGE_DRAWS
 
 
-def _check(compared: dict[str, _Compared]) -> PredictiveCheck:
-    p = [each.p for each in compared.values()]
+def _check(compared: Distances) -> PredictiveCheck:
+    # (32), mathematics/sensitivity
+    p = [
+        float(1 + (replicated >= observed).sum()) / (1 + len(observed))
+        for observed, replicated in compared.values()
+    ]
     return PredictiveCheck(
-        draws=min(len(each.observed) for each in compared.values()),
+        draws=min(each.shape[1] for each in compared.values()),
         statistics=tuple(
             PredictiveStatistic(
                 name=name,
-                observed=float(np.median(each.observed)),
-                predicted=float(np.median(each.replicated)),
-                predicted_interval=central(each.replicated),
-                p=each.p,
+                observed=float(np.median(observed)),
+                predicted=float(np.median(replicated)),
+                predicted_interval=central(replicated),
+                p=of_draws,
                 p_holm=adjusted,
             )
-            for (name, each), adjusted in zip(compared.items(), holm(p), strict=True)
+            for (name, (observed, replicated)), of_draws, adjusted in zip(
+                compared.items(), p, holm(p), strict=True
+            )
         ),
     )

@@ -101,8 +101,7 @@ class RatingStage:
     @cached_property
     def fit(self) -> ordinal_model.OrdinalSensitivity | NotEstimable:
         """The estimates, or why there are none."""
-        found = ordinal_model.lines_or_refusal(self.ready, self.posterior)
-        return found if isinstance(found, NotEstimable) else found[0]
+        return ordinal_model.fit_of(self.ready, self.posterior)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

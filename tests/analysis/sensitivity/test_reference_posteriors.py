@@ -16,7 +16,7 @@ from analysis.sensitivity.lines import Ratings, spread_at
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fit_and_lines,
+    fit_of,
     latent_posterior,
     prepared_ratings,
 )
@@ -38,7 +38,9 @@ def reference(study: str) -> dict[str, Any]:
 def fit(study: str) -> Fit:
     ready = prepared(study)
     posterior = latent_posterior(ready)
-    return ready, posterior, fit_and_lines(ready, posterior)[0]
+    found = fit_of(ready, posterior)
+    assert isinstance(found, OrdinalSensitivity)
+    return ready, posterior, found
 
 
 def prepared(study: str) -> PreparedTrials:

@@ -29,38 +29,48 @@ from protocol.study_file.tracks import track_problems
 
 # Consistency of a study's names, of its opening trials and of its practice.
 
-_Named = tuple[Path, str]
 
-
-def name_problems(study: Study) -> Iterator[Problem]:
-    """Yield every name of the study, a condition or a beam that is blank or like another one."""
-    yield from _blank("study", [(("study", "name"), study.study.name)])
-    conditions: list[_Named] = [
-        (("condition", each.written, "name"), each.name) for each in study.condition
-    ]
-    beams: list[_Named] = [(("beams", name), name) for name in study.beams]
-    tracks: list[_Named] = [
-        (("track", number, "name"), track.name) for number, track in enumerate(study.track)
-    ]
-    for where, named in (("condition", conditions), ("beams", beams), ("track", tracks)):
-        yield from _blank(where, named)
-        yield from _alike(where, named)
-
-
-def factor_problems(study: Study) -> Iterator[Problem]:
-    """Yield factors whose names are alike, and too many conditions."""
-    named: list[_Named] = [
-        (("factor", number, "name"), factor.name) for number, factor in enumerate(study.factor)
-    ]
-    yield from _blank("factor", named)
-    yield from _alike("factor", named)
-    own = [CONDITION, *(name.strip().casefold() for _, name in named)]
+def _name_problems(study: Study) -> Iterator[Problem]:
+    """Yield every name that is blank, like another one, or that of what reports have anyway."""
+    numbered = {"factor": study.factor, "group": study.group, "track": study.track}
+    named: dict[str, list[tuple[Path, str]]] = {
+        "study": [(("study", "name"), study.study.name)],
+        "condition": [(("condition", it.written, "name"), it.name) for it in study.condition],
+        "beams": [(("beams", name), name) for name in study.beams],
+    }
+    for kind, items in numbered.items():
+        named[kind] = [((kind, number, "name"), it.name) for number, it in enumerate(items)]
+    for where, names in named.items():
+        for path, name in names:
+            if not any(character.isprintable() and character != " " for character in name):
+                rule, hint = "a name must not be blank", "give it one that can be read in a table"
+                yield Problem(where, rule, repr(name), hint, path)
+        yield from _alike(where, names)
+    own = [CONDITION, *(factor.name.strip().casefold() for factor in study.factor)]
     # Interactions stand in tables as "A by B".
     taken = {CONDITION, "session", "group", *(f"{a} by {b}" for a, b in permutations(own, 2))}
-    for path, name in named:
+    for path, name in named["factor"]:
         if name.strip().casefold() in taken:
             rule = "a factor must not have the name of what reports have anyway"
             yield Problem("factor", rule, repr(name), "rename it", path)
+
+
+def _alike(where: str, named: Sequence[tuple[Path, str]]) -> Iterator[Problem]:
+    # By their places, because conditions that factors make stand at one path of the file.
+    seen: dict[str, tuple[int, str]] = {}
+    for number, (path, name) in enumerate(named):
+        # People and spreadsheets take such names for one.
+        remembered = " ".join(name.casefold().split())
+        before, first = seen.setdefault(remembered, (number, name))
+        if before != number:
+            same = first == name
+            rule = "names must differ" + ("" if same else " by more than case and spaces")
+            value = repr(name) if same else f"{name!r} beside {first!r}"
+            yield Problem(where, rule, value, "rename one", path)
+
+
+def _factor_problems(study: Study) -> Iterator[Problem]:
+    """Yield factors that set what another one sets, or a touch itself, and too many conditions."""
     for number, factor in enumerate(study.factor):
         if any(_both_set(study, factor, other) for other in study.factor[:number]):
             rule, hint = "must differ from those of the other factors", "cross them into one factor"
@@ -70,6 +80,14 @@ def factor_problems(study: Study) -> Iterator[Problem]:
         many = combinations(study.factor) * len(study.condition)
         rule = f"must give at most {MOST_CONDITIONS} conditions"
         yield Problem.of_key("factor", rule, many, "leave a value or a factor out")
+    # All that one condition of the file became have the same.
+    for condition in {each.written: each for each in study.condition}.values():
+        for number, key in condition.given_twice:
+            path = ("condition", condition.written, "touches", number, key)
+            named = condition.cell.get(CONDITION)
+            where = f"condition{f' {named}' * bool(named)}, touch {number + 1}"
+            hint = "leave it out here, or the factor"
+            yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, path)
 
 
 def _both_set(study: Study, one: Factor, other: Factor) -> bool:
@@ -81,29 +99,12 @@ def _both_set(study: Study, one: Factor, other: Factor) -> bool:
     return shared or one.touches == other.touches
 
 
-def _given_twice(study: Study) -> Iterator[Problem]:
-    """Yield keys of touches that a factor would override without a word."""
-    # All that one condition of the file became have the same.
-    for condition in {each.written: each for each in study.condition}.values():
-        for number, key in condition.given_twice:
-            path = ("condition", condition.written, "touches", number, key)
-            named = condition.cell.get(CONDITION)
-            where = f"condition{f' {named}' * bool(named)}, touch {number + 1}"
-            hint = "leave it out here, or the factor"
-            yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, path)
-
-
-def group_problems(study: Study) -> Iterator[Problem]:
-    """Yield groups that are alike, or alone, and what a participant's group cannot follow from."""
-    named: list[_Named] = [
-        (("group", number, "name"), name) for number, name in enumerate(study.groups)
-    ]
-    yield from _blank("group", named)
-    yield from _alike("group", named)
-    how, size = study.design.assign_groups, sum(group.size for group in study.group)
-    if len(named) == 1 or (how != "by the operator" and not named):
-        yield Problem.of_key("group", "must be 2 or more groups", len(named), "add a [[group]]")
-    if named and study.design.participants != size:
+def _group_problems(study: Study) -> Iterator[Problem]:
+    """Yield a group that is alone, and what a participant's group cannot follow from."""
+    many, size = len(study.group), sum(group.size for group in study.group)
+    if many == 1 or (study.design.assign_groups != "by the operator" and not many):
+        yield Problem.of_key("group", "must be 2 or more groups", many, "add a [[group]]")
+    if many and study.design.participants != size:
         rule, hint = f"must be {size}, as many as in the groups together", "leave it out"
         yield Problem.of_key("design.participants", rule, study.design.participants, hint)
     desk = {question.name: question for question in study.questions("desk")}
@@ -159,53 +160,78 @@ def _leads_nowhere(
         yield "must name a question of the operator's desk", repr(when.question), f"known: {known}"
 
 
-def _blank(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
-    for path, name in named:
-        if not any(character.isprintable() and character != " " for character in name):
-            rule, hint = "a name must not be blank", "give it one that can be read in a table"
-            yield Problem(where, rule, repr(name), hint, path)
-
-
-def _alike(where: str, named: Sequence[_Named]) -> Iterator[Problem]:
-    # By their places, because conditions that factors make stand at one path of the file.
-    seen: dict[str, tuple[int, str]] = {}
-    for number, (path, name) in enumerate(named):
-        # People and spreadsheets take such names for one.
-        remembered = " ".join(name.casefold().split())
-        before, first = seen.setdefault(remembered, (number, name))
-        if before != number:
-            same = first == name
-            rule = "names must differ" + ("" if same else " by more than case and spaces")
-            value = repr(name) if same else f"{name!r} beside {first!r}"
-            yield Problem(where, rule, value, "rename one", path)
-
-
-def opening_problems(study: Study) -> Iterator[Problem]:
+def _opening_problems(study: Study) -> Iterator[Problem]:
     """Yield every baseline that is driven, and every signal that never is."""
     for number, opening in enumerate(study.opening):
-        driven = [touch.peak_voltage_v > 0 for touch in opening.touches]
         path = ("opening", number, "touches")
-        if opening.kind == "signal" and not any(driven):
+        driven = [(at, it) for at, it in enumerate(opening.touches) if it.peak_voltage_v > 0]
+        if opening.kind == "signal" and not driven:
             rule = "a signal must be driven in at least one touch"
             hint = 'give its touches a voltage_v, or write kind = "baseline"'
             yield Problem("opening signal", rule, "0 V throughout", hint, path)
-        if opening.kind == "baseline":
-            for place, touch in enumerate(opening.touches):
-                if driven[place]:
-                    where, value = f"opening baseline, touch {place + 1}", touch.peak_voltage_v
-                    rule = "a baseline must be without a signal"
-                    hint = 'write voltage_v = 0, or kind = "signal"'
-                    key = "voltage_v" if touch.voltage_v else "ramp_to_v"
-                    yield Problem(where, rule, f"{value:g} V", hint, (*path, place, key))
+        for place, touch in driven if opening.kind == "baseline" else ():
+            where, value = f"opening baseline, touch {place + 1}", f"{touch.peak_voltage_v:g} V"
+            rule, hint = (
+                "a baseline must be without a signal",
+                'write voltage_v = 0, or kind = "signal"',
+            )
+            key = "voltage_v" if touch.voltage_v else "ramp_to_v"
+            yield Problem(where, rule, value, hint, (*path, place, key))
 
 
-def practice_problems(study: Study) -> Iterator[Problem]:
-    """Yield a demand on practice in a study without practice, where it would never be made."""
-    wanted = study.as_instructed.practise_until
-    if wanted and not study.design.practice_trials:
-        rule = f"must be above 0 where as_instructed.practise_until = {wanted}"
-        hint = "give practice_trials, or leave practise_until out"
-        yield Problem.of_key("design.practice_trials", rule, 0, hint)
+def _key_problems(study: Study) -> Iterator[Problem]:
+    """Yield keys that another key of the study, or a beam that a touch names, asks to be other."""
+    rig, channel, wanted = study.rig, study.force_channel, study.as_instructed.practise_until
+    swapped = any(touch.beam for _, _, item in _items(study) for touch in item.touches)
+    rows: tuple[tuple[bool, str, str, object, str], ...] = (
+        (
+            wanted > 0 and not study.design.practice_trials,
+            "design.practice_trials",
+            f"must be above 0 where as_instructed.practise_until = {wanted}",
+            0,
+            "give practice_trials, or leave practise_until out",
+        ),
+        (
+            study.touch.beam is None and swapped,
+            "touch.beam",
+            "must be given when a touch names a beam",
+            "nothing",
+            f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]",
+        ),
+        # A generator is set in volts before the amplifier: without its gain nothing is driven.
+        (
+            rig.dialect != "board" and rig.amplifier_gain is None,
+            "rig.amplifier_gain",
+            f"must be given where rig.dialect = {rig.dialect!r}",
+            "nothing",
+            "volts at the beam per volt of the generator",
+        ),
+        (
+            channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None,
+            "force_channel.rate_hz",
+            f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
+            channel.rate_hz,
+            "give the address of a gauge as force_channel.gauge",
+        ),
+        # Both may be simulated: a simulated gauge has a line of its own.
+        (
+            channel.gauge != SIMULATED and channel.gauge == rig.device,
+            "force_channel.gauge",
+            "must have a port of its own, other than rig.device",
+            repr(channel.gauge),
+            "a board that measures forces itself needs no gauge",
+        ),
+        (
+            channel.rate_hz is not None and channel.gauge == SIMULATED != rig.device,
+            "force_channel.gauge",
+            "is simulated, and that is for a simulated device only",
+            f"rig.device = {rig.device!r}",
+            "the address of a gauge; run --device sim simulates both",
+        ),
+    )
+    for wrong, key, rule, value, hint in rows:
+        if wrong:
+            yield Problem.of_key(key, rule, value, hint)
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
@@ -219,10 +245,9 @@ def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
     broken = [
-        *name_problems(study),
-        *factor_problems(study),
-        *_given_twice(study),
-        *group_problems(study),
+        *_name_problems(study),
+        *_factor_problems(study),
+        *_group_problems(study),
         *_missing_beam(study, "touch.beam", ("touch",), study.touch.beam),
     ]
     of_touches: dict[object, Problem] = {}
@@ -236,23 +261,19 @@ def limit_problems(study: Study) -> list[Problem]:
                 # What many cells share is told once.
                 of_touches.setdefault((told.path, told.rule, told.value), told)
     broken += of_touches.values()
-    broken += [*_subject(study), *track_problems(study)]
+    if not study.condition and not study.track:
+        hint = "such as those of touchbeam new DIR --template paper, or --template threshold"
+        # Of no key, so that it is not said of a study whose tracks cannot be read.
+        broken.append(Problem("condition", "must be given, or a [[track]]", "neither", hint))
+    broken += track_problems(study)
     for number, track in enumerate(study.track):
         # Those on the axis of contrast have their voltages only once a model is at hand.
         inner = () if track.axis == "contrast" else map(track.at, range(len(track.values)))
         broken += level_problems(study, number, inner)
     if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
         broken += slide_problems(study)
-    broken += [*opening_problems(study), *practice_problems(study)]
-    broken += [*_unnamed_beam(study), *_unknown_gain(study), *_unmeasured(study)]
+    broken += [*_opening_problems(study), *_key_problems(study)]
     return [*broken, *text_problems(study), *question_problems(study), *page_problems(study)]
-
-
-def _subject(study: Study) -> Iterator[Problem]:
-    if not study.condition and not study.track:
-        hint = "such as those of touchbeam new DIR --template paper, or --template threshold"
-        # Of no key, so that it is not said of a study whose tracks cannot be read.
-        yield Problem("condition", "must be given, or a [[track]]", "neither", hint)
 
 
 def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Iterator[Problem]:
@@ -262,17 +283,15 @@ def level_problems(study: Study, number: int, touches: Iterable[Touch]) -> Itera
     standard = () if track.standard is None else (("standard", track.standard),)
     # From the easiest level, which drives most, so that it is the one that is told.
     levels = (("comparison", touch) for touch in reversed([*touches]))
-    lead_in_s, ramp = study.touch.lead_in_s, study.rig.ramp_v_per_s
     for name, touch in (*standard, *levels):
         where = f"track {track.name}, {name}"
-        if touch.voltage_v > lead_in_s * ramp and ("soft start", path) not in told:
+        start_s = touch.voltage_v / study.rig.ramp_v_per_s
+        too_long = touch.voltage_v > study.touch.lead_in_s * study.rig.ramp_v_per_s
+        if too_long and ("soft start", path) not in told:
             told.add(("soft start", path))
             rule = "its soft start must end within touch.lead_in_s, or its length would tell"
-            value, hint = (
-                touch.voltage_v / ramp,
-                f"set touch.lead_in_s to {ceil(touch.voltage_v / ramp)}",
-            )
-            yield Problem(where, rule, f"{value:.3g} s", hint, (*path, name))
+            hint = f"set touch.lead_in_s to {ceil(start_s)}"
+            yield Problem(where, rule, f"{start_s:.3g} s", hint, (*path, name))
         for problem in _touch_problems(study, where, (*path, name), touch, 1):
             own = name == "comparison" and problem.path[-1] == key
             place = (*path, "levels") if own else problem.path
@@ -309,10 +328,11 @@ _OF_A_SLIDE = {
 def slide_problems(study: Study) -> list[Problem]:
     """Return every limit of the rig that the sliding experiment of `study` breaks."""
     sliding, path = slide_study(study), ("slide",)
+    planned = slide_plan(sliding)
     broken: dict[tuple[str, str], Problem] = {}
     # Equal problems are listed once, under the first pass that has them; one that is driven says
     # most.
-    driven_first = sorted(slide_plan(sliding).trials, key=lambda trial: -trial.touches[0].voltage_v)
+    driven_first = sorted(planned.trials, key=lambda trial: -trial.touches[0].voltage_v)
     for trial in driven_first:
         made = f"slide, {trial.condition}"
         for problem in _touch_problems(sliding, made, path, trial.touches[0], 1.0):
@@ -320,47 +340,37 @@ def slide_problems(study: Study) -> list[Problem]:
             known = replace(problem, path=(*path, key), hint=hint or problem.hint)
             broken.setdefault((problem.rule, problem.value), known)
     # Sliding always records: a study that does not is told here that its rig cannot.
-    recorded = _unmeasured(sliding) if study.force_channel.rate_hz is None else ()
-    beam = _missing_beam(study, "slide", path, study.slide.beam)
-    return [*recorded, *beam, *broken.values(), *_too_long(sliding)]
-
-
-def _too_long(sliding: Study) -> Iterator[Problem]:
-    limit_s, lasts_s = sliding.timing.max_session_s, session_s(sliding, slide_plan(sliding))
+    recorded = () if study.force_channel.rate_hz else _key_problems(sliding)
+    found = [problem for problem in recorded if problem.path[0] == "force_channel"]
+    found += [*_missing_beam(study, "slide", path, study.slide.beam), *broken.values()]
+    limit_s, lasts_s = sliding.timing.max_session_s, session_s(sliding, planned)
     if lasts_s > limit_s:
         rule = f"a session must not take more than timing.max_session_s = {limit_s:.15g} s"
         value, hint = _above(lasts_s, limit_s), "ask for fewer drives, repeats or references"
-        yield Problem("slide", rule, f"{value} s", hint, ("slide", "repeats"))
+        found.append(Problem("slide", rule, f"{value} s", hint, ("slide", "repeats")))
+    return found
 
 
 def _touch_problems(
     study: Study, where: str, path: Path, touch: Touch, level: float
 ) -> Iterator[Problem]:
-    peak_v = touch.peak_voltage_v * level
-    yield from _twice(where, path, touch)
+    """Yield what a touch asks for, its amplitudes times `level`, that it must not."""
+    # A drive that is given both ways would obey one of them without a word.
+    for key in ("frequency", "sweep_to"):
+        if {key, f"{key}_hz"} <= touch.model_fields_set and not isinstance(touch, SlidePass):
+            rule = f"must not be given beside {key}_hz"
+            hint = f"{key} is relative to the resonance, {key}_hz is fixed: leave one out"
+            yield Problem(where, rule, "both", hint, (*path, key))
     touch = touch.at(study.rig.nominal_resonance_hz)
-    for rule, value, hint, key in (
-        *_finger(study, touch),
-        *_drive(study, touch, peak_v),
-        *_amplifier(study, touch, peak_v),
-        *_times(study, touch, level),
-    ):
+    for rule, value, hint, key in (*_finger(study, touch), *_driven(study, touch, level)):
         yield Problem(where, rule, value, hint, (*path, key))
     yield from _missing_beam(study, where, path, touch.beam)
     if textless := instruction_problem(study, where, path, touch):
         yield textless
 
 
-def _twice(where: str, path: Path, touch: Touch) -> Iterator[Problem]:
-    """A drive that is given both ways would obey one of them without a word."""
-    for key in ("frequency", "sweep_to"):
-        if {key, f"{key}_hz"} <= touch.model_fields_set and not isinstance(touch, SlidePass):
-            rule = f"must not be given beside {key}_hz"
-            hint = f"{key} is relative to the resonance, {key}_hz is fixed: leave one out"
-            yield Problem(where, rule, "both", hint, (*path, key))
-
-
 _Broken = tuple[str, str, str, str]
+"""Rule, value, hint, and the key to mend."""
 MAX_FORCE_N = 20.0
 """A finger that carries 2 kg: more than anybody is to press on a beam that is driven."""
 
@@ -368,12 +378,8 @@ MAX_FORCE_N = 20.0
 def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
     force_n = touch.press * study.touch.force_n
     if force_n > MAX_FORCE_N:
-        yield (
-            f"press x touch.force_n must not exceed {MAX_FORCE_N:g} N",
-            f"{_above(force_n, MAX_FORCE_N)} N",
-            unit_hint(("press",)),
-            "press",
-        )
+        rule = f"press x touch.force_n must not exceed {MAX_FORCE_N:g} N"
+        yield rule, f"{_above(force_n, MAX_FORCE_N)} N", unit_hint(("press",)), "press"
     if touch.sliding_speed_m_s is not None:
         value = f"{touch.sliding_speed_m_s:g} m/s"
         if touch.place != "path":
@@ -384,77 +390,63 @@ def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
             yield "must not be given beside duration_s", value, hint, "sliding_speed_m_s"
 
 
-def _drive(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
-    rig = study.rig
-    if peak_v > rig.max_voltage_v:
-        # The key that holds the larger value is the one to mend.
-        key = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
-        shown = _above(peak_v, rig.max_voltage_v)
-        yield (
-            f"the amplitude must not exceed rig.max_voltage_v = {rig.max_voltage_v:.15g} V",
-            f"{shown} V",
-            f"amplitudes are peak, not peak-to-peak: {shown} V peak-to-peak is {peak_v / 2:g} V",
-            key,
-        )
+_LOWER = "lower the amplitude or the frequency"
+_LIMITS = {
+    "max_voltage_v": (
+        *("the amplitude must not exceed", "V", 6),
+        "amplitudes are peak, not peak-to-peak: {0} V peak-to-peak is {1:g} V",
+    ),
+    "max_frequency_hz": (
+        *("the drive must not exceed", "Hz", 6),
+        "frequency is relative to the resonance: 1.0 drives the beam there",
+    ),
+    "max_slew_v_per_us": ("2 pi f V must not exceed", "V/us", 4, _LOWER),
+    "generator_max_vpp": (
+        *("2 x amplitude / amplifier_gain must not exceed", "V peak-to-peak", 6),
+        "the generator gives half of its peak-to-peak value as amplitude",
+    ),
+    "max_current_ma": ("2 pi f C V must not exceed", "mA", 4, _LOWER),
+    "ramp_v_per_s": (
+        *("a ramp must not be steeper than", "V/s", 4),
+        "let the touch last longer: duration_s",
+    ),
+    "max_drive_s": (
+        *("a touch must not be driven longer than", "s", 4),
+        "shorten duration_s or touch.lead_in_s, which counts",
+    ),
+}
+"""Rule, unit, digits and hint by the key of the rig; a hint may name the value, and half of it."""
+
+
+def _driven(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
+    """Yield each limit of the rig that a touch breaks, whose amplitudes are multiplied."""
+    for name, value, key in _quantities(study, touch, level):
+        limit: float | None = getattr(study.rig, name)
+        if limit is not None and value > limit:
+            rule, unit, digits, hint = _LIMITS[name]
+            shown = _above(value, limit, digits)
+            told = f"{rule} rig.{name} = {limit:.15g} {unit}"
+            yield told, f"{shown} {unit.split()[0]}", hint.format(shown, value / 2), key
+
+
+def _quantities(study: Study, touch: Touch, level: float) -> Iterator[tuple[str, float, str]]:
+    """Yield the limit, the value and the key to mend of each quantity that the rig limits."""
+    rig, peak_v = study.rig, touch.peak_voltage_v * level
     frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
-    if frequency_hz > rig.max_frequency_hz:
-        key = "sweep_to" if touch.end_frequency > touch.frequency else "frequency"
-        yield (
-            f"the drive must not exceed rig.max_frequency_hz = {rig.max_frequency_hz:.15g} Hz",
-            f"{_above(frequency_hz, rig.max_frequency_hz)} Hz",
-            "frequency is relative to the resonance: 1.0 drives the beam there",
-            key if getattr(touch, f"{key}_hz") is None else f"{key}_hz",
-        )
-
-
-def _amplifier(study: Study, touch: Touch, peak_v: float) -> Iterator[_Broken]:
-    rig = study.rig
-    frequency_hz = touch.peak_frequency * rig.nominal_resonance_hz
-    slew = slew_v_per_us(peak_v, frequency_hz)
-    if slew > rig.max_slew_v_per_us:
-        yield (
-            f"2 pi f V must not exceed rig.max_slew_v_per_us = {rig.max_slew_v_per_us:.15g} V/us",
-            f"{_above(slew, rig.max_slew_v_per_us, 4)} V/us",
-            "lower the amplitude or the frequency",
-            "voltage_v",
-        )
-    vpp = 2 * peak_v / rig.amplifier_gain if rig.amplifier_gain else 0.0
-    if vpp > rig.generator_max_vpp:
-        yield (
-            f"2 x amplitude / amplifier_gain must not exceed rig.generator_max_vpp = "
-            f"{rig.generator_max_vpp:.15g} V peak-to-peak",
-            f"{_above(vpp, rig.generator_max_vpp)} V",
-            "the generator gives half of its peak-to-peak value as amplitude",
-            "voltage_v",
-        )
-    current = current_ma(peak_v, frequency_hz, rig.capacitance_nf or 0.0)
-    if rig.max_current_ma is not None and current > rig.max_current_ma:
-        yield (
-            f"2 pi f C V must not exceed rig.max_current_ma = {rig.max_current_ma:.15g} mA",
-            f"{_above(current, rig.max_current_ma, 4)} mA",
-            "lower the amplitude or the frequency",
-            "voltage_v",
-        )
-
-
-def _times(study: Study, touch: Touch, level: float) -> Iterator[_Broken]:
-    rig = study.rig
-    slope = abs(touch.end_voltage_v - touch.voltage_v) * level / touch_s(touch, study.touch)
-    if slope > rig.ramp_v_per_s:
-        yield (
-            f"a ramp must not be steeper than rig.ramp_v_per_s = {rig.ramp_v_per_s:.15g} V/s",
-            f"{_above(slope, rig.ramp_v_per_s, 4)} V/s",
-            "let the touch last longer: duration_s",
-            "ramp_to_v",
-        )
-    driven = driven_s(scaled(touch, level), study.touch, rig)
-    if driven > rig.max_drive_s:
-        yield (
-            f"a touch must not be driven longer than rig.max_drive_s = {rig.max_drive_s:.15g} s",
-            f"{_above(driven, rig.max_drive_s, 4)} s",
-            "shorten duration_s or touch.lead_in_s, which counts",
-            "duration_s",
-        )
+    # The key that holds the larger value is the one to mend.
+    higher = "sweep_to" if touch.end_frequency > touch.frequency else "frequency"
+    fixed = "" if getattr(touch, f"{higher}_hz") is None else "_hz"
+    larger = "ramp_to_v" if touch.end_voltage_v > touch.voltage_v else "voltage_v"
+    yield "max_voltage_v", peak_v, larger
+    yield "max_frequency_hz", frequency_hz, higher + fixed
+    yield "max_slew_v_per_us", slew_v_per_us(peak_v, frequency_hz), "voltage_v"
+    if rig.amplifier_gain:
+        yield "generator_max_vpp", 2 * peak_v / rig.amplifier_gain, "voltage_v"
+    if rig.capacitance_nf:
+        yield "max_current_ma", current_ma(peak_v, frequency_hz, rig.capacitance_nf), "voltage_v"
+    change_v = abs(touch.end_voltage_v - touch.voltage_v) * level
+    yield "ramp_v_per_s", change_v / touch_s(touch, study.touch), "ramp_to_v"
+    yield "max_drive_s", driven_s(scaled(touch, level), study.touch, rig), "duration_s"
 
 
 def _above(value: float, limit: float, digits: int = 6) -> str:
@@ -462,42 +454,6 @@ def _above(value: float, limit: float, digits: int = 6) -> str:
     # A value just above its limit must not be shown as the limit.
     shown = (f"{value:.{many}g}" for many in range(digits, 17))
     return next((text for text in shown if float(text) > limit), repr(value))
-
-
-def _unnamed_beam(study: Study) -> Iterator[Problem]:
-    """A study that swaps beams says which one is mounted at first."""
-    if study.touch.beam is None and any(
-        touch.beam for _, _, item in _items(study) for touch in item.touches
-    ):
-        rule = "must be given when a touch names a beam"
-        hint = f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]"
-        yield Problem.of_key("touch.beam", rule, "nothing", hint)
-
-
-def _unknown_gain(study: Study) -> Iterator[Problem]:
-    """A generator is set in volts before the amplifier: without its gain nothing is driven."""
-    if study.rig.dialect != "board" and study.rig.amplifier_gain is None:
-        rule = f"must be given where rig.dialect = {study.rig.dialect!r}"
-        hint = "volts at the beam per volt of the generator"
-        yield Problem.of_key("rig.amplifier_gain", rule, "nothing", hint)
-
-
-def _unmeasured(study: Study) -> Iterator[Problem]:
-    """Only a board or a gauge measures forces; a gauge has a port to itself, and feels a finger."""
-    rig, channel = study.rig, study.force_channel
-    if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
-        rule = f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing"
-        hint = "give the address of a gauge as force_channel.gauge"
-        yield Problem.of_key("force_channel.rate_hz", rule, channel.rate_hz, hint)
-    # Both may be simulated: a simulated gauge has a line of its own.
-    if channel.gauge != SIMULATED and channel.gauge == rig.device:
-        rule = "must have a port of its own, other than rig.device"
-        hint = "a board that measures forces itself needs no gauge"
-        yield Problem.of_key("force_channel.gauge", rule, repr(channel.gauge), hint)
-    if channel.rate_hz is not None and channel.gauge == SIMULATED and rig.device != SIMULATED:
-        rule, value = "is simulated, and that is for a simulated device only", f"{rig.device!r}"
-        hint = "the address of a gauge; run --device sim simulates both"
-        yield Problem.of_key("force_channel.gauge", rule, f"rig.device = {value}", hint)
 
 
 def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:

@@ -16,7 +16,7 @@ from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, com
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
-from protocol.study.track import AXIS_KEY
+from protocol.study.track import AXIS_KEY, Track
 from protocol.study_file.text_checks import (
     instruction_problem,
     page_problems,
@@ -32,7 +32,11 @@ from protocol.study_file.tracks import track_problems
 
 def _name_problems(study: Study) -> Iterator[Problem]:
     """Yield every name that is blank, like another one, or that of what reports have anyway."""
-    numbered = {"factor": study.factor, "group": study.group, "track": study.track}
+    numbered: dict[str, Sequence[Factor | Group | Track]] = {
+        "factor": study.factor,
+        "group": study.group,
+        "track": study.track,
+    }
     named: dict[str, list[tuple[Path, str]]] = {
         "study": [(("study", "name"), study.study.name)],
         "condition": [(("condition", it.written, "name"), it.name) for it in study.condition],
@@ -83,11 +87,11 @@ def _factor_problems(study: Study) -> Iterator[Problem]:
     # All that one condition of the file became have the same.
     for condition in {each.written: each for each in study.condition}.values():
         for number, key in condition.given_twice:
-            path = ("condition", condition.written, "touches", number, key)
+            place = ("condition", condition.written, "touches", number, key)
             named = condition.cell.get(CONDITION)
             where = f"condition{f' {named}' * bool(named)}, touch {number + 1}"
             hint = "leave it out here, or the factor"
-            yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, path)
+            yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, place)
 
 
 def _both_set(study: Study, one: Factor, other: Factor) -> bool:

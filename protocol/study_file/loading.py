@@ -154,30 +154,31 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
     where = place(document, path)
     if entry["type"] == "extra_forbidden":
         return Problem(where, _UNKNOWN, repr(path[-1]), _near_miss(path), path)
-    if entry["type"] == "missing":
-        return _missing(document, path, entry)
-    if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
-        return _disagreement(document, path, entry)
-    value, key = repr(entry["input"]), str(path[-1])
-    if len(value) > 80:
-        value = f"{value[:77]}..."
-    if entry["type"] == "string_type" and path[:1] == ("texts",):
-        hint = _quoted_key(path, entry["input"])
-    elif key.endswith("_v") or key == "voltages_are":
-        hint = _PEAK
-    elif entry["type"] in _OUT_OF_RANGE:
-        of = path if path[0] != "factor" else (document["factor"][path[1]]["varies"],)
-        hint = unit_hint(of, entry["input"], too_large=entry["type"] == "less_than_equal")
-    else:
-        hint = _meant_choice(entry)
-    return Problem(where, _rule(entry), value, hint, path)
-
-
-def _missing(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
-    if path and isinstance(path[-1], int):  # one of a pair
+    if entry["type"] == "missing" and path and isinstance(path[-1], int):  # one of a pair
         of, value = path[:-1], str(entry["input"])
         return Problem(place(document, of), "must be two numbers, least and most", value, path=of)
-    return Problem(place(document, path), "must be given", "nothing", path=path)
+    if entry["type"] == "missing":
+        return Problem(where, "must be given", "nothing", path=path)
+    if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
+        return _disagreement(document, path, entry)
+    value = repr(entry["input"])
+    if len(value) > 80:
+        value = f"{value[:77]}..."
+    return Problem(where, _rule(entry), value, _hint(document, path, entry), path)
+
+
+def _hint(document: Mapping[str, Any], path: Path, entry: Any) -> str:
+    given, key = entry["input"], str(path[-1])
+    if entry["type"] == "string_type" and path[:1] == ("texts",):
+        # TOML reads a key with a point in it as a table.
+        inner = next(iter(given), None) if isinstance(given, Mapping) else None
+        return f'quote the key: "{key}.{inner}" = "..."' if inner else ""
+    if key.endswith("_v") or key == "voltages_are":
+        return _PEAK
+    if entry["type"] in _OUT_OF_RANGE:
+        of = path if path[0] != "factor" else (document["factor"][path[1]]["varies"],)
+        return unit_hint(of, given, too_large=entry["type"] == "less_than_equal")
+    return _meant_choice(entry)
 
 
 def _disagreement(document: Mapping[str, Any], path: Path, entry: Any) -> Problem:
@@ -196,12 +197,6 @@ def _rule(entry: Any) -> str:
         return "cannot be used here"
     rule = str(entry["ctx"]["error"])
     return rule[:1].lower() + rule[1:]
-
-
-def _quoted_key(path: Path, given: Any) -> str:
-    """Return a hint for a key with a point in it, which TOML reads as a table."""
-    inner = next(iter(given), None) if isinstance(given, Mapping) else None
-    return f'quote the key: "{path[-1]}.{inner}" = "..."' if inner else ""
 
 
 def _meant_choice(entry: Any) -> str:

@@ -8,7 +8,7 @@ from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem
 from protocol.study.fields import UNWANTED, unprintable
-from protocol.study.languages import Language, reference_texts
+from protocol.study.languages import reference_texts
 from protocol.study.participant_texts import (
     band_name,
     finger_texts,
@@ -18,7 +18,6 @@ from protocol.study.participant_texts import (
     study_wording,
     text_path,
 )
-from protocol.study.rules import Band
 from protocol.study.study import Study
 from protocol.study.study_question import (
     ANSWERS,
@@ -28,6 +27,7 @@ from protocol.study.study_question import (
     MOST_LABELS,
     ONCE,
     AskedIf,
+    InstructionPage,
     Label,
     StudyQuestion,
     trial_facts,
@@ -40,14 +40,21 @@ def text_problems(study: Study) -> Iterator[Problem]:
     items = [*study.opening, *study.condition]
     named = {touch.instruction for item in items for touch in item.touches if touch.instruction}
     for code in study_codes(study):
+        read: dict[Path, Mapping[str, str]] = {("texts", code): study.texts.get(code, {})}
         if code in study.languages:
-            yield from _language_problems(study, code, study.languages[code], named)
-        own = study.texts.get(code, {})
-        for key in own:
-            yield from _text_problems(("texts", code, key), own[key], named)
+            own, given = ("languages", code, "texts"), study.languages[code].texts
+            missing = (key for key in required_texts(study) if key not in given)
+            yield from (_dotted((*own, key), "must be given", "nothing") for key in missing)
+            read = {own: given, **read}
+        for path, texts in read.items():
+            for key, text in texts.items():
+                yield from _text_problems((*path, key), text, named)
         yield from _alike_answers(study, code)
     for number, band in enumerate(study.rating.bands):
-        yield from _band_problems(study, ("rating", "bands", number), band)
+        wordings = {code: study_wording(study, code) for code in required_codes(study)}
+        names = {code: band_name(band, wording) for code, wording in wordings.items()}
+        known = {code: name for code, name in names.items() if name is not None} | band.names
+        yield from unnamed_problems(study, ("rating", "bands", number), known, ("from", "to"))
 
 
 def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
@@ -58,15 +65,12 @@ def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> P
     key = touch.instruction
     if key is None:
         return None
-    lacking = [
-        code for code in required_codes(study) if key not in study_wording(study, code).texts
-    ]
-    if not lacking:
-        return None
+    codes = required_codes(study)
+    lacking = [code for code in codes if key not in study_wording(study, code).texts]
     rule = "an instruction that a touch names must have a text"
     value = f"none for {key!r} in {' and '.join(lacking)}"
     hint = f"give it in {' and '.join(f'[texts.{code}]' for code in lacking)}"
-    return Problem(where, rule, value, hint, (*path, "instruction"))
+    return Problem(where, rule, value, hint, (*path, "instruction")) if lacking else None
 
 
 def unnamed_problems(
@@ -87,33 +91,9 @@ def unnamed_problems(
     for code in required_codes(study):
         if code not in names:
             built_in = code not in study.languages and code not in study.texts
+            hint = f"or leave {code!r} out of session.languages" if built_in else ""
             where = _place(study, (*path, code))
-            yield _not_given((*path, code), code if built_in else "", where)
-
-
-def _band_problems(study: Study, path: Path, band: Band) -> Iterator[Problem]:
-    built_in = {
-        code: name
-        for code in required_codes(study)
-        if (name := band_name(band, study_wording(study, code))) is not None
-    }
-    yield from unnamed_problems(study, path, {**built_in, **band.names}, ("from", "to"))
-
-
-def _language_problems(
-    study: Study, code: str, language: Language, named: set[str]
-) -> Iterator[Problem]:
-    """What is wrong with a language of the study's own."""
-    for key in required_texts(study):
-        if key not in language.texts:
-            yield _not_given(("languages", code, "texts", key))
-    for key, text in language.texts.items():
-        yield from _text_problems(("languages", code, "texts", key), text, named)
-
-
-def _not_given(path: Path, code: str = "", where: str = "") -> Problem:
-    hint = f"or leave {code!r} out of session.languages" if code else ""
-    return _dotted(path, "must be given", "nothing", hint, where)
+            yield _dotted((*path, code), "must be given", "nothing", hint, where)
 
 
 def _unknown_key(
@@ -247,7 +227,8 @@ def question_problems(study: Study) -> Iterator[Problem]:
     yield from _name_problems(study)
     for number, question in enumerate(study.question):
         path: Path = ("question", number)
-        found = (*_key_problems(study, question), *_form(question), *_never_asked(study, question))
+        form = {"labels": _choices, "scale": _scale, "typed": _typed}[question.form]
+        found = (*_key_problems(study, question), *form(question), *_never_asked(study, question))
         for key, rule, value, hint in found:
             yield _problem(question, (*path, key), rule, value, hint)
         yield from _texts_problems(study, path, question)
@@ -258,25 +239,23 @@ def page_problems(study: Study) -> Iterator[Problem]:
     for number, page in enumerate(study.page):
         path: Path = ("page", number)
         yield from unnamed_problems(study, (*path, "text"), page.text)
-        broken: list[tuple[str, str, str]] = []
-        if page.block is not None and page.before != "block":
-            broken.append(("block", 'must be left out unless before = "block"', str(page.block)))
-        if page.block is not None and page.block > _most_blocks(study):
-            rule = f"must be at most {_most_blocks(study)}, the number of blocks"
-            broken.append(("block", rule, str(page.block)))
-        if page.before == "practice" and study.design.practice_trials == 0:
-            broken.append(("before", 'must not be "practice" without practice_trials', "one"))
-        if page.picture is not None and page.picture not in study.pictures:
-            broken.append(("picture", PICTURE_RULE, repr(page.picture)))
-        for key, rule, value in broken:
+        for key, rule, value in _page(study, page):
             yield Problem(f"page {number + 1}, {key}", rule, value, path=(*path, key))
 
 
-def _most_blocks(study: Study) -> int:
-    """Return how many blocks a session has; at most, where trials are grouped by beam."""
+def _page(study: Study, page: InstructionPage) -> Iterator[tuple[str, str, str]]:
     design = study.design
     is_grouped = design.group_by_beam != "no" or design.max_beam_swaps is not None
-    return design.repeats * (len(study.condition) if is_grouped else 1)
+    # At most, where trials are grouped by beam.
+    blocks = design.repeats * (len(study.condition) if is_grouped else 1)
+    if page.block is not None and page.before != "block":
+        yield "block", 'must be left out unless before = "block"', str(page.block)
+    if page.block is not None and page.block > blocks:
+        yield "block", f"must be at most {blocks}, the number of blocks", str(page.block)
+    if page.before == "practice" and design.practice_trials == 0:
+        yield "before", 'must not be "practice" without practice_trials', "one"
+    if page.picture is not None and page.picture not in study.pictures:
+        yield "picture", PICTURE_RULE, repr(page.picture)
 
 
 def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: str = "") -> Problem:
@@ -371,13 +350,9 @@ def unanswerable(rule: AskedIf, other: StudyQuestion) -> Iterator[tuple[str, str
         yield must, told, ""
 
 
-def _form(question: StudyQuestion) -> _Found:
+def _typed(question: StudyQuestion) -> _Found:
     low, high = question.minimum, question.maximum
-    if question.form == "labels":
-        yield from _choices(question)
-    elif question.form == "scale":
-        yield from _scale(question)
-    elif question.is_number and low is not None and high is not None and low >= high:
+    if question.is_number and low is not None and high is not None and low >= high:
         yield "maximum", f"must be above minimum = {low:.15g}", f"{high:.15g}", ""
 
 
@@ -423,17 +398,11 @@ def _places(question: StudyQuestion, named: Sequence[float]) -> _Found:
         yield "step", rule, f"{step:.15g}", ""
     else:
         for place in named:
-            if not _lies_on(question, place):
+            try:
+                question.answer(repr(place))
+            except ValueError:
                 rule = f"must be at places of the scale from {low:.15g} to {high:.15g}"
                 yield "labels", rule, f"{place:.15g}", ""
-
-
-def _lies_on(question: StudyQuestion, place: float) -> bool:
-    try:
-        question.answer(repr(place))
-    except ValueError:
-        return False
-    return True
 
 
 def _without(labels: Iterable[Label], key: str) -> Iterator[str]:

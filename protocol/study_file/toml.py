@@ -6,8 +6,9 @@ import tomllib
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import count
 from tomllib import TOMLDecodeError
-from typing import Any, NamedTuple
+from typing import Any
 
 from protocol.errors import Path, Problem
 
@@ -21,34 +22,26 @@ _TRUTH = {"True": "true", "TRUE": "true", "False": "false", "FALSE": "false", "y
 _LISTS = {"question", "page", "opening", "condition"}
 """Tables that may stand several times."""
 _LONGEST = 60
+_COMMA = re.compile(r"[0-9],[0-9]")
 _NUMBER = r"[-+]?[0-9][0-9_]*"
 
 
-class _Slip(NamedTuple):
-    """What the value of a key looks like, and the remedy; `{0}` is the value, `{key}` the key."""
-
-    value: str
-    remedy: str
-
-
-_SLIPS = (
-    _Slip("", "a value is missing after ="),
-    _Slip(rf"({_NUMBER}),([0-9]+)", "a decimal number has a point, not a comma: {key} = {1}.{2}"),
-    _Slip(
-        r"\[.*[0-9],[0-9].*",
-        "decimal numbers have a point, and a comma stands between two numbers: [0.1, 0.2]",
+_SLIPS = {
+    "": "a value is missing after =",
+    rf"({_NUMBER}),([0-9]+)": "a decimal number has a point, not a comma: {key} = {1}.{2}",
+    r"\[.*[0-9],[0-9].*": "decimal numbers have a point, and a comma stands between two numbers: "
+    "[0.1, 0.2]",
+    rf"({_NUMBER}(?:\.[0-9]+)?)\s*[^\W\d_%]+[\w/·²]*|({_NUMBER}(?:\.[0-9]+)?)\s*[%°].*": (
+        "a number stands alone, without its unit: {key} = {number}"
     ),
-    _Slip(
-        rf"({_NUMBER}(?:\.[0-9]+)?)\s*[^\W\d_%]+[\w/·²]*|({_NUMBER}(?:\.[0-9]+)?)\s*[%°].*",
-        "a number stands alone, without its unit: {key} = {number}",
-    ),
-    _Slip(r"0[0-9]+", "a number must not begin with 0: {key} = {stripped}"),
-    _Slip(r"\.[0-9]+", "a number must begin with a digit: {key} = 0{0}"),
-    _Slip("|".join(_TRUTH), "write {key} = {truth}, in small letters"),
-    _Slip(r"\".*\\.*\"", "a backslash in a text stands twice, or the text is in single quotes"),
-    _Slip(r"\"[^\"]*|'[^']*", "the text lacks the quote at its end"),
-    _Slip(r"[^\W\d][^\"'\[\]{}]*", 'a text stands in quotes: {key} = "{0}"'),
-)
+    r"0[0-9]+": "a number must not begin with 0: {key} = {stripped}",
+    r"\.[0-9]+": "a number must begin with a digit: {key} = 0{0}",
+    "|".join(_TRUTH): "write {key} = {truth}, in small letters",
+    r"\".*\\.*\"": "a backslash in a text stands twice, or the text is in single quotes",
+    r"\"[^\"]*|'[^']*": "the text lacks the quote at its end",
+    r"[^\W\d][^\"'\[\]{}]*": 'a text stands in quotes: {key} = "{0}"',
+}
+"""What the value of a key looks like, and the remedy; `{0}` is the value, `{key}` the key."""
 
 
 def no_toml(text: str, error: TOMLDecodeError) -> Problem:
@@ -58,25 +51,18 @@ def no_toml(text: str, error: TOMLDecodeError) -> Problem:
     number = int(place[1]) if place else text.rstrip().count("\n") + 1
     unclosed = "Unclosed" in str(error) or "end of document" in str(error)
     # The parser stops at the end of the file; the slip is where the bracket was opened.
-    if unclosed and not _has_comma_slip(lines[number - 1]):
-        number = _opened(lines, number)
+    if unclosed and not _COMMA.search(lines[number - 1]):
+        number = next(filter(lambda each: _opens(lines[each - 1]), range(number, 0, -1)), number)
     line = _without_comment(lines[number - 1])
     shown = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."
     hint = _remedy(line, str(error), unclosed=unclosed)
     return Problem("file", "must be TOML", f"the line '{shown}'", hint, line=number)
 
 
-def _has_comma_slip(line: str) -> bool:
-    return re.search(r"[0-9],[0-9]", line) is not None
-
-
-def _opened(lines: list[str], number: int) -> int:
-    """Return the last line, up to `number`, that opens a bracket and does not close it."""
-    for candidate in range(number, 0, -1):
-        line = _without_comment(lines[candidate - 1])
-        if line.count("[") + line.count("{") > line.count("]") + line.count("}"):
-            return candidate
-    return number
+def _opens(line: str) -> bool:
+    """Return whether a line opens a bracket and does not close it."""
+    line = _without_comment(line)
+    return line.count("[") + line.count("{") > line.count("]") + line.count("}")
 
 
 def _without_comment(line: str) -> str:
@@ -94,34 +80,25 @@ def _remedy(line: str, said: str, *, unclosed: bool) -> str:
         return f"each {name} begins with two brackets: [[{name}]]"
     if "Cannot overwrite" in said or "Cannot declare" in said:
         return f"{key} stands twice; keep one, with the keys of both"
-    if unclosed and re.search(r"[\[{]", line) and not _has_comma_slip(line):
+    if unclosed and re.search(r"[\[{]", line) and not _COMMA.search(line):
         return "what is opened here with [ or { must be closed with ] or }"
-    return _remedy_of_value(key, value) if equals else _remedy_of_key(line)
-
-
-def _remedy_of_key(line: str) -> str:
+    alone = "a key and its value need = between them"
     if line.startswith("["):
-        return "the name of a table stands in brackets: [rig], or [[condition]]"
-    return "a key and its value need = between them"
+        alone = "the name of a table stands in brackets: [rig], or [[condition]]"
+    return _remedy_of_value(key, value) if equals else alone
 
 
 def _remedy_of_value(key: str, value: str) -> str:
-    for slip in _SLIPS:
-        if matched := re.fullmatch(slip.value, value):
-            return _filled(slip.remedy, key, matched)
+    for pattern, remedy in _SLIPS.items():
+        if found := re.fullmatch(pattern, value):
+            groups = [group or "" for group in found.groups()]
+            worked_out = {
+                "number": "".join(groups),
+                "stripped": value.lstrip("0") or "0",
+                "truth": _TRUTH.get(value, ""),
+            }
+            return remedy.format(value, *groups, key=key, **worked_out)
     return "docs/study-file.md shows how each value is written"
-
-
-def _filled(remedy: str, key: str, found: "re.Match[str]") -> str:
-    groups = [group or "" for group in found.groups()]
-    return remedy.format(
-        found[0],
-        *groups,
-        key=key,
-        number="".join(groups),
-        stripped=found[0].lstrip("0") or "0",
-        truth=_TRUTH.get(found[0], ""),
-    )
 
 
 LONGEST_TEXT = 262_144
@@ -193,16 +170,16 @@ def key_lines(text: str) -> Mapping[Path, int]:
     {('rig',): 1, ('rig', 'levels'): 2, ('rig', 'levels', 0): 2, ('rig', 'levels', 1): 3}
     """
     scanner = _Scanner(text)
-    scanner.document()
+    table: Path = ()
+    while scanner.next_sign():
+        table = scanner.table() if scanner.next_sign() == "[" else scanner.pair(table)
     return scanner.lines
 
 
 def line_of(lines: Mapping[Path, int], path: Path) -> int | None:
     """Return the line of `path` or of what is nearest above it."""
-    for length in range(len(path), 0, -1):
-        if path[:length] in lines:
-            return lines[path[:length]]
-    return None
+    above = (path[:length] for length in range(len(path), 0, -1))
+    return next((lines[part] for part in above if part in lines), None)
 
 
 class _Scanner:
@@ -216,102 +193,77 @@ class _Scanner:
         self.lines: dict[Path, int] = {}
         self.arrays: dict[Path, int] = {}
 
-    def document(self) -> None:
-        table: Path = ()
-        while self._skip_blank():
-            if self.text[self.at] == "[":
-                table = self._header()
-            else:
-                self._pair(table)
-
-    def _skip_blank(self) -> bool:
-        """Whether anything follows."""
+    def next_sign(self) -> str:
+        """Skip what is blank, and return what follows; nothing at the end."""
         if blank := _BLANK.match(self.text, self.at):
             self.at = blank.end()
-        return self.at < len(self.text)
+        return self.text[self.at : self.at + 1]
 
-    def _taken(self, pattern: re.Pattern[str]) -> str:
+    def taken(self, pattern: re.Pattern[str]) -> str:
         matched = pattern.match(self.text, self.at)
         assert matched is not None, f"no TOML at offset {self.at}"
         self.at = matched.end()
         return matched.group()
 
-    def _seen(self, path: Path) -> None:
-        self.lines.setdefault(path, self._line(self.at))
+    def seen(self, path: Path, at: int) -> None:
+        self.lines.setdefault(path, bisect_left(self.ends, at) + 1)
 
-    def _line(self, at: int) -> int:
-        return bisect_left(self.ends, at) + 1
-
-    def _header(self) -> Path:
+    def table(self) -> Path:
         """`[table]` or `[[element]]`; the path holds the current element of every array above."""
-        is_element = self.text.startswith("[[", self.at)
-        self.at += 1 + is_element
+        brackets = 2 if self.text.startswith("[[", self.at) else 1
+        self.at += brackets
         path: Path = ()
-        for key in self._keys():
-            path = self._current(path)
-            path += (key,)
-            self._seen(path)
-        if is_element:
+        for key in self.keys():
+            path = (*self.current(path), key)
+            self.seen(path, self.at)
+        if brackets == 2:
             self.arrays[path] = self.arrays.get(path, -1) + 1
-            self._seen(self._current(path))
-        self.at += 1 + is_element
-        return self._current(path)
+            self.seen(self.current(path), self.at)
+        self.at += brackets
+        return self.current(path)
 
-    def _current(self, path: Path) -> Path:
+    def current(self, path: Path) -> Path:
         return (*path, self.arrays[path]) if path in self.arrays else path
 
-    def _keys(self) -> list[str]:
+    def keys(self) -> list[str]:
         """A dotted key, up to what ends it."""
         keys = []
         while True:
-            self._skip_blank()
-            token = self._taken(_KEY)
+            self.next_sign()
+            token = self.taken(_KEY)
             # A quoted key may have escapes, which the parser knows how to read.
             keys.append(tomllib.loads(f"key = {token}")["key"] if token[0] in "\"'" else token)
-            self._skip_blank()
-            if self.text[self.at] != ".":
+            if self.next_sign() != ".":
                 return keys
             self.at += 1
 
-    def _pair(self, table: Path) -> None:
-        start = self.at
-        path = table
-        for key in self._keys():
-            path += (key,)
-            self.lines.setdefault(path, self._line(start))
+    def pair(self, table: Path) -> Path:
+        """A key and its value; the table stays the same one."""
+        start, path = self.at, table
+        for key in self.keys():
+            path = (*path, key)
+            self.seen(path, start)
         self.at += 1
-        self._value(path)
+        self.value(path)
+        return table
 
-    def _value(self, path: Path) -> None:
-        self._skip_blank()
-        first = self.text[self.at]
-        if first == "[":
-            self._array(path)
-        elif first == "{":
-            self.at += 1
-            while self._next_of("}"):
-                self._pair(path)
-        else:
-            self._taken(_TEXT if first in "\"'" else _PLAIN)
-
-    def _array(self, path: Path) -> None:
-        index = 0
+    def value(self, path: Path) -> None:
+        first = self.next_sign()
+        if first not in {"[", "{"}:
+            self.taken(_TEXT if first in "\"'" else _PLAIN)
+            return
         self.at += 1
-        while self._next_of("]"):
-            self._seen((*path, index))
-            self._value((*path, index))
-            index += 1
-
-    def _next_of(self, closing: str) -> bool:
-        """Skip to the next element; at the end, past `closing`."""
-        self._skip_blank()
-        if self.text[self.at] == ",":
-            self.at += 1
-            self._skip_blank()
-        if self.text[self.at] == closing:
-            self.at += 1
-            return False
-        return True
+        for index in count():
+            if self.next_sign() == ",":
+                self.at += 1
+            if self.next_sign() == ("]" if first == "[" else "}"):
+                self.at += 1
+                return
+            if first == "{":
+                self.pair(path)
+            else:
+                self.seen((*path, index), self.at)
+                self.value((*path, index))
 
 
 # Hints for values that were entered in the wrong unit.

@@ -19,51 +19,31 @@ units of the axis: what no rig tells apart would end as a division by 0."""
 _OF_STAIRCASES = ("rule", "step_db", "step_levels", "up_step_db", "up_step_levels")
 
 
+_Found = Iterator[tuple[str, str, object, str]]
+"""Key, rule, value and hint of each problem."""
+
+
 def track_problems(study: Study) -> Iterator[Problem]:
     """Yield what is wrong with the tracks themselves; their touches are checked as all others."""
     # A beam that there is not is told once, where beams are.
     known = {None, *study.beams}
     mounted = {track.comparison.beam or study.touch.beam for track in study.track} & known
     for number, track in enumerate(study.track):
-        told = _Teller(track, number)
+        # What follows needs levels, and those need a standard.
+        found = [*_standard(track), *_touches(track, known)] or [*_levels(track)]
+        found = found or [*_apart(track)]
+        found = found or [*_method(track), *_staircase(track), *_stop(track), *_curve(track)]
         if len(mounted) > 1 and study.design.tracks == "interleaved":
             hint = 'write design.tracks = "one after another", so that beams are swapped in between'
             beam = str(track.comparison.beam)
-            yield told("comparison.beam", "must be that of all tracks", beam, hint)
-        # What follows needs levels, and those need a standard.
-        yield from (
-            [*_standard(track, told), *_touches(track, told, known)]
-            or [*_levels(track, told)]
-            or [*_apart(track, told)]
-            or [
-                *_method(track, told),
-                *_start(track, told),
-                *(
-                    _staircase(track, told)
-                    if track.method == "staircase"
-                    else _no_staircase(track, told)
-                ),
-                *_stop(track, told),
-                *_curve(track, told),
-            ]
-        )
+            found.insert(0, ("comparison.beam", "must be that of all tracks", beam, hint))
+        for key, rule, value, hint in found:
+            keys = key.split(".") if key else []
+            where = ", ".join([f"track {track.name}", *keys])
+            yield Problem(where, rule, str(value), hint, ("track", number, *keys))
 
 
-class _Teller:
-    def __init__(self, track: Track, number: int) -> None:
-        self._where, self._path = f"track {track.name}", ("track", number)
-
-    def __call__(self, key: str, rule: str, value: object, hint: str) -> Problem:
-        keys = key.split(".") if key else []
-        return Problem(
-            ", ".join([self._where, *keys]), rule, str(value), hint, (*self._path, *keys)
-        )
-
-
-_Problems = Iterator[Problem]
-
-
-def _standard(track: Track, told: _Teller) -> _Problems:
+def _standard(track: Track) -> _Found:
     key, standard, comparison = AXIS_KEY[track.axis], track.standard, track.comparison
     if standard is None:
         needs = {
@@ -74,25 +54,25 @@ def _standard(track: Track, told: _Teller) -> _Problems:
         if why := next((said for said, so in needs.items() if so), None):
             value = "0" if key == "voltage_v" else "..."
             hint = f'such as standard = {{ place = "{comparison.place}", {key} = {value} }}'
-            yield told("standard", f"must be given where {why}", "nothing", hint)
+            yield "standard", f"must be given where {why}", "nothing", hint
     elif key not in standard.model_fields_set:
         rule = f'must give {key}, because axis = "{track.axis}"'
-        yield told("standard", rule, "none", "the levels are on one side of the standard's")
+        yield "standard", rule, "none", "the levels are on one side of the standard's"
     if key in comparison.model_fields_set:
         value = getattr(comparison, key)
         rule = f'must not give {key}, which axis = "{track.axis}" fills in'
-        yield told(f"comparison.{key}", rule, value, "leave it out; levels has the values")
+        yield f"comparison.{key}", rule, value, "leave it out; levels has the values"
     if track.axis in {"frequency", "place"} and not comparison.voltage_v:
         hint = "an amplitude, which is the same at all levels"
         rule = f'must be above 0 where axis = "{track.axis}"'
-        yield told("comparison.voltage_v", rule, comparison.voltage_v, hint)
+        yield "comparison.voltage_v", rule, comparison.voltage_v, hint
 
 
-def _touches(track: Track, told: _Teller, known: Set[str | None]) -> _Problems:
+def _touches(track: Track, known: Set[str | None]) -> _Found:
     beam, other = track.standard and track.standard.beam, track.comparison.beam
     if track.standard is not None and beam != other and {beam, other} <= known:
         hint = "nobody can wait for a beam within a trial"
-        yield told("standard.beam", "must be that of the comparison", beam or "none", hint)
+        yield "standard.beam", "must be that of the comparison", beam or "none", hint
     for name, touch in (("standard", track.standard), ("comparison", track.comparison)):
         if touch is None:
             continue
@@ -100,24 +80,22 @@ def _touches(track: Track, told: _Teller, known: Set[str | None]) -> _Problems:
         if touch.programme != "hold" or in_hz:
             rule = "must hold one drive relative to the resonance"
             hint = "leave ramp_to_v, sweep_to, sweep_to_hz and frequency_hz out"
-            yield told(name, rule, " and ".join(sorted(in_hz)) or touch.programme, hint)
+            yield name, rule, " and ".join(sorted(in_hz)) or touch.programme, hint
         if track.axis == "place" and touch.place != "smooth":
-            yield told(f"{name}.place", 'must be "smooth" where axis = "place"', touch.place, "")
+            yield f"{name}.place", 'must be "smooth" where axis = "place"', touch.place, ""
         if track.axis != "place" and touch.place_m is not None:
             hint = "give touch.smooth_place_m, which all touches have"
-            yield told(f"{name}.place_m", 'is for axis = "place"', touch.place_m, hint)
+            yield f"{name}.place_m", 'is for axis = "place"', touch.place_m, hint
 
 
-def _levels(track: Track, told: _Teller) -> _Problems:
+def _levels(track: Track) -> _Found:
     levels, values, reference = track.levels, track.levels.values, track.reference
     ends = (levels.first, levels.last, levels.count)
     given = sum(end is not None for end in ends)
     rule, got = "", f"{min(values, default=0):g} to {max(values, default=0):g}"
     if given != (0 if levels.listed else 3):
-        rule, got = (
-            "must have from, to and count, or values",
-            "both" if levels.listed else "neither",
-        )
+        rule = "must have from, to and count, or values"
+        got = "both" if levels.listed else "neither"
         hint = 'such as { from = 5, to = 100, count = 27, spaced = "equal ratios" }'
     elif levels.spaced == "equal ratios" and 0 in ends:
         rule, got = "must not begin or end at 0 in equal ratios", "0"
@@ -135,14 +113,14 @@ def _levels(track: Track, told: _Teller) -> _Problems:
         rule = "must lie on one side of the resonance, together with the standard"
         hint = "friction is not monotone across 1.0: make a track of each side"
     if rule:
-        yield told("levels", rule, got, hint)
+        yield "levels", rule, got, hint
 
 
-def _apart(track: Track, told: _Teller) -> _Problems:
+def _apart(track: Track) -> _Found:
     if any(b - a < max(_LEAST, _APART * b) for a, b in pairwise((0.0, *track.distances))):
         rule = f"must differ from each other by 1 in {1 / _APART:,.0f}, and from the standard"
         got = f"{min(track.values):.15g} to {max(track.values):.15g}"
-        yield told("levels", rule, got, "give fewer levels, or a wider range")
+        yield "levels", rule, got, "give fewer levels, or a wider range"
 
 
 def _several(values: Sequence[float], alone: float | None) -> str:
@@ -151,66 +129,61 @@ def _several(values: Sequence[float], alone: float | None) -> str:
     return ", ".join(f"{value:g}" for value in values[:5]) + ", ..." * (len(values) > 5) or "none"
 
 
-def _method(track: Track, told: _Teller) -> _Problems:
+def _method(track: Track) -> _Found:
     if track.task == "two intervals" and track.find == "different":
         hint = "of two touches each differs from the other: smoother, rougher or stronger"
-        yield told("find", "must not be so in two intervals", "different", hint)
+        yield "find", "must not be so in two intervals", "different", hint
     many = len(track.values)
     if track.method == "constant" and track.trials % many:
         rule = f"must be a multiple of the {many} levels of constant stimuli"
         near = max(many, round(track.trials / many) * many)
-        yield told("trials", rule, track.trials, f"such as {near}")
+        yield "trials", rule, track.trials, f"such as {near}"
     if track.method == "limits" and track.task != "yes or no":
         rule = 'must be "yes or no" where method = "limits"'
         hint = "a series ends where the answer changes, and a guess would end it: take a staircase"
-        yield told("task", rule, repr(track.task), hint)
+        yield "task", rule, repr(track.task), hint
     if track.mercy and track.method != "quest+":
         hint = "leave it out, or take the method quest+"
-        yield told("mercy", "is for QUEST+", track.mercy, hint)
-
-
-def _start(track: Track, told: _Teller) -> _Problems:
-    if track.start is None:
-        return
-    near = track.values[nearest(track.values, track.start)]
-    if not track.turns:
+        yield "mercy", "is for QUEST+", track.mercy, hint
+    if track.start is not None and not track.turns:
         hint = "leave it out: this method chooses its first level"
-        yield told("start", "is for staircases and limits", track.start, hint)
-    elif abs(near - track.start) > _ROUNDED * near:
-        yield told("start", "must be one of the levels", track.start, f"nearest: {near:.6g}")
+        yield "start", "is for staircases and limits", track.start, hint
+    elif track.start is not None:
+        level = track.values[nearest(track.values, track.start)]
+        if abs(level - track.start) > _ROUNDED * level:
+            yield "start", "must be one of the levels", track.start, f"nearest: {level:.6g}"
 
 
-def _no_staircase(track: Track, told: _Teller) -> _Problems:
-    for key in _OF_STAIRCASES:
-        if value := getattr(track, key):
-            hint = 'leave it out, or write method = "staircase"'
-            yield told(key, "is for staircases", repr(value), hint)
-
-
-def _staircase(track: Track, told: _Teller) -> _Problems:
+def _staircase(track: Track) -> _Found:
+    if track.method != "staircase":
+        hint = 'leave it out, or write method = "staircase"'
+        for key in _OF_STAIRCASES:
+            if value := getattr(track, key):
+                yield key, "is for staircases", repr(value), hint
+        return
     if track.rule is None:
         hint = 'such as rule = "3 down 1 up", which converges to 0.794 correct'
-        yield told("rule", "must be given for a staircase", "nothing", hint)
+        yield "rule", "must be given for a staircase", "nothing", hint
     if bool(track.step_db) == bool(track.step_levels):
         hint = "such as step_db = [4, 4, 1], or step_levels = [4, 4, 1]"
         rule = "must have step_db or step_levels for a staircase"
         # Of the track, so that it is not said of one whose steps cannot be read.
-        yield told("", rule, "both" if track.step_db else "neither", hint)
+        yield "", rule, "both" if track.step_db else "neither", hint
     if track.up_step_db and track.up_step_levels:
         hint = "leave one of them out"
-        yield told("up_step_db", "must not be given beside up_step_levels", "both", hint)
-    wrong = [*_steps(track, told)]
+        yield "up_step_db", "must not be given beside up_step_levels", "both", hint
+    wrong = [*_steps(track)]
     yield from wrong
     if track.rule is not None and (track.step_db or track.step_levels) and not wrong:
-        yield from _convergence(track, told)
+        yield from _convergence(track)
 
 
-def _convergence(track: Track, told: _Teller) -> _Problems:
+def _convergence(track: Track) -> _Found:
     at = converges_at(staircase(track))
     if not _least(track) < round(at, 4) < 1 - track.lapse[0]:
         rule = f"must converge to a share above {_least(track):.3g} and below what lapses leave"
         hint = 'more correct answers down, fewer errors up: such as "3 down 1 up", 0.794'
-        yield told("rule", rule, f'"{track.rule}", {at:.4f}', hint)
+        yield "rule", rule, f'"{track.rule}", {at:.4f}', hint
 
 
 def _least(track: Track) -> float:
@@ -218,25 +191,25 @@ def _least(track: Track) -> float:
     return GUESS_RATE[track.task] or track.false_alarms[0]
 
 
-def _steps(track: Track, told: _Teller) -> _Problems:
+def _steps(track: Track) -> _Found:
     grid_db, most = track.levels.step_db, len(track.values) - 1
     for key in ("step_levels", "up_step_levels"):
         if (step := max(getattr(track, key), default=0)) > most:
-            yield told(key, f"must be at most {most}, from the first level to the last", step, "")
+            yield key, f"must be at most {most}, from the first level to the last", step, ""
     every = [(key, db) for key in ("step_db", "up_step_db") for db in getattr(track, key)]
     if every and grid_db is None:
         hint = "give step_levels and up_step_levels, numbers of levels"
-        yield told(every[0][0], "needs levels in equal ratios", every[0][1], hint)
+        yield every[0][0], "needs levels in equal ratios", every[0][1], hint
         return
     for key, db in every:
         assert grid_db is not None
         if round(db / grid_db) < 1 or abs(db / grid_db - round(db / grid_db)) > WHOLE:
             rule = f"must be whole steps of the levels, which are {grid_db:.4g} dB apart"
-            yield told(key, rule, f"{db:g} dB", _fitting(track, [each for _, each in every]))
+            yield key, rule, f"{db:g} dB", _fitting(track, [each for _, each in every])
             return
         if round(db / grid_db) > most:
             rule = f"must be at most {grid_db * most:.4g} dB, from the first level to the last"
-            yield told(key, rule, f"{db:g} dB", "")
+            yield key, rule, f"{db:g} dB", ""
 
 
 def _fitting(track: Track, steps_db: Sequence[float]) -> str:
@@ -251,7 +224,7 @@ def _fitting(track: Track, steps_db: Sequence[float]) -> str:
     return f"nearest: levels = {{ from = {first:g}, to = {end:.6g}, count = {count + 1} }}"
 
 
-def _stop(track: Track, told: _Teller) -> _Problems:
+def _stop(track: Track) -> _Found:
     stop = track.stop
     if stop is None:
         return
@@ -262,37 +235,37 @@ def _stop(track: Track, told: _Teller) -> _Problems:
             rule, hint = f'cannot be reached: method = "{track.method}" has none', "leave it out"
         else:
             hint = "ask for fewer reversals, or give more trials"
-        yield told("stop.reversals", rule, stop.reversals, hint)
+        yield "stop.reversals", rule, stop.reversals, hint
     distances = track.distances
     finest = min(decibels(b / a) for a, b in pairwise(distances))
     if stop.interval_db is not None and stop.interval_db < finest:
         rule = f"cannot be reached: neighbouring levels are {finest:.3g} dB apart"
-        yield told("stop.interval_db", rule, stop.interval_db, "give more levels, or a wider one")
+        yield "stop.interval_db", rule, stop.interval_db, "give more levels, or a wider one"
     if stop.reversals is None and stop.interval_db is None:
         hint = "give reversals or interval_db, or leave stop out"
-        yield told("stop", "must say when the track ends", "nothing", hint)
+        yield "stop", "must say when the track ends", "nothing", hint
 
 
-def _curve(track: Track, told: _Teller) -> _Problems:
+def _curve(track: Track) -> _Found:
     chance, least = GUESS_RATE[track.task], _least(track)
     pair: Any
     if track.task != "yes or no" and "false_alarms" in track.model_fields_set:
         hint = "leave it out: guesses are half or a third of all answers"
-        yield told("false_alarms", 'is for "yes or no"', list(track.false_alarms), hint)
+        yield "false_alarms", 'is for "yes or no"', list(track.false_alarms), hint
     ranges = {key: getattr(track, key) for key in ("slope", "lapse", "false_alarms")}
     for key, pair in ranges.items():
         if pair and pair[0] > pair[1]:
-            yield told(key, "must go from least to most", list(pair), "change their order")
+            yield key, "must go from least to most", list(pair), "change their order"
     for key in ("lapse", "false_alarms"):
         if ranges[key][1] >= 0.5:
             rule, hint = "must be below 0.5", "nobody measures a threshold with more"
-            yield told(key, rule, f"{ranges[key][1]:g}", hint)
+            yield key, rule, f"{ranges[key][1]:g}", hint
             return
     if track.threshold_at is None and not track.share < 1 - track.lapse[1]:
         rule = f"must be below {1 - track.share:.3g}, so that the threshold's share can be reached"
-        yield told("lapse", rule, f"{track.lapse[1]:g}", "or write a lower threshold_at")
+        yield "lapse", rule, f"{track.lapse[1]:g}", "or write a lower threshold_at"
     elif not least < track.share < 1 - track.lapse[1]:
         what = f"chance, {chance:.3g} in {track.task}" if chance else f"false alarms, {least:.3g}"
         rule = f"must lie above {what}, and below what lapses leave, {1 - track.lapse[1]:.3g}"
         hint = f"half-way from chance to 1 is {(1 + chance) / 2:.3g}, the default"
-        yield told("threshold_at", rule, f"{track.share:g}", hint)
+        yield "threshold_at", rule, f"{track.share:g}", hint

@@ -24,13 +24,15 @@ Rows = NDArray[np.intp]
 Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Number = TypeVar("Number", FloatArray, ComplexArray)
 
+# The equations are those of docs/mathematics/beam.md; ε is the error of a direction.
 _DRIVES_AT_ONCE = 48
-_NEWTON_STEPS = 9
-_CORNER = 2.5  # |W| below so many chords of a cell is summed along chords
-# The equations are those of docs/mathematics/beam.md; (34) and (35) derive these two factors.
-_BOTH_SIDES_AT_HALF_SLOPE = 4  # errors over the slope: how far an edge may be off
-_SHALLOW = 4  # errors: a dip less deep may have a pair of edges or none
-_MOST_DOUBT = 2  # cells that an edge, or a pair of them, leaves undecided at most
+_NEWTON_STEPS = 9  # of (33)
+_CORNER = 2.5  # chords of a cell: where |W| is smaller, (31) takes the place of (30)
+_BOTH_SIDES_AT_HALF_SLOPE = 4  # times ε over the slope is the length that (34) leaves uncertain
+_SHALLOW = (
+    4  # times ε: (35) asks for a depth of 2 ε; shallower dips may have a pair of edges or none
+)
+_MOST_DOUBT = 2  # cells: the most of (34), and what a pair of edges by (35) that may not exist gets
 _QUARTERS = np.linspace(0.0, 1.0, 5)
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,32 +45,24 @@ class Motion:
     state: Callable[[FloatArray], MotionState]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Segment:
-    """A segment's waves e^{λ(x - x0)}, each of size 1 at the end x0 from which it decays.
+def _segment(
+    wave: Waves, weight: ComplexArray, length_m: float, start_m: float
+) -> Callable[[FloatArray], ComplexArray]:
+    """Return what tells the fields of `MotionState` at places in a segment, shape (n, 6).
 
-    `origin_m` is x0 from the segment's start and `exponent` λ, of shape (4,); `columns`, of shape
-    (4, 6), are what a wave adds to the fields of `MotionState`.
+    Each of its waves e^{λ(x - x0)} has size 1 at the end x0 from which it decays.
     """
-
-    start_m: float
-    origin_m: FloatArray
-    exponent: ComplexArray
-    columns: ComplexArray
-
-    def state(self, x_m: FloatArray) -> ComplexArray:
-        wave = ((x_m - self.start_m)[:, None] - self.origin_m) * self.exponent
-        return np.asarray(np.exp(wave, out=wave) @ self.columns)
-
-
-def _segment(wave: Waves, weight: ComplexArray, length_m: float, start_m: float) -> _Segment:
-    """Return one segment with the weights of its waves at the one frequency."""
     exponent, rotation = wave.exponent[0], wave.rotation[0]
     both, turn = np.concatenate([-exponent, exponent]), np.concatenate([-rotation, rotation])
     deflection = np.stack([weight * both**power for power in range(3)], axis=-1)
     columns = np.concatenate([deflection, deflection * turn[:, None]], axis=-1)
     origin_m = np.array([0.0, 0.0, length_m, length_m])
-    return _Segment(start_m=start_m, origin_m=origin_m, exponent=both, columns=columns)
+
+    def fields(x_m: FloatArray) -> ComplexArray:
+        waves = ((x_m - start_m)[:, None] - origin_m) * both
+        return np.asarray(np.exp(waves, out=waves) @ columns)
+
+    return fields
 
 
 def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> Motion:
@@ -99,7 +92,7 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
         fields = np.empty((x_m.size, 6), dtype=np.complex128)
         for segment, (first, last) in zip(segments, pairwise(ends), strict=True):
             if first < last:
-                fields[first:last] = segment.state(x_m[first:last])
+                fields[first:last] = segment(x_m[first:last])
         return MotionState(*fields.T)
 
     return Motion(
@@ -241,41 +234,6 @@ _ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Pieces:
-    """Pieces of the beam, each in one zone and in one cell, which keeps its middle and polynomial.
-
-    Attributes:
-        edges_m: the pieces' inner edges; all else is per piece, shape (pieces,).
-        zone_start_m: where its zone begins; `moves_right` is 1 or 0.
-        right_before_m: the right-moving length before its zone.
-        middle_m: its cell's middle; `per_m` is 2 over its cell's width.
-        coefficients: shape (7, pieces), ∫|W|dx/rms from the clamp in t on [-1, 1] of its cell.
-    """
-
-    edges_m: FloatArray
-    zone_start_m: FloatArray
-    moves_right: FloatArray
-    right_before_m: FloatArray
-    middle_m: FloatArray
-    per_m: FloatArray
-    coefficients: FloatArray
-
-    def before(self, place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the right-moving length and ∫|W|dx/rms between the clamp and each place."""
-        piece = np.searchsorted(self.edges_m, place_m, side="right")
-        right = place_m - self.zone_start_m.take(piece)
-        right *= self.moves_right.take(piece)
-        right += self.right_before_m.take(piece)
-        t = place_m - self.middle_m.take(piece)
-        t *= self.per_m.take(piece)
-        area = self.coefficients[-1].take(piece)
-        for row in self.coefficients[-2::-1]:
-            area *= t
-            area += row.take(piece)
-        return right, area
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class MotionPattern(Pattern):
     """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
 
@@ -283,7 +241,7 @@ class MotionPattern(Pattern):
         motion: for windows narrower than any cell.
         rms_m_per_v: of |W| over the beam; `rotation_per_v` that of the rotation, rad/V.
         edges_m: zone edges, from 0 to the length; `moves_right` is 1 or 0 for each zone.
-        pieces: the cells, cut at the zone edges too, so that one search finds cell and zone.
+        before: the right-moving length and ∫|W|dx/rms between the clamp and each place.
     """
 
     motion: Motion
@@ -291,14 +249,14 @@ class MotionPattern(Pattern):
     rotation_per_v: float
     edges_m: FloatArray
     moves_right: FloatArray
-    pieces: _Pieces
+    before: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         width_m = window_width(x_m, contact_m)
         narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.length_m))
         places = np.concatenate([x_m - width_m, x_m])
         count = x_m.size
-        right, area = self.pieces.before(places)
+        right, area = self.before(places)
         width = np.where(width_m > 0, width_m, 1.0)
         share = np.clip((right[count:] - right[:count]) / width, 0.0, 1.0)
         mean = (area[count:] - area[:count]) / width
@@ -316,9 +274,8 @@ class MotionPattern(Pattern):
         return np.asarray(means)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Cells:
-    """Cells with the motion's magnitudes at each cell's nodes, shape (cells, 6)."""
+class _Cells(NamedTuple):
+    """Ends of cells and, at each cell's nodes, the motion's magnitudes, shape (cells, 6)."""
 
     low_m: FloatArray
     high_m: FloatArray
@@ -342,12 +299,8 @@ def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
     half = (high_m - low_m)[:, None] / 2
     nodes = (high_m + low_m)[:, None] / 2 + half * _NODES
     state = motion.state(nodes.ravel())
-    return _Cells(
-        low_m=low_m,
-        high_m=high_m,
-        deflection=np.abs(state.deflection).reshape(nodes.shape),
-        rotation=np.abs(state.rotation).reshape(nodes.shape),
-    )
+    sizes = (np.abs(field).reshape(nodes.shape) for field in (state.deflection, state.rotation))
+    return _Cells(low_m, high_m, *sizes)
 
 
 def _cells(motion: Motion) -> _Cells:
@@ -371,33 +324,44 @@ def _cells(motion: Motion) -> _Cells:
     else:
         smooth.append(np.ones(open_cells.low_m.size, dtype=np.bool_))
     kept = np.flatnonzero(np.concatenate(smooth))
-    columns = {
-        name: np.concatenate([getattr(cells, name) for cells in done]) for name in vars(open_cells)
-    }
-    order = kept[np.argsort(columns["low_m"][kept])]
-    return _Cells(**{name: values[order] for name, values in columns.items()})
+    low_m, *others = (np.concatenate(column) for column in zip(*done, strict=True))
+    order = kept[np.argsort(low_m[kept])]
+    return _Cells(low_m[order], *(column[order] for column in others))
 
 
-def _pieces(
+def _before(
     cells: _Cells, rms_m_per_v: float, edges_m: FloatArray, moves_right: FloatArray
-) -> _Pieces:
-    """Return the pieces of cells and zones, each with its zone's and its cell's numbers."""
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return `MotionPattern.before`: zones summed, and a polynomial in t on [-1, 1] of each cell.
+
+    Cells are cut at the zone edges too, so that one search finds cell and zone.
+    """
     area = cells.half_m * cells.deflection / rms_m_per_v
-    coefficients = _ANTIDERIVATIVE @ area.T
-    coefficients[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
-    right_m = np.concatenate([[0.0], np.cumsum(np.diff(edges_m) * moves_right)])
+    whole = _ANTIDERIVATIVE @ area.T
+    whole[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
     start_m = _once(cells.low_m, edges_m[:-1])
     cell = np.searchsorted(cells.low_m[1:], start_m, side="right")
     zone = np.searchsorted(edges_m[1:-1], start_m, side="right")
-    return _Pieces(
-        edges_m=start_m[1:],
-        zone_start_m=edges_m[zone],
-        moves_right=moves_right[zone],
-        right_before_m=right_m[zone],
-        middle_m=((cells.low_m + cells.high_m) / 2)[cell],
-        per_m=(2 / (cells.high_m - cells.low_m))[cell],
-        coefficients=np.take(coefficients, cell, axis=1),
-    )
+    coefficients = np.take(whole, cell, axis=1)
+    middle_m = ((cells.low_m + cells.high_m) / 2)[cell]
+    per_m = (2 / (cells.high_m - cells.low_m))[cell]
+    zone_start_m, is_right = edges_m[zone], moves_right[zone]
+    right_before_m = np.concatenate([[0.0], np.cumsum(np.diff(edges_m) * moves_right)])[zone]
+
+    def before(place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        piece = np.searchsorted(start_m[1:], place_m, side="right")
+        right = place_m - zone_start_m.take(piece)
+        right *= is_right.take(piece)
+        right += right_before_m.take(piece)
+        t = place_m - middle_m.take(piece)
+        t *= per_m.take(piece)
+        area = coefficients[-1].take(piece)
+        for row in coefficients[-2::-1]:
+            area *= t
+            area += row.take(piece)
+        return right, area
+
+    return before
 
 
 def motion_pattern(motion: Motion) -> MotionPattern:
@@ -419,5 +383,5 @@ def motion_pattern(motion: Motion) -> MotionPattern:
         rotation_per_v=rotation,
         edges_m=edges,
         moves_right=moves_right,
-        pieces=_pieces(cells, rms, edges, moves_right),
+        before=_before(cells, rms, edges, moves_right),
     )

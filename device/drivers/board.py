@@ -246,7 +246,8 @@ class Board(Driver):
         monitor_v = said.monitor_v
         assert monitor_v is not None
         if said.output != (self.driven is not None):
-            raise DeviceError(_unexpected(said.output))
+            on = "the device's output is on, and nobody here switched it on"
+            raise DeviceError(on if said.output else "the device turned its output off by itself")
         if self.driven is not None:
             _kept("VOLT", self.driven.voltage_v, said.voltage_v)
         # The moment before the query counts: what is allowed falls with time, and the board may
@@ -286,12 +287,6 @@ def _not_above(most_v: float, what: str, shown_v: float) -> None:
 
 def _tolerance_v(amplitude_v: float) -> float:
     return MONITOR_ABS_TOL_V + MONITOR_REL_TOL * amplitude_v
-
-
-def _unexpected(on: bool) -> str:
-    if on:
-        return "the device's output is on, and nobody here switched it on"
-    return "the device turned its output off by itself"
 
 
 def _read_back(reply: str) -> tuple[ReadBack, float]:

@@ -9,7 +9,7 @@ Numbers of equations are those of docs/mathematics/bounds.md.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any
@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from device.beam.beam import Beam
-from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
 from device.beam.windows import window_width
 from device.friction import rungs
-from device.friction.contact import contact_window, same_direction_given
+from device.friction.contact import contact_window, same_direction_given, with_eq15_ratio
 from device.friction.laws import ContactTerms
 from device.friction.prediction import (
     Batch,
@@ -39,21 +38,6 @@ Range = FloatArray
 """The lowest and the highest values, shape (2, n)."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Resonance:
-    """The top rung at one mode's resonance: zones, area and their slack over the domain."""
-
-    edges_m: FloatArray
-    moves_right: FloatArray
-    right_before_m: FloatArray
-    slack_before_m: FloatArray
-    widest_slack_m: float
-    area_m: FloatArray
-    area_slack_m: float
-    speed_ratio: FloatArray
-    inertia_ratio: FloatArray
-
-
 @lru_cache(maxsize=1)
 def _table() -> Mapping[str, Any]:
     text = files("device.friction").joinpath("certified_bounds.json").read_text(encoding="utf-8")
@@ -62,22 +46,14 @@ def _table() -> Mapping[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def _resonance(mode: int) -> _Resonance:
-    """Return one mode's row, with its running sums."""
-    row = _table()["modes"][str(mode)]
-    edges, slack = np.array(row["edges_m"]), np.array(row["slack_m"])
-    moves_right = np.array(row["moves_right"])
-    return _Resonance(
-        edges_m=edges,
-        moves_right=moves_right,
-        right_before_m=np.concatenate([[0.0], np.cumsum(np.diff(edges) * moves_right)]),
-        slack_before_m=np.concatenate([[0.0], np.cumsum(slack[1:-1])]),
-        widest_slack_m=float(slack.max()),
-        area_m=np.array(row["area_m"]),
-        area_slack_m=row["area_slack_m"],
-        speed_ratio=np.array(row["speed_ratio"]),
-        inertia_ratio=np.array(row["inertia_ratio"]),
-    )
+def _resonance(mode: int) -> Mapping[str, FloatArray]:
+    """Return the top rung at one mode's resonance: the mode's row, with its running sums."""
+    row = {name: np.array(values) for name, values in _table()["modes"][str(mode)].items()}
+    steps = {
+        "right_before_m": np.diff(row["edges_m"]) * row["moves_right"],
+        "slack_before_m": row["slack_m"][1:-1],
+    }
+    return row | {name: np.concatenate([[0.0], np.cumsum(each)]) for name, each in steps.items()}
 
 
 def certified(batch: Batch) -> NDArray[np.bool_]:
@@ -122,7 +98,10 @@ def _bins(beam: Beam, frequency_hz: FloatArray) -> NDArray[np.intp]:
 def _terms(
     batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
 ) -> ContactTerms:
-    """Return the ranges as a law's terms: relative to speed, load per metre and printed load."""
+    """Return the ranges as a law's terms, by (2) to (5) of mathematics/friction.
+
+    `tip_speed` is per metre of lever, and `inertia_n_per_m` the load per metre of (1) there.
+    """
     contact = batch.contact
     reference = rungs.reference_tip_speed_m_s(rungs.TOP_RUNG)
     factor = contact.lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
@@ -138,24 +117,25 @@ def _terms(
     )
 
 
-def _window_ranges(batch: Batch, top: _Resonance) -> tuple[Range, Range]:
+def _window_ranges(batch: Batch, top: Mapping[str, FloatArray]) -> tuple[Range, Range]:
     """Return the top rung's right-moving part and mean |W|/rms over each window."""
     contact, length_m = batch.contact, batch.beam.length_m
     full = contact.coverage == "full"
     end_m = np.full(batch.size, length_m) if full else contact.x_m
     width_m = end_m if full else window_width(contact.x_m, contact.contact_m)
     start_m, width = end_m - width_m, np.where(width_m > 0, width_m, 1e-12)
-    right_m = np.interp(end_m, top.edges_m, top.right_before_m)
-    right_m -= np.interp(start_m, top.edges_m, top.right_before_m)
+
+    def between(places_m: FloatArray, before: FloatArray) -> FloatArray:
+        return np.interp(end_m, places_m, before) - np.interp(start_m, places_m, before)
+
+    part = between(top["edges_m"], top["right_before_m"]) / width
     # (3): each edge within reach of the window may be off by its own slack.
-    inner = top.edges_m[1:-1]
-    last = np.searchsorted(inner, end_m + top.widest_slack_m)
-    first = np.searchsorted(inner, start_m - top.widest_slack_m)
-    slack = (top.slack_before_m.take(last) - top.slack_before_m.take(first)) / width
-    part = right_m / width
-    cells_m = np.linspace(0.0, length_m, top.area_m.size)
-    area_m = np.interp(end_m, cells_m, top.area_m) - np.interp(start_m, cells_m, top.area_m)
-    reach = 2 * top.area_slack_m  # (4): the area is off at both ends of the window
+    inner, widest_m = top["edges_m"][1:-1], top["slack_m"].max()
+    last = np.searchsorted(inner, end_m + widest_m)
+    first = np.searchsorted(inner, start_m - widest_m)
+    slack = (top["slack_before_m"].take(last) - top["slack_before_m"].take(first)) / width
+    area_m = between(np.linspace(0.0, length_m, top["area_m"].size), top["area_m"])
+    reach = 2 * top["area_slack_m"]  # (4): the area is off at both ends of the window
     mean = np.stack([np.maximum(area_m - reach, 0.0), area_m + reach]) / width
     return _part_about(part, slack), mean
 
@@ -186,8 +166,8 @@ def resonant_terms(batch: Batch) -> ContactTerms:
     return _terms(
         batch,
         _same_direction(batch, right),
-        np.multiply.outer(top.speed_ratio, speed),
-        np.multiply.outer(top.inertia_ratio, inertia) * mean,
+        np.multiply.outer(top["speed_ratio"], speed),
+        np.multiply.outer(top["inertia_ratio"], inertia) * mean,
     )
 
 
@@ -218,31 +198,24 @@ def _corner(terms: ContactTerms, end: int) -> ContactTerms:
     )
 
 
-def _with_printed_ratio(terms: ContactTerms, batch: Batch, choice: LawChoice) -> ContactTerms:
-    """Return the terms with Eq 15's a/u, equal on every rung, if the law uses it."""
-    contact = batch.contact
-    if not choice.takes_eq15 or contact.coverage == "full":
-        return terms
-    ratio = same_direction_ratio(contact.x_m, contact.contact_m, choice.overlap)
-    ratio = ratio if contact.direction == "right" else 1.0 - ratio
-    return replace(terms, same_direction=np.stack([ratio, ratio]))
-
-
 def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
     """Return the range of the top rung's μ' by a law with extremes at corners, all certified."""
-    terms = resonant_terms(batch) if resonant else driven_terms(batch)
-    return _law_range(terms, batch, choice)
+    return _law_range(resonant_terms(batch) if resonant else driven_terms(batch), batch, choice)
 
 
 def _law_range(terms: ContactTerms, batch: Batch, choice: LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
-    terms = _with_printed_ratio(terms, batch, choice)
+    if choice.takes_eq15:  # a/u is equal on every rung
+        ratio = with_eq15_ratio(terms, batch.contact, choice.overlap).same_direction
+        terms = replace(terms, same_direction=np.broadcast_to(ratio, (2, batch.size)))
     # (1): in s either end may be the extreme. As rows, so that the rest is computed once for both.
     lowest, highest = (np.atleast_2d(choice.law(_corner(terms, end))) for end in (0, 1))
     return np.stack([lowest.min(axis=0), highest.max(axis=0)])
 
 
-_ROUNDING_M = 1e-15  # of a running length or area, which a narrow window divides by its width
+_ROUNDING_M = (
+    1e-15  # of a running length or area in (8), which a narrow window divides by its width
+)
 
 
 def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Range]:

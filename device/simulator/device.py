@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Unpack
 
@@ -101,21 +100,32 @@ class Control:
         self._beam.lift()
 
 
-Model = Callable[[Instrument, SimulatedBeam], Dialect]
 _ERROR_AFTER_SET = ScpiError(-310, "System error")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedDevice:
-    """What is inside the device."""
+@cache
+def dialects() -> dict[str, Callable[[Instrument, SimulatedBeam], Dialect]]:
+    """Return what models each dialect. A module in `models` that defines `MODELS` is found."""
+    found = defined_in("device.simulator.models", "MODELS")
+    return {dialect: model for models in found for dialect, model in models.items()}
 
-    instrument: Instrument
-    beam: SimulatedBeam
-    dialect: Dialect
-    broken: Broken
-    control: Control
-    clock: DeviceClock
-    gauge: GaugeModel
+
+class SimulatedDevice:
+    """A device of a dialect, with a beam as in `SimulatedBeam`, beside a gauge."""
+
+    def __init__(
+        self,
+        seed: int,
+        wall_s: Callable[[], float] = time.monotonic,
+        dialect: str = "board",
+        **friction: Unpack[Friction],
+    ) -> None:
+        self.instrument, self.beam = Instrument(), SimulatedBeam(seed, **friction)
+        self.clock = DeviceClock(wall_s)
+        self.dialect = dialects()[dialect](self.instrument, self.beam)
+        self.gauge = GaugeModel(self.instrument, self.beam)
+        self.broken = Broken(self.instrument, self.beam, self.dialect, self.gauge, wall_s)
+        self.control = Control(self.broken, self.clock)
 
     def answer(self, line: str, wall_s: float) -> str | None:
         """Take one line from the wire; any line keeps the watchdog quiet."""
@@ -151,33 +161,3 @@ class SimulatedDevice:
             self.gauge.sampler.take_until(now_s, self.instrument)
         self.instrument.advance_to(now_s)
         self.dialect.follow()
-
-
-@cache
-def dialects() -> dict[str, Model]:
-    """Return what models each dialect. A module in `models` that defines `MODELS` is found."""
-    found = defined_in("device.simulator.models", "MODELS")
-    return {dialect: model for models in found for dialect, model in models.items()}
-
-
-def simulated_device(
-    seed: int,
-    wall_s: Callable[[], float] = time.monotonic,
-    dialect: str = "board",
-    **friction: Unpack[Friction],
-) -> SimulatedDevice:
-    """Return a device with a beam as in `SimulatedBeam`."""
-    instrument, beam = Instrument(), SimulatedBeam(seed, **friction)
-    clock = DeviceClock(wall_s)
-    spoken = dialects()[dialect](instrument, beam)
-    gauge = GaugeModel(instrument, beam)
-    broken = Broken(instrument=instrument, beam=beam, dialect=spoken, gauge=gauge, wall_s=wall_s)
-    return SimulatedDevice(
-        instrument=instrument,
-        beam=beam,
-        dialect=spoken,
-        broken=broken,
-        control=Control(broken, clock),
-        clock=clock,
-        gauge=gauge,
-    )

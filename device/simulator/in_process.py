@@ -20,7 +20,7 @@ from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
 from device.simulator.client import BeamControl, Friction
-from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.device import SimulatedDevice
 from device.simulator.server import GaugeLine, Server
 
 DELAY_S = 0.0005
@@ -39,7 +39,7 @@ class InProcessDevice(BeamControl):
 
     `delay_s` returns how long each piece of data is on its way: with 0 s only waiting takes time,
     so that a fault which answers without end needs more. `cuts` returns where some number of bytes
-    is cut into pieces. The rest is as in `device.simulated_device`.
+    is cut into pieces. The rest is as in `device.SimulatedDevice`.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class InProcessDevice(BeamControl):
         self._line, self._gauge_line = (
             _Line(*(_Pieces(self.now_s, delay_s, cuts) for _ in range(2))) for _ in range(2)
         )
-        self.inside: SimulatedDevice = simulated_device(seed, self.now_s, dialect, **friction)
+        self.inside: SimulatedDevice = SimulatedDevice(seed, self.now_s, dialect, **friction)
         self._gauge = GaugeLine(self.inside, self._gauge_line)
         self._server = Server(self.inside, self._line, None, self.now_s, self._gauge)
         self.on_step: Callable[[], None] = lambda: None

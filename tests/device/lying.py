@@ -11,7 +11,7 @@ from device.gauges.owner import GaugeOwner
 from device.link.link import Link
 from device.resonance import Resonance
 from device.rig import RAMP_STEP_S, Rig
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 from tests.device.rigs import LIMITS
 from tests.device.scripted import ticking
 
@@ -45,7 +45,7 @@ class LyingPort:
 
     def __init__(self, dialect: str = "board", clock: SteppedClock | None = None) -> None:
         self._clock = clock
-        self.device = simulated_device(seed=1, wall_s=self._now_s, dialect=dialect)
+        self.device = SimulatedDevice(seed=1, wall_s=self._now_s, dialect=dialect)
         self.lies: dict[str, list[str]] = {}
         self.line_lie: Callable[[str], str] = str
         self.unknown: set[str] = set()

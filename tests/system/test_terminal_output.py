@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, SessionOpened
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal, read_journal
@@ -162,7 +162,7 @@ def test_a_traceback_shows_escapes(tmp_path: Path) -> None:
 @contextmanager
 def hostile_device(answers: dict[str, str]) -> Iterator[str]:
     """Yield the address of a simulated board that gives `answers` to these queries."""
-    device = simulated_device(seed=1)
+    device = SimulatedDevice(seed=1)
 
     def serve() -> None:
         with server:

@@ -13,7 +13,7 @@ from device.gauges.gauge import block as samples_in
 from device.link.codec import block, number
 from device.link.link import Link, open_link
 from device.simulator.client import ControlClient, Endpoints, simulator_process
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 from device.simulator.faults import FAULTS
 from device.simulator.hardware.force_sampler import SCALE
 from handbook.reference import faults_page
@@ -122,7 +122,7 @@ def test_the_page_has_every_header_of_the_board() -> None:
 
 
 def _headers() -> list[tuple[str, object]]:
-    dialect = simulated_device(seed=1).dialect
+    dialect = SimulatedDevice(seed=1).dialect
     headers = dialect._headers  # nobody else needs to see them
     return [(pattern.pattern, handler) for pattern, handler in headers._handlers]
 

@@ -129,10 +129,10 @@ def simulate_device(
 
     Prints `ready URL` and ends when its host disconnects.
     """
-    from device.simulator.device import simulated_device
+    from device.simulator.device import SimulatedDevice
     from device.simulator.server import simulate
 
-    make = partial(simulated_device, seed, dialect=dialect, law=law, rung=rung, damping=damping)
+    make = partial(SimulatedDevice, seed, dialect=dialect, law=law, rung=rung, damping=damping)
     simulate(wire, place, control, make, gauge=gauge, keep=keep, say=say)
 
 

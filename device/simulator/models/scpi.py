@@ -15,7 +15,8 @@ VOLTS = {"": 1.0, "UV": 1e-6, "MV": 1e-3, "V": 1.0, "KV": 1e3}
 SECONDS = {"": 1.0, "NS": 1e-9, "US": 1e-6, "MS": 1e-3, "S": 1.0}
 NO_UNIT = {"": 1.0}
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:E[+-]?\d+)?)\s*([A-Z][A-Z/]*)?")
-_NOT_DECIMAL = re.compile(r"#(?:H([0-9A-F]+)|Q([0-7]+)|B([01]+))")
+_NOT_DECIMAL = re.compile(r"#(H[0-9A-F]+|Q[0-7]+|B[01]+)")
+_BASES = {"H": 16, "Q": 8, "B": 2}
 _SWITCHES = {"ON": True, "1": True, "OFF": False, "0": False}
 
 
@@ -51,8 +52,7 @@ def number(argument: str, units: Mapping[str, float] = NO_UNIT) -> float:
     if "," in text:
         raise ScpiError(-108, "Parameter not allowed")
     if other := _NOT_DECIMAL.fullmatch(text):
-        digits = [(digits, base) for digits, base in zip(other.groups(), (16, 8, 2), strict=True)]
-        return float(next(int(text, base) for text, base in digits if text))
+        return float(int(other[1][1:], _BASES[other[1][0]]))
     decimal = _NUMBER.fullmatch(text)
     if decimal is None:
         raise ScpiError(-104, "Data type error")

@@ -32,6 +32,8 @@ _NUMBER = re.compile(r"([-+]?[\d.]+(?:E[-+]?\d+)?)([A-Z]*)")
 _UNITS = {"": 1.0, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "V": 1.0, "VPP": 1.0, "MV": 1e-3}
 _COUPLED = ("TRACE", "FCOUP", "PCOUP", "ACOUP")
 FIRST_EMF_VPP = 4.0
+_Answer = Callable[[int], str]
+_Put = Callable[[int, list[str]], None]
 
 
 class SiglentDialect(GeneratorDialect):
@@ -44,21 +46,13 @@ class SiglentDialect(GeneratorDialect):
         self._coupled = dict.fromkeys(_COUPLED, "OFF")
         super().__init__(model, instrument, beam)
         # What a query answers, and what a command does with its words, each on a channel.
-        self._answers: dict[str, Callable[[int], str]] = {
-            "OUTP": self._output,
-            "BSWV": self._wave,
-            "HARM": lambda number: f"HARMSTATE,{self._setting(number, 'HARM')}",
-            "CMBN": lambda number: self._setting(number, "CMBN"),
-            "COUP": lambda _: ",".join(",".join(pair) for pair in self._coupled.items()),
-            **{mode: partial(self._mode_answer, mode) for mode in _MODES},
-        }
-        self._setters: dict[str, Callable[[int, list[str]], None]] = {
-            "OUTP": self._set_output,
-            "BSWV": self._set_wave,
-            "HARM": lambda number, words: self._switch(number, "HARM", words[-1]),
-            "CMBN": lambda number, words: self._switch(number, "CMBN", words[-1]),
-            "COUP": lambda _, words: self._couple(words),
-            **{mode: partial(self._set_mode, mode) for mode in _MODES},
+        self._commands: dict[str, tuple[_Answer, _Put]] = {
+            "OUTP": (self._output, self._set_output),
+            "BSWV": (self._wave, self._set_wave),
+            "HARM": (lambda number: f"HARMSTATE,{self._kept('HARM', number)}", self._put("HARM")),
+            "CMBN": (partial(self._kept, "CMBN"), self._put("CMBN")),
+            "COUP": (lambda _: ",".join(map(",".join, self._coupled.items())), self._couple),
+            **{mode: (partial(self._mode, mode), partial(self._set_mode, mode)) for mode in _MODES},
         }
 
     def answer(self, line: str) -> str | None:
@@ -86,26 +80,30 @@ class SiglentDialect(GeneratorDialect):
         if line == "*RST":
             self._preset()
         command = _LINE.fullmatch(line)
-        if command is None or command[2] not in self._answers:
+        if command is None or command[2] not in self._commands:
             return None
         number, header = int(command[1] or 1), command[2]
+        answer, put = self._commands[header]
         if not command[3]:
-            self._setters[header](number, [word.strip() for word in (command[4] or "").split(",")])
+            put(number, [word.strip() for word in (command[4] or "").split(",")])
             return None
         # A query for harmonics is answered for a sine only.
         if header == "HARM" and self.channels[number - 1].function != "SINE":
             return None
         named = header if header == "COUP" else f"C{number}:{header}"
-        return f"{named} {self._answers[header](number)}"
+        return f"{named} {answer(number)}"
 
-    def _setting(self, number: int, name: str) -> str:
+    def _kept(self, name: str, number: int) -> str:
         return str(self.channels[number - 1].settings[name])
 
-    def _switch(self, number: int, name: str, word: str) -> None:
-        if word in {"ON", "OFF"}:
-            self.channels[number - 1].settings[name] = word
+    def _put(self, name: str) -> _Put:
+        def put(number: int, words: list[str]) -> None:
+            if words[-1] in {"ON", "OFF"}:
+                self.channels[number - 1].settings[name] = words[-1]
 
-    def _couple(self, words: list[str]) -> None:
+        return put
+
+    def _couple(self, _: int, words: list[str]) -> None:
         for name, word in _pairs(words).items():
             if name in self._coupled and word in {"ON", "OFF"}:
                 self._coupled[name] = word
@@ -161,8 +159,8 @@ class SiglentDialect(GeneratorDialect):
                 with suppress(ScpiError):
                     setter(value)
 
-    def _mode_answer(self, mode: str, number: int) -> str:
-        if self._setting(number, mode) == "OFF":
+    def _mode(self, mode: str, number: int) -> str:
+        if self._kept(mode, number) == "OFF":
             return "STATE,OFF"
         kind = ",FM" if mode == "MDWV" else ""
         return f"STATE,ON{kind},SRC,INT,CARR,{self._wave(number)}"
@@ -171,7 +169,7 @@ class SiglentDialect(GeneratorDialect):
         state = _pairs(words).get("STATE", "")
         if state == "ON":
             self.channels[number - 1].settings |= dict.fromkeys(_MODES, "OFF")
-        self._switch(number, mode, state)
+        self._put(mode)(number, [state])
 
 
 def _pairs(words: list[str]) -> dict[str, str]:

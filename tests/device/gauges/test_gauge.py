@@ -15,7 +15,7 @@ from device.force_channel.recording import Samples
 from device.gauges.gauge import LineGauge, block
 from device.gauges.owner import GaugeOwner
 from device.link.link import Link
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 from tests.device.lying import LINE_S, SteppedClock
 
 SCALE = (2.5e-4, 2.5e-4, 5e-6)
@@ -26,7 +26,7 @@ class GaugePort:
 
     def __init__(self, clock: SteppedClock | None = None) -> None:
         self.clock = clock or SteppedClock()
-        self.device = simulated_device(seed=1, wall_s=self.clock)
+        self.device = SimulatedDevice(seed=1, wall_s=self.clock)
         self.of = ""
         self.lie: Callable[[str], str] = str
         self._pending = b""

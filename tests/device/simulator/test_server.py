@@ -13,10 +13,10 @@ SENT = signal.SIGTERM
 TOUCHED_WHEN_READY = """
 import sys
 import numpy as np
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 from device.simulator.server import simulate
 
-device = simulated_device(1)
+device = SimulatedDevice(1)
 
 def touched(said):
     loaded = set(sys.modules)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from device.simulator import models
-from device.simulator.device import dialects, simulated_device
+from device.simulator.device import SimulatedDevice, dialects
 
 NEXT_MODEL = """
 from device.simulator.models.board_model import BoardDialect
@@ -31,7 +31,7 @@ def next_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]
 
 
 def test_the_next_simulated_dialect_is_one_new_file(next_model: str) -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect=next_model)
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect=next_model)
     assert device.answer("*IDN?", wall_s=0.0) == "NEXT,1"
     known = ["board", "keysight", "keysight-33220A", "rigol", "rigol-DG1062Z", "siglent"]
     assert sorted(dialects()) == sorted([*known, "next"])

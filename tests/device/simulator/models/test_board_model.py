@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.device import SimulatedDevice
 from device.simulator.hardware.power_stage import Instrument
 
 
@@ -17,7 +17,7 @@ def wall() -> list[float]:
 
 @pytest.fixture
 def device(wall: list[float]) -> SimulatedDevice:
-    return simulated_device(seed=1, wall_s=lambda: wall[0])
+    return SimulatedDevice(seed=1, wall_s=lambda: wall[0])
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_stepped_time_stands_still_between_steps(
 
 def test_noise_is_the_same_however_often_one_looks() -> None:
     instrument = Instrument(voltage_v=10.0)
-    beams = [simulated_device(seed=3).beam for _ in range(2)]
+    beams = [SimulatedDevice(seed=3).beam for _ in range(2)]
     readings = {beams[0].monitor_v(instrument), *(beams[1].monitor_v(instrument) for _ in range(3))}
     assert len(readings) == 1
     assert not math.isclose(readings.pop(), 10.0, abs_tol=1e-9)

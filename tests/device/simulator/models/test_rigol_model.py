@@ -2,7 +2,7 @@
 
 import pytest
 
-from device.simulator.device import simulated_device
+from device.simulator.device import SimulatedDevice
 
 
 @pytest.mark.parametrize(
@@ -32,17 +32,17 @@ from device.simulator.device import simulated_device
     ids=lambda value: value[-1] if isinstance(value, list) else "",
 )
 def test_an_example_of_the_guide(lines: list[str], answer: str) -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="rigol")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="rigol")
     assert [device.answer(line, 0.0) for line in lines][-1] == answer
 
 
 def test_a_wave_that_is_applied_leaves_the_output_as_it_is() -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="rigol")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="rigol")
     device.answer(":SOUR1:APPL:SIN 1000,5,0,0", 0.0)
     assert device.answer(":OUTP1?", 0.0) == "OFF"
 
 
 def test_a_dg1000z_has_no_limits() -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="rigol-DG1062Z")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="rigol-DG1062Z")
     assert device.answer(":OUTP1:VOLL?", 0.0) is None
     assert device.answer(":SYST:ERR?", 0.0) == '-113,"Undefined header"'

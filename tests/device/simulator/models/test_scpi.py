@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from device.simulator.device import SimulatedDevice, dialects, simulated_device
+from device.simulator.device import SimulatedDevice, dialects
 from device.simulator.models.scpi import (
     HERTZ,
     VOLTS,
@@ -84,7 +84,7 @@ SCPI = [dialect for dialect in dialects() if dialect != "siglent"]
 
 @pytest.fixture(params=SCPI)
 def device(request: pytest.FixtureRequest) -> SimulatedDevice:
-    return simulated_device(seed=1, wall_s=lambda: 0.0, dialect=request.param)
+    return SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect=request.param)
 
 
 def test_every_dialect_has_the_registers_of_ieee_488(device: SimulatedDevice) -> None:
@@ -117,7 +117,7 @@ WORDS = st.lists(st.sampled_from(VOCABULARY.split()), max_size=12).map(" ".join)
 @given(st.one_of(st.text(max_size=60), WORDS, WORDS.map(lambda text: text.replace(" ", ""))))
 def test_no_line_makes_a_device_do_more_than_complain(line: str) -> None:
     for dialect in dialects():
-        device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect=dialect)
+        device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect=dialect)
         device.answer_bytes(line.encode("utf-8", "replace"), 0.0)
         assert 0 <= device.instrument.output_v <= 200
         assert device.answer("*IDN?", 0.0) is not None
@@ -129,7 +129,7 @@ def test_lines_that_are_not_text_are_errors(device: SimulatedDevice) -> None:
 
 
 def test_a_generator_believes_in_its_load() -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="keysight")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="keysight")
     device.answer("VOLT 5;:OUTP:LOAD INF", 0.0)
     assert float(device.answer("VOLT?", 0.0) or "nan") == pytest.approx(10)
     device.answer("VOLT 30", 0.0)
@@ -138,12 +138,12 @@ def test_a_generator_believes_in_its_load() -> None:
 
 
 def test_the_limits_of_a_generator_hold() -> None:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="keysight")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="keysight")
     device.answer("OUTP:LOAD INF;:VOLT 4;:VOLT:LIM:HIGH 1;LOW -1;STAT ON", 0.0)
     assert "exceeds the voltage limits" in (device.answer("SYST:ERR?", 0.0) or "")
     device.answer("VOLT 1;:VOLT:LIM:STAT ON;:VOLT 3", 0.0)
     assert float(device.answer("VOLT?", 0.0) or "nan") == pytest.approx(2)
     assert "clipped" in (device.answer("SYST:ERR?", 0.0) or "")
-    old = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="keysight-33220A")
+    old = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="keysight-33220A")
     old.answer("VOLT:LIM:STAT ON", 0.0)
     assert old.answer("SYST:ERR?", 0.0) == '-113,"Undefined header"'

@@ -2,12 +2,12 @@
 
 import pytest
 
-from device.simulator.device import SimulatedDevice, simulated_device
+from device.simulator.device import SimulatedDevice
 
 
 @pytest.fixture
 def device() -> SimulatedDevice:
-    device = simulated_device(seed=1, wall_s=lambda: 0.0, dialect="siglent")
+    device = SimulatedDevice(seed=1, wall_s=lambda: 0.0, dialect="siglent")
     device.answer("*RST", 0.0)
     return device
 

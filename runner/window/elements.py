@@ -86,6 +86,11 @@ Page = tuple[Element, ...]
 """The elements on the screen at one moment, in drawing order."""
 
 
+def framed(text: Text, fill: str, edge: str | None = None) -> Page:
+    """Return `text` on its box, which is filled and may have an edge."""
+    return (Outline(points=text.box.corners, fill=fill, edge=edge), text)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Target:
     """An area that reacts to a press: an answer or a key, a scale, or a button."""

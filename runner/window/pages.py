@@ -5,6 +5,7 @@ device's state in this trial nor the expected answer.
 """
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from math import ceil
 from typing import get_args
 
@@ -25,6 +26,7 @@ from runner.window.elements import (
     Picture,
     Target,
     Text,
+    framed,
 )
 
 # The sketch of the beam with the touch to make, and the marks that pace it.
@@ -34,7 +36,6 @@ _LEFT, _LENGTH = -280.0, 600.0
 BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
 _ARROW_Y = 52.0
 _LABEL_Y = -70.0
-LABEL_SIZE = 18.0
 _HEAD = 16.0
 _FINGER_RADIUS = 24.0
 
@@ -49,23 +50,23 @@ def beam_x(position_m: float) -> float:
 
 def sketch(way: screens.FingerPath) -> Page:
     """Return the beam and the touch: an arrow along it, or marks that point at places."""
-    if way.start_m != way.end_m:
-        return (*_beam(), *_arrow(way))
-    marks = [mark for place_m in _places(way, way.start_m) for mark in _mark(place_m, way.harder)]
-    return (*_beam(), *marks)
+    clamp = Box(x=_LEFT - 20, y=BEAM_Y, width=40, height=110)
+    beam = Box(x=_LEFT + _LENGTH / 2, y=BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
+    marks = [_arrow(way)]
+    if way.start_m == way.end_m:
+        marks = [_mark(place_m, way.harder) for place_m in _places(way, way.start_m)]
+    return (
+        Outline(points=clamp.corners, fill=FAINT),
+        Outline(points=beam.corners, fill=PALE, edge=INK),
+        *chain.from_iterable(marks),
+    )
 
 
 def labels(texts: Mapping[str, str]) -> Page:
     """Return what the clamp is, and on which side of the beam the participant sits."""
     places = (("beam.clamp", _LEFT - 20, 150.0), ("beam.you", _LEFT + _LENGTH / 2, 300.0))
     return tuple(
-        Text(
-            text=texts[key],
-            box=Box(x=x, y=_LABEL_Y, width=width, height=24),
-            size=LABEL_SIZE,
-            colour=FAINT,
-        )
-        for key, x, width in places
+        _small(texts[key], Box(x=x, y=_LABEL_Y, width=width, height=24)) for key, x, width in places
     )
 
 
@@ -84,15 +85,6 @@ def _places(way: screens.FingerPath, position_m: float) -> list[float]:
         return [position_m]
     places = [position_m + beside_m for beside_m in BESIDE_M]
     return [place_m for place_m in places if 0 <= place_m <= BEAM_M]
-
-
-def _beam() -> Page:
-    clamp = Box(x=_LEFT - 20, y=BEAM_Y, width=40, height=110)
-    beam = Box(x=_LEFT + _LENGTH / 2, y=BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
-    return (
-        Outline(points=clamp.corners, fill=FAINT),
-        Outline(points=beam.corners, fill=PALE, edge=INK),
-    )
 
 
 def _arrow(way: screens.FingerPath) -> Page:
@@ -116,7 +108,6 @@ def _mark(place_m: float, harder: bool) -> Page:
 
 # The participant's own finger on the page of a touch: where it is, and how hard it presses.
 
-TEXT_SIZE = 18.0
 _OWN_RADIUS = 9.0
 _BAR = Box(x=20, y=-196, width=360, height=26)
 _LABEL = Box(x=20, y=-228, width=380, height=26)
@@ -133,7 +124,7 @@ def own_finger(finger: screens.OwnFinger, texts: Mapping[str, str]) -> Page:
     return (
         Outline(points=_BAR.corners, fill=WHITE, edge=INK),
         Outline(points=wanted.corners, fill=PALE, edge=ACCENT),
-        Text(text=texts["own.finger"], box=_LABEL, size=TEXT_SIZE),
+        Text(text=texts["own.finger"], box=_LABEL, size=SMALL_SIZE),
         Dot(x=_bar_x(finger.force), y=_BAR.y, radius=_OWN_RADIUS, fill=INK),
         Dot(x=beam_x(place_m), y=BEAM_Y, radius=_OWN_RADIUS, fill=INK),
     )
@@ -161,8 +152,20 @@ _BANNER = Box(x=0, y=-273, width=780, height=50)
 
 def page(screen: screens.Screen, view: parts.PageState, wording: Wording) -> Page:
     texts = wording.texts
-    around = () if screens.is_last(screen) else _around(screen, view, texts)
-    return (*_page(screen, view, wording, texts), *_interval(screen, texts), *around)
+    match screen:
+        case screens.Welcome():
+            shown = _welcome(screen, view, texts)
+        case screens.Instruction():
+            shown = _instruction(screen, view, texts)
+        case screens.LeadIn() | screens.Pacing():
+            shown = _touch(screen, view, texts)
+        case screens.Ask():
+            shown = parts.question_page(screen, view, wording)
+        case screens.Notice():
+            shown = (Text(text=texts[screen.text], box=parts.MIDDLE, size=parts.TITLE_SIZE),)
+    if screens.is_last(screen):
+        return (*shown, *parts.button("button.close", view, texts))
+    return (*shown, *_interval(screen, texts), *_around(screen, view, texts))
 
 
 def states(screen: screens.Screen) -> Iterator[parts.PageState]:
@@ -197,22 +200,6 @@ def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
     return next((target for target in targets(screen) if target.box.holds(x, y)), None)
 
 
-def _page(
-    screen: screens.Screen, view: parts.PageState, wording: Wording, texts: Mapping[str, str]
-) -> Page:
-    match screen:
-        case screens.Welcome():
-            return _welcome(screen, view, texts)
-        case screens.Instruction():
-            return _instruction(screen, view, texts)
-        case screens.LeadIn() | screens.Pacing():
-            return _touch(screen, view, texts)
-        case screens.Ask():
-            return parts.question_page(screen, view, wording)
-    closing = parts.button("button.close", view, texts) if screens.is_last(screen) else ()
-    return (Text(text=texts[screen.text], box=parts.MIDDLE, size=parts.TITLE_SIZE), *closing)
-
-
 def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
@@ -223,25 +210,22 @@ def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str,
     )
 
 
-def _own_page(screen: screens.Instruction, view: parts.PageState, texts: Mapping[str, str]) -> Page:
-    """Return a page of the study's own: its text alone, or above its picture."""
-    shown = () if screen.picture is None else (Picture(name=screen.picture, box=_PICTURE),)
-    text = Text(text=texts[screen.text], box=_ABOVE if shown else _WHOLE, size=PAGE_SIZE)
-    return (text, *shown, *parts.button("button.ready", view, texts))
-
-
 def _instruction(
     screen: screens.Instruction, view: parts.PageState, texts: Mapping[str, str]
 ) -> Page:
+    size, box = parts.TITLE_SIZE, parts.MIDDLE
+    drawn: Page = ()
     if is_own_page(screen.text):
-        return _own_page(screen, view, texts)
-    box = parts.MIDDLE if screen.touch is None else parts.TITLE
-    drawn: Page = () if screen.touch is None else (*sketch(screen.touch), *labels(texts))
+        size, box = PAGE_SIZE, _WHOLE
+    if screen.picture is not None:
+        box, drawn = _ABOVE, (Picture(name=screen.picture, box=_PICTURE),)
+    if screen.touch is not None:
+        box, drawn = parts.TITLE, (*sketch(screen.touch), *labels(texts))
     if view.passed_s < screen.after_s:
         left_s = ceil(screen.after_s - view.passed_s)
         time = f"{left_s // 60}:{left_s % 60:02}"
         drawn = (parts.hint(texts["break.left"].format(time=time), parts.HINT),)
-    title = Text(text=texts[screen.text], box=box, size=parts.TITLE_SIZE)
+    title = Text(text=texts[screen.text], box=box, size=size)
     return (title, *drawn, *parts.button("button.ready", view, texts))
 
 
@@ -274,10 +258,7 @@ def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
     if not isinstance(touch, screens.FingerPath) or not touch.interval:
         return ()
     text = texts[f"interval.{touch.interval}"]
-    return (
-        Outline(points=_INTERVAL.corners, fill=ACCENT),
-        Text(text=text, box=_INTERVAL, size=INTERVAL_SIZE, colour=WHITE),
-    )
+    return framed(Text(text=text, box=_INTERVAL, size=INTERVAL_SIZE, colour=WHITE), fill=ACCENT)
 
 
 def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, str]) -> Page:
@@ -287,15 +268,12 @@ def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, s
         number, total = view.progress
         shown = texts["progress"].format(number=number, total=total)
         progress = (_small(shown, _PROGRESS),)
-    called = (
-        Outline(points=_BANNER.corners, fill=INK),
-        Text(text=texts["operator.called"], box=_BANNER, size=BANNER_SIZE, colour=WHITE),
-    )
+    call = Text(text=texts["button.call"], box=_CALL, size=SMALL_SIZE)
+    called = Text(text=texts["operator.called"], box=_BANNER, size=BANNER_SIZE, colour=WHITE)
     return (
         *progress,
-        Outline(points=_CALL.corners, fill=WHITE, edge=FAINT),
-        Text(text=texts["button.call"], box=_CALL, size=SMALL_SIZE),
-        *(called if view.operator_called else ()),
+        *framed(call, fill=WHITE, edge=FAINT),
+        *(framed(called, fill=INK) if view.operator_called else ()),
     )
 
 

@@ -30,6 +30,7 @@ from runner.window.elements import (
     Target,
     Text,
     Typed,
+    framed,
     text_width,
 )
 
@@ -67,28 +68,11 @@ def hint(text: str, box: Box) -> Text:
     return Text(text=text, box=box, size=HINT_SIZE, colour=FAINT)
 
 
-def answer_box(
-    number: str, text: str, box: Box, *, chosen: bool, size: float = ANSWER_SIZE
-) -> Page:
-    """Return an answer to press, with its number in a column of its own."""
-    fill, colour = (ACCENT, WHITE) if chosen else (WHITE, INK)
-    column = replace(box, x=box.x - box.width / 2 + _NUMBER_X, width=_NUMBER_WIDTH)
-    words = replace(box, width=box.width - _BESIDE_WORDS)
-    return (
-        Outline(points=box.corners, fill=fill, edge=ACCENT, width=3),
-        Text(text=number, box=column, size=size, colour=colour),
-        Text(text=text, box=words, size=size, colour=colour),
-    )
-
-
 def button(label: str, view: PageState, texts: Mapping[str, str], *, usable: bool = True) -> Page:
     """Return the button, grey unless a press on it counts."""
     fill, colour = (ACCENT, WHITE) if usable and view.button == "live" else (PALE, FAINT)
     text = texts["saved" if view.button == "saved" else label]
-    return (
-        Outline(points=BUTTON.corners, fill=fill),
-        Text(text=text, box=BUTTON, size=BUTTON_SIZE, colour=colour),
-    )
+    return framed(Text(text=text, box=BUTTON, size=BUTTON_SIZE, colour=colour), fill)
 
 
 # A scale: its drawing, and which of its places a point means.
@@ -140,7 +124,7 @@ SCALE_BOX = Box(x=0, y=_LINE_Y - 12, width=_SCALE_LENGTH + 2 * _BESIDE, height=9
 
 def scale(
     question: StudyQuestion, bands: Sequence[Band], wording: Wording, chosen: float | None
-) -> tuple[Element, ...]:
+) -> Page:
     """Return the scale with its labels or bands; it bears no mark until one is chosen."""
     line = Outline(
         points=((-_SCALE_LENGTH / 2, _LINE_Y), (_SCALE_LENGTH / 2, _LINE_Y)), edge=INK, width=3
@@ -164,7 +148,7 @@ def scale(
     return (line, *ticks, *numbers, *names, *brackets, *mark)
 
 
-def _mark(chosen: float, question: StudyQuestion) -> tuple[Element, ...]:
+def _mark(chosen: float, question: StudyQuestion) -> Page:
     """Return the mark at the chosen place and, of a scale with numbers, its number in large."""
     x = score_x(chosen, question)
     dot = Dot(x=x, y=_LINE_Y, radius=15.0)
@@ -254,7 +238,7 @@ def _name(label: Label, question: StudyQuestion, wording: Wording) -> Text:
     return Text(text=label_text(label, wording), box=box, size=NAME_SIZE)
 
 
-def _band(band: Band, question: StudyQuestion, wording: Wording) -> tuple[Element, ...]:
+def _band(band: Band, question: StudyQuestion, wording: Wording) -> Page:
     half = _unit(question) / 2
     # Brackets of neighbouring bands must not touch.
     gap = min(4.0, half / 4)
@@ -337,37 +321,33 @@ def _answers(values: tuple[str, ...]) -> tuple[Target, ...]:
     columns = 1 if len(values) <= _FEW else 2
     rows = ceil(len(values) / columns)
     step, gap = (77.0, 16.0) if rows <= 3 else (220.0 / rows, 10.0)
-    first = Box(x=0, y=131.0 - (step - gap) / 2, width=520, height=step - gap)
-    if columns == 2:
-        first = replace(first, x=-_COLUMN_X, width=2 * _COLUMN_X - 18)
-    return tuple(
-        Target(
-            name=value,
-            box=replace(
-                first,
-                x=first.x + 2 * _COLUMN_X * (number // rows),
-                y=first.y - step * (number % rows),
-            ),
-        )
-        for number, value in enumerate(values)
+    top = 131.0 - (step - gap) / 2
+    x, width = (0, 520) if columns == 1 else (-_COLUMN_X, 2 * _COLUMN_X - 18)
+    boxes = (
+        Box(x=x + 2 * _COLUMN_X * column, y=top - step * row, width=width, height=step - gap)
+        for column in range(columns)
+        for row in range(rows)
     )
+    return tuple(Target(name=value, box=box) for value, box in zip(values, boxes, strict=False))
 
 
 def _answer_boxes(question: StudyQuestion, chosen: str | None, wording: Wording) -> Page:
+    """Return the answers to press, each with its number in a column of its own."""
     marked = (chosen or "").split(BETWEEN) if question.kind == "several" else [chosen]
     size = ANSWER_SIZE if len(question.labels) <= _FEW else _SMALL_ANSWER_SIZE
+    drawn: list[Element] = []
     answers = zip(_answers(question.values), question.labels, strict=True)
-    return tuple(
-        element
-        for number, (answer, label) in enumerate(answers, start=1)
-        for element in answer_box(
-            str(number),
-            label_text(label, wording),
-            answer.box,
-            chosen=answer.name in marked,
-            size=size,
-        )
-    )
+    for number, (answer, label) in enumerate(answers, start=1):
+        box = answer.box
+        fill, colour = (ACCENT, WHITE) if answer.name in marked else (WHITE, INK)
+        column = replace(box, x=box.x - box.width / 2 + _NUMBER_X, width=_NUMBER_WIDTH)
+        words = replace(box, width=box.width - _BESIDE_WORDS)
+        drawn += [
+            Outline(points=box.corners, fill=fill, edge=ACCENT, width=3),
+            Text(text=str(number), box=column, size=size, colour=colour),
+            Text(text=label_text(label, wording), box=words, size=size, colour=colour),
+        ]
+    return tuple(drawn)
 
 
 def _entry(screen: Ask, typed: str) -> Page:
@@ -383,11 +363,8 @@ def _entry(screen: Ask, typed: str) -> Page:
         keys.append(Outline(points=key.box.corners, fill=WHITE, edge=FAINT, width=1))
         if text := names.get(key.name, key.name):
             keys.append(Text(text=text, box=key.box, size=_KEY_SIZE))
-    return (
-        Outline(points=_ENTRY.corners, fill=WHITE, edge=INK),
-        Text(text=shown, box=_ENTRY, size=_ENTRY_SIZE),
-        *keys,
-    )
+    entry = Text(text=shown, box=_ENTRY, size=_ENTRY_SIZE)
+    return (*framed(entry, fill=WHITE, edge=INK), *keys)
 
 
 def _keys(screen: Ask) -> Iterator[Target]:

@@ -9,8 +9,9 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from rich.cells import cell_len
 from rich.console import Console, Group
@@ -20,6 +21,7 @@ from rich.text import Text
 from device.drivers.driver import Reading
 from device.errors import UNKNOWN
 from device.force_channel.recording import Forces
+from protocol.journal.records import LIFTED_N
 from runner.people.operator_console import DRY_RUN, EMERGENCY, EXPLAINED, TYPING, Frame, Picture
 from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim, OperatorView, PlanUnit, said_of
@@ -32,7 +34,6 @@ REST_S = 0.04
 ENDS_WITHIN_S = 1.0
 STALE_S = 1.0
 """A reading that is older is shown as such."""
-LIFTED_N = 0.02
 ECHO_S = 8.0
 """How long the last message stands in a place of its own; it stays in the log."""
 _BESIDE_A_BAR = 53
@@ -227,59 +228,56 @@ def _output_state(view: OperatorView, reading: Reading | None) -> tuple[str, str
 def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
     """Return a line each for amplitude, frequency, monitor, force and place, and for friction."""
     reading, aim, rig = moment.reading, view.aim, view.rig
-    amplitude_v = frequency_hz = monitor_v = force_n = position_m = None
-    if reading is not None:
-        monitor_v = reading.monitor_v
-        if reading.output:
-            amplitude_v, frequency_hz = reading.amplitude_v, reading.frequency_hz
-        # An old force would advise the participant wrongly.
-        if aim and moment.now_s - (reading.finger_s or 0.0) < STALE_S:
-            force_n, position_m = reading.force_n, reading.position_m
-    # The recorded forces are newer than those of a poll, and their zero is subtracted.
-    if aim and moment.forces:
-        force_n, position_m = moment.forces.normal_n - view.zero_n[1], moment.forces.position_m
-    # Without a finger the sensor's place means nothing.
-    if force_n is None or force_n < LIFTED_N:
-        position_m = None
-    middle_hz = view.resonance_hz or rig.nominal_resonance_hz
-    bar = min(max(width - _BESIDE_A_BAR, _SHORTEST_BAR), _LONGEST_BAR)
-    volts, hertz, newtons, millimetres = (
-        Scale(low, high, figure, bar, targets)
-        for low, high, figure, targets in (
-            (0.0, rig.max_voltage_v, "{:.0f} V", [aim.voltage_v] if aim else []),
-            (0.95 * middle_hz, 1.05 * middle_hz, "{:.0f} Hz", [aim.frequency_hz] if aim else []),
-            (0.0, 2 * aim.force_n if aim else 1.0, "{:.2f} N", [aim.force_n] if aim else []),
-            (0.0, 100.0, "{:.0f} mm", [1e3 * end for end in aim.path_m] if aim else []),
-        )
+    driven = reading if reading is not None and reading.output else None
+    amplitude_v, frequency_hz = (
+        (driven.amplitude_v, driven.frequency_hz) if driven else (None, None)
     )
-    place_mm = None if position_m is None else 1e3 * position_m
+    force_n, position_m = _finger(view, moment)
+    middle_hz = view.resonance_hz or rig.nominal_resonance_hz
+    volts = Scale(0.0, rig.max_voltage_v, "{:.0f} V", [aim.voltage_v] if aim else [])
+    ends_hz = (0.95 * middle_hz, 1.05 * middle_hz)
+    hertz = Scale(*ends_hz, "{:.0f} Hz", [aim.frequency_hz] if aim else [])
+    newtons = Scale(0.0, 2 * aim.force_n if aim else 1.0, "{:.2f} N", [aim.force_n] if aim else [])
+    places = Scale(0.0, 100.0, "{:.0f} mm", [1e3 * end for end in aim.path_m] if aim else [])
     limits = (f"limit {rig.max_voltage_v:g} V", f"limit {rig.max_frequency_hz / 1e3:g} kHz", "")
-    drive = [
-        volts.line("amplitude", amplitude_v, limits[0]),
-        hertz.line("frequency", frequency_hz, limits[1]),
-        volts.line("monitor", monitor_v, limits[2]),
+    rows = [
+        ("amplitude", amplitude_v, limits[0], volts),
+        ("frequency", frequency_hz, limits[1], hertz),
+        ("monitor", reading.monitor_v if reading else None, limits[2], volts),
+        ("force", force_n, _advice(aim, force_n), newtons),
+        ("place", None if position_m is None else 1e3 * position_m, "", places),
     ]
+    if view.records:
+        rows.append(("friction", _friction(view, moment.forces), "", Scale(0.0, 2.0, "{:.2f}", [])))
+    bar = min(max(width - _BESIDE_A_BAR, _SHORTEST_BAR), _LONGEST_BAR)
+    lines = [_row(*row, bar) for row in rows]
     if view.blind:  # the driver refuses what is not as commanded
         said = "-" if amplitude_v is None else "as commanded"
-        named = zip(("amplitude", "frequency", "monitor"), limits, strict=True)
-        drive = [Text(f" {name:<10}{said:<16}{limit}") for name, limit in named]
-    return [
-        *drive,
-        newtons.line("force", force_n, _advice(aim, force_n)),
-        millimetres.line("place", place_mm, ""),
-        *([_friction(view, moment.forces, bar)] if view.records else []),
-        *([Text(f" {'track':<10}{visible(view.track) or '-'}")] if view.track is not None else []),
-    ]
+        lines[:3] = [Text(f" {label:<10}{said:<16}{limit}") for label, _, limit, _ in rows[:3]]
+    if view.track is not None:
+        lines.append(Text(f" {'track':<10}{visible(view.track) or '-'}"))
+    return lines
 
 
-def _friction(view: OperatorView, forces: Forces | None, bar: int) -> Text:
-    """Return the line of the friction coefficient; it would tell a blind operator of the drive."""
-    value = None
+def _finger(view: OperatorView, moment: Moment) -> tuple[float | None, float | None]:
+    """Return the finger's force and place during a touch; without a finger there is no place."""
+    reading, forces, force_n, position_m = moment.reading, moment.forces, None, None
+    # The recorded forces are newer than those of a poll, and their zero is subtracted.
+    if view.aim and forces:
+        force_n, position_m = forces.normal_n - view.zero_n[1], forces.position_m
+    # An old force would advise the participant wrongly.
+    elif view.aim and reading and moment.now_s - (reading.finger_s or 0.0) < STALE_S:
+        force_n, position_m = reading.force_n, reading.position_m
+    return force_n, None if force_n is None or force_n < LIFTED_N else position_m
+
+
+def _friction(view: OperatorView, forces: Forces | None) -> float | None:
+    """Return the friction coefficient; it would tell a blind operator of the drive."""
     if forces and view.aim and not view.blind:
         normal_n = forces.normal_n - view.zero_n[1]
         if normal_n >= LIFTED_N:
-            value = (forces.tangential_n - view.zero_n[0]) / normal_n
-    return Scale(0.0, 2.0, "{:.2f}", bar, []).line("friction", value, "")
+            return (forces.tangential_n - view.zero_n[0]) / normal_n
+    return None
 
 
 def _advice(aim: Aim | None, force_n: float | None) -> str:
@@ -294,38 +292,33 @@ def _advice(aim: Aim | None, force_n: float | None) -> str:
     return "press less" if force_n > high_n else "good"
 
 
-@dataclass(frozen=True)
-class Scale:
-    """The scale of a bar, how its figures are written, its length, and the targets on it."""
+class Scale(NamedTuple):
+    """The ends of a bar, how its figures are written, and the targets on it."""
 
     low: float
     high: float
-    figure: str
-    length: int
-    targets: list[float]
+    form: str
+    targets: Sequence[float]
 
-    def line(self, label: str, value: float | None, remark: str) -> Text:
-        figure = "-" if value is None else self._written(value)
-        aims = " to ".join(dict.fromkeys(map(self._written, self.targets)))
-        remarks = ", ".join(filter(None, [aims and f"target {aims}", remark]))
-        return Text.assemble(
-            f" {label:<10}", self._bar(value), (f" {figure:>9}", "bold"), f"  {remarks}"
-        )
 
-    def _written(self, value: float) -> str:
-        return self.figure.format(value).replace("-0 ", "0 ")
+def _row(label: str, value: float | None, remark: str, scale: Scale, length: int) -> Text:
+    """Return the line of a figure, with a bar of this `length`."""
 
-    def _bar(self, value: float | None) -> Text:
-        filled = 0 if value is None else self._cell(value) + (value > self.low)
-        bar = Text("━" * filled, "cyan") + Text("─" * (self.length - filled), "dim")
-        for target in self.targets:
-            at = self._cell(target)
-            bar = bar[:at] + Text("┃", "bold yellow") + bar[at + 1 :]
-        return bar
+    def written(figure: float) -> str:
+        return scale.form.format(figure).replace("-0 ", "0 ")
 
-    def _cell(self, value: float) -> int:
-        share = (value - self.low) / (self.high - self.low)
-        return min(max(int(share * self.length), 0), self.length - 1)
+    def cell(figure: float) -> int:
+        share = (figure - scale.low) / (scale.high - scale.low)
+        return min(max(int(share * length), 0), length - 1)
+
+    filled = 0 if value is None else cell(value) + (value > scale.low)
+    bar = Text("━" * filled, "cyan") + Text("─" * (length - filled), "dim")
+    for at in map(cell, scale.targets):
+        bar = bar[:at] + Text("┃", "bold yellow") + bar[at + 1 :]
+    figure = "-" if value is None else written(value)
+    aims = " to ".join(dict.fromkeys(map(written, scale.targets)))
+    remarks = ", ".join(filter(None, [aims and f"target {aims}", remark]))
+    return Text.assemble(f" {label:<10}", bar, (f" {figure:>9}", "bold"), f"  {remarks}")
 
 
 def _facts(frame: Frame, moment: Moment) -> list[Text]:
@@ -353,9 +346,8 @@ def _plan_and_log(frame: Frame, width: int, rows: int) -> list[Text]:
     log = _log(frame.messages, width - left_width - 2, rows - 1)
     lines = [_rule("plan", left_width) + Text("┬", "dim") + _rule("log", width - left_width - 1)]
     for number in range(rows - 1):
-        left = plan[number] if number < len(plan) else Text()
+        left, right = (part[number] if number < len(part) else Text() for part in (plan, log))
         left.truncate(left_width, overflow="ellipsis", pad=True)
-        right = log[number] if number < len(log) else Text()
         lines.append(left + Text("│ ", "dim") + right)
     return lines
 

@@ -6,7 +6,6 @@ At a rig the operator draws it. On a simulated device a simulated finger does.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
 
 from device.force_channel.recording import Forces
 from protocol.journal.records import LIFTED_N
@@ -104,7 +103,11 @@ class SlidePlot:
 
     def _grid(self, drawing: Drawing, columns: int, rows: int) -> list[str]:
         """Return the plot itself: a dot per column for the mean friction there."""
-        low, high = self._range()
+        # The axis holds everything so far, of all passes.
+        known = [self._low, self._high] if self._low <= self._high else [0.4]
+        known += [] if self.resting is None else [self.resting]
+        low = _STEP * math.floor(min(known) / _STEP - 0.2)
+        high = max(_STEP * math.ceil(max(known) / _STEP + 0.2), low + 2 * _STEP)
         cells = [[" "] * columns for _ in range(rows)]
 
         def row(friction: float) -> int:
@@ -125,13 +128,6 @@ class SlidePlot:
             f"{figures.get(number, ''):>{_LEFT - 1}} │{''.join(line)}".rstrip()
             for number, line in enumerate(cells)
         ]
-
-    def _range(self) -> tuple[float, float]:
-        """Return between which friction coefficients everything so far lies."""
-        known = [self._low, self._high] if self._low <= self._high else [0.4]
-        known += [] if self.resting is None else [self.resting]
-        low = _STEP * math.floor(min(known) / _STEP - 0.2)
-        return low, max(_STEP * math.ceil(max(known) / _STEP + 0.2), low + 2 * _STEP)
 
 
 def _column(drawing: Drawing, columns: int, place_m: float) -> int:
@@ -202,7 +198,7 @@ class SlidingBlock(screens.Participant):
 
     def _draw(self, screen: screens.LeadIn | screens.Pacing) -> None:
         """Begin a pass, or with a lead-in the wait before it."""
-        duration_s = inf if isinstance(screen, screens.LeadIn) else screen.duration_s
+        duration_s = math.inf if isinstance(screen, screens.LeadIn) else screen.duration_s
         before_s = screen.seconds if isinstance(screen, screens.LeadIn) else 0.0
         drawing = Drawing(
             label=f"pass {self._pass.index + 1}, {self._pass.condition}",
@@ -241,13 +237,10 @@ class SlidingBlock(screens.Participant):
                 self.plot.take(self.forces())
                 return None
             case screens.Instruction() if self.finger is None:
-                answered = self.operator.answered() is not None
-            case screens.Instruction() | screens.Welcome():
-                answered = True
-            case _:
-                answered = False
-        if not answered:
-            return None
+                if self.operator.answered() is None:
+                    return None
+            case screens.Notice() | screens.LeadIn() | screens.Ask() | None:
+                return None
         self._screen = None
         seconds = self.clock.monotonic_s() - self._asked_s
         return screens.Response(answer="ready", reaction_time_s=round(seconds, 3))

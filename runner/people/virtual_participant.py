@@ -6,6 +6,7 @@ is like, feels and answers is in `device.people`.
 """
 
 import random
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol, cast
@@ -111,9 +112,8 @@ class VirtualParticipant(screens.Participant):
     _pacing_from_s: float = field(default=0.0, init=False)
     _touches: list[_Touch] = field(default_factory=list, init=False)
     _resting: FloatArray | None = field(default=None, init=False)
-    _touched: int = field(default=0, init=False)
-    _asked: int = field(default=0, init=False)
-    _tracked: int = field(default=0, init=False)
+    _counts: Counter[str] = field(default_factory=Counter, init=False)
+    """Of touches and questions so far."""
 
     def __post_init__(self) -> None:
         self._people = People.of([self.person])
@@ -145,11 +145,9 @@ class VirtualParticipant(screens.Participant):
                 part = passed_s / pacing.duration_s + _ROUNDING
                 self._touches[-1].go_on(min(part, 1.0))
                 return None
-            case screens.Instruction(text="remember"):
-                self._resting = self._touches[-1].felt.friction[:, -1]
-                self._touches.clear()
-                return self._respond("ready", self._seconds("ready"))
-            case screens.Instruction() | screens.Welcome():
+            case screens.Instruction() | screens.Welcome() as page:
+                if isinstance(page, screens.Instruction) and page.text == "remember":
+                    self._resting = self._taken()[-1].friction[:, -1]
                 return self._respond("ready", self._seconds("ready"))
             case screens.Ask(question=question):
                 return self._answer(question)
@@ -174,23 +172,34 @@ class VirtualParticipant(screens.Participant):
         return self._respond(own, self._seconds("own questions"))
 
     def _track(self, question: study_question.StudyQuestion, found: str) -> screens.Response:
-        felt = [touch.felt for touch in self._touches]
-        self._touches.clear()
-        u = uniforms(f"tracks/{self.name}", self._tracked + 1, answering.TRACK_NUMBERS)[-1:]
-        self._tracked += 1
+        felt = self._taken()
         # The output is off while a question is asked: the beam is felt at rest.
         mark = felt[-1].mark
         resting = np.array([self.control.touch(mark.force_n, mark.end_m, mark.direction)])
         self.control.lift()
         named, seconds = self._answering.track(
-            answering.felt_level(felt, resting), cast(Find, found), u
+            answering.felt_level(felt, resting),
+            cast(Find, found),
+            self._numbers("tracks", answering.TRACK_NUMBERS),
         )
-        if self._answering.left[0]:
-            raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
         order = ("no", "yes") if len(felt) == 1 else question.values
         return self._respond(order[int(named[0])], seconds[0])
 
+    def _taken(self) -> list[answering.Felt]:
+        """Return what was felt since the last question, and forget it."""
+        felt = [touch.felt for touch in self._touches]
+        self._touches.clear()
+        return felt
+
+    def _numbers(self, purpose: str, width: int) -> FloatArray:
+        """Return the random numbers of the next touch or question."""
+        # Numbered, so that a further question does not change what later touches are like.
+        self._counts[purpose] += 1
+        return uniforms(f"{purpose}/{self.name}", self._counts[purpose], width)[-1:]
+
     def _respond(self, answer: str, seconds: float) -> screens.Response:
+        if self._answering.left[0]:
+            raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
         self._screen = None
         return screens.Response(answer=answer, reaction_time_s=float(seconds))
 
@@ -198,9 +207,7 @@ class VirtualParticipant(screens.Participant):
         return round(self._streams[purpose].uniform(0.4, 2), 3)
 
     def _begun(self, mark: Mark) -> _Touch:
-        # Numbered by touch, so that a further question does not change what later touches are like.
-        u = uniforms(f"touches/{self.name}", self._touched + 1, answering.TOUCH_NUMBERS)[-1:]
-        self._touched += 1
+        u = self._numbers("touches", answering.TOUCH_NUMBERS)
         way = answering.course(self._people, u, mark)
         if self.slips():
             way = replace(way, force_n=2 * way.force_n)
@@ -210,20 +217,15 @@ class VirtualParticipant(screens.Participant):
         return max(1 + self._streams["tremor"].gauss(0, self.person.tremor), _LEAST_FORCE)
 
     def _change(self, question: study_question.Question) -> screens.Response:
-        felt = [touch.felt for touch in self._touches]
+        felt = self._taken()
         marks = [touch.mark for touch in felt]
         resting = felt[0].friction[:, 0] if self._resting is None else self._resting
-        self._touches.clear()
-        u = uniforms(f"questions/{self.name}", self._asked + 1, answering.QUESTION_NUMBERS)[-1:]
-        self._asked += 1
         answer, seconds = self._answering.change(
             answering.felt_contrast(question, felt, resting),
             answering.beyond(answering.kind_of_change(question, marks), self._people),
             np.array([study_question.QUESTIONS[question].less is not None]),
-            u,
+            self._numbers("questions", answering.QUESTION_NUMBERS),
         )
-        if self._answering.left[0]:
-            raise VirtualParticipantLeft(f"the virtual participant {self.name} has left")
         return self._respond(answering.answer_of(question, int(answer[0])), seconds[0])
 
 
@@ -266,11 +268,11 @@ class UntouchedBeam:
         speed_m_s: float = 0.0,  # noqa: ARG002 - it slides as fast as the study says
     ) -> float:
         said, resonance_hz = self._reading(), self._resonance_hz()
-        # What is not driven feels as at rest.
-        if said is None or not said.output or not resonance_hz:
-            return self._friction(force_n, position_m, direction, 0.0, 1.0)
-        frequency = round(said.frequency_hz / resonance_hz, _FREQUENCY_DIGITS)
-        return self._friction(force_n, position_m, direction, said.amplitude_v, frequency)
+        voltage_v, frequency = 0.0, 1.0  # what is not driven feels as at rest
+        if said is not None and said.output and resonance_hz:
+            frequency = round(said.frequency_hz / resonance_hz, _FREQUENCY_DIGITS)
+            voltage_v = said.amplitude_v
+        return self._friction(force_n, position_m, direction, voltage_v, frequency)
 
     def lift(self) -> None:
         """Do nothing: no finger is there."""

@@ -27,11 +27,12 @@ SILENT_S = 2.0
 _COUNTED_S = 0.25
 """Most silence counted between two polls, so that a slow session is not blamed on the window."""
 
-GO_ON = "--ratings console works without it"
-
 
 class WindowGone(WorkFailed):
-    """The participant's window has failed; the session can be resumed."""
+    """The participant's window has failed, as `how` says of it; the session can be resumed."""
+
+    def __init__(self, how: str) -> None:
+        super().__init__(f"the participant's window {how}; --ratings console works without it")
 
 
 class Peer(Protocol):
@@ -122,9 +123,9 @@ class WindowParticipant:
 
     def _take(self, message: Mapping[str, Any]) -> None:
         if "closed" in message:
-            raise WindowGone(f"the participant's window was closed; {GO_ON}")
+            raise WindowGone("was closed")
         if "broken" in message:
-            raise WindowGone(f"the participant's window cannot draw ({message['broken']}); {GO_ON}")
+            raise WindowGone(f"cannot draw ({message['broken']})")
         if "operator" in message:
             self.call_operator()
         elif message.get("shown") == self._number:
@@ -134,9 +135,7 @@ class WindowParticipant:
             try:
                 self._answer = Response(**{name: message[name] for name in given})
             except KeyError as error:
-                raise WindowGone(
-                    f"the participant's window sent an answer without {error}; {GO_ON}"
-                ) from None
+                raise WindowGone(f"sent an answer without {error}") from None
 
     def _watch(self, *, heard: bool) -> None:
         now_s = self.monotonic_s()
@@ -144,9 +143,7 @@ class WindowParticipant:
         self._polled_s = now_s
         self._silent_s = 0.0 if heard else self._silent_s + min(passed_s, _COUNTED_S)
         if self._silent_s > SILENT_S:
-            raise WindowGone(
-                f"the participant's window does not respond (silent for {SILENT_S:g} s); {GO_ON}"
-            )
+            raise WindowGone(f"does not respond (silent for {SILENT_S:g} s)")
 
 
 OPENS_WITHIN_S = 30.0
@@ -198,10 +195,7 @@ class WindowProcess:
                     return messages
                 raise self._gone()
             if "garbled" in message:
-                raise WindowGone(
-                    f"the participant's window sent an invalid message ({message['garbled'][:120]})"
-                    f"; {GO_ON}"
-                )
+                raise WindowGone(f"sent an invalid message ({message['garbled'][:120]})")
             messages.append(message)
         return messages
 
@@ -236,7 +230,7 @@ class WindowProcess:
             # Asked before the kill, which would look like the reason.
             self._why = self._end()
             self.process.kill()
-        return WindowGone(f"the participant's window ended unexpectedly{self._why}; {GO_ON}")
+        return WindowGone(f"ended unexpectedly{self._why}")
 
     def _end(self) -> str:
         """Return the signal that ended the process, or what its libraries printed last."""

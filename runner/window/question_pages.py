@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import count, pairwise
 from math import ceil
-from typing import Literal
+from typing import Any, Literal
 
 from protocol.study.participant_texts import Wording, band_name, label_text, question_text
 from protocol.study.rules import Band
@@ -210,15 +210,16 @@ def labelled(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | 
     return [*shown, last]
 
 
-def look(
-    question: StudyQuestion, bands: Sequence[Band], wording: Wording, px_per_unit: float
-) -> dict[str, object]:
-    """Return how the scale looks on a screen, for the journal."""
+def look(screen: Ask, wording: Wording, display: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how the scale of `screen` looks on a `display`, for the journal."""
+    question, bands, mm_per_px = screen.question, screen.bands, display["mm_per_px"]
+    length_px = round(_SCALE_LENGTH * display["px_per_unit"], 1)
     return {
         "ticks": marked(question, bands),
         "labels": [_shown(place) for place in labelled(question, bands)],
         "bands": [[band.first, band.last, band_name(band, wording)] for band in bands],
-        "length_px": round(_SCALE_LENGTH * px_per_unit, 1),
+        "length_px": length_px,
+        "length_mm": None if mm_per_px is None else round(length_px * mm_per_px, 1),
     }
 
 

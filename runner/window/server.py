@@ -122,7 +122,7 @@ class ShownScreen:
         screens = [*past, self.record()]
         trace = {**self.pending.trace(), "screens": screens, "display": display}
         if isinstance(self.screen, Ask) and self.screen.question.form == "scale":
-            trace["scale"] = _scale_look(self.screen, display, wording)
+            trace["scale"] = look(self.screen, wording, display)
         return {
             "answer": self.pending.answer,
             "of": self.number,
@@ -140,14 +140,6 @@ def _name(screen: Screen) -> str:
         case LeadIn():
             return "lead-in"
     return type(screen).__name__.lower()
-
-
-def _scale_look(screen: Ask, display: dict[str, Any], wording: Wording) -> dict[str, object]:
-    seen = look(screen.question, screen.bands, wording, display["px_per_unit"])
-    mm_per_px = display["mm_per_px"]
-    length_px = seen["length_px"]
-    assert isinstance(length_px, float)
-    return {**seen, "length_mm": None if mm_per_px is None else round(length_px * mm_per_px, 1)}
 
 
 ALIVE_EVERY_S = 0.2

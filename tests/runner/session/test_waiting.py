@@ -171,7 +171,7 @@ def test_a_window_that_fails_ends_whatever_is_driven_before_the_first_touch(
 
     def poll() -> Response | None:
         if scene.device.on:
-            raise WindowGone("the window is gone")
+            raise WindowGone("is gone")
         return None
 
     scene.participant.poll = poll  # type: ignore[method-assign]

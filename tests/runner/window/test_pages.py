@@ -428,7 +428,8 @@ def test_the_scale_has_no_mark_until_a_score_is_chosen() -> None:
         for chosen in (None, "0", "10")
     ]
     assert [len(each) for each in dots] == [0, 1, 1]
-    assert dots[2][0].x - dots[1][0].x == look(screen.question, (), wording("en"), 1.0)["length_px"]
+    length = look(screen, wording("en"), {"px_per_unit": 1.0, "mm_per_px": None})
+    assert dots[2][0].x - dots[1][0].x == length["length_px"]
 
 
 def test_no_answer_stands_out_before_it_is_chosen() -> None:

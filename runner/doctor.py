@@ -41,14 +41,22 @@ class Finding:
 
 def findings(touchbeam: Sequence[str] = ("touchbeam",)) -> list[Finding]:
     """Return the results of all checks, most important first; `touchbeam` is its own command."""
+    from device.link.port import described_ports
+
+    ports = [port["name"] for port in described_ports()]
+    only = "only the simulated device and network addresses are available"
+    # With their numbers, sizes, places and, where known, connectors.
+    screens = [str(screen) for screen in listed_screens(touchbeam)]
     return [
         *_origins(),
         _python(),
-        *(_dependency(name) for name in DEPENDENCIES),
+        *map(_dependency, DEPENDENCIES),
         _sqlite(),
         _disk(),
-        _ports(),
-        _screens(touchbeam),
+        _useful("serial ports", ", ".join(ports) or "none", only, there=bool(ports)),
+        _useful(
+            "screens", ", ".join(screens) or "none", "use --ratings console", there=bool(screens)
+        ),
         _sound(),
         _fonts(),
     ]
@@ -105,21 +113,6 @@ def _disk() -> Finding:
     hint = f"at least {LEAST_DISK_BYTES / 1e9:.1f} GB must be free; delete files"
     value = f"{free / 1e9:.1f} GB free in this folder"
     return _required("disk", value, hint, ok=free > LEAST_DISK_BYTES)
-
-
-def _ports() -> Finding:
-    from device.link.port import described_ports
-
-    names = [port["name"] for port in described_ports()]
-    hint = "only the simulated device and network addresses are available"
-    return _useful("serial ports", ", ".join(names) or "none", hint, there=bool(names))
-
-
-def _screens(touchbeam: Sequence[str]) -> Finding:
-    """List the screens with their numbers, sizes, places and, where known, connectors."""
-    screens = listed_screens(touchbeam)
-    value = ", ".join(map(str, screens)) or "none"
-    return _useful("screens", value, "use --ratings console", there=bool(screens))
 
 
 def _sound() -> Finding:

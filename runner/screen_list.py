@@ -124,8 +124,13 @@ def print_screens() -> None:
 def show_numbers() -> None:
     """Show on each screen its number until the standard input ends."""
     ended = threading.Event()
+
+    def wait_for_end() -> None:
+        sys.stdin.read()
+        ended.set()
+
     # A thread, because reading blocks and the windows must go on answering the system.
-    threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
+    threading.Thread(target=wait_for_end, daemon=True).start()
     windows = [_numbered(number, screen) for number, screen in enumerate(_screens())]
     while not ended.wait(_FRAME_S):
         for window, label in windows:
@@ -138,11 +143,6 @@ def show_numbers() -> None:
 
 def _screens() -> list[Any]:
     return list(pyglet.canvas.get_display().get_screens())
-
-
-def _wait_for_end(ended: threading.Event) -> None:
-    sys.stdin.read()
-    ended.set()
 
 
 def _numbered(number: int, screen: Any) -> tuple[Any, Any]:

@@ -48,7 +48,11 @@ def read_data_set(source: Path) -> DataSet:
     named = [(name, shared_form.shared_session(name, content)) for name, content in texts]
     for name, session in named:
         _require_possible(name, session, {text_digest(text): rating})
-    sessions = {_name(session): session for session in _in_order(it for _, it in named)}
+    sessions = {}
+    for session in _in_order(it for _, it in named):
+        rehearsed = f" ({REHEARSAL})" * (session.opened.kind == REHEARSAL)
+        name = session_name(session.opened.participant, session.opened.session)
+        sessions[f"{name}{rehearsed}"] = session
     # Two files of one session would be one chain, in which events come twice.
     if len(sessions) != len(files):
         raise BadInput(f"{place}: must hold each session once")
@@ -157,11 +161,6 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
                 journal.append(name, event)
 
 
-def _name(session: shared_form.SharedSession) -> str:
-    plain = session_name(session.opened.participant, session.opened.session)
-    return f"{plain} ({REHEARSAL})" if session.opened.kind == REHEARSAL else plain
-
-
 # Import of published scores as a study with one completed session per subject.
 
 
@@ -175,7 +174,6 @@ def import_table(
 
     `source` is the name of their file, after which the study is called, and `content` its bytes.
     """
-    clock = WallClock()
     digest = sha256(content).hexdigest()
     with (
         new_study(folder, named_after(Path(source).stem, template("paper"))),
@@ -183,14 +181,12 @@ def import_table(
         journal.alone(),
     ):
         for subject, given in scores:
-            log = SessionLog(journal, session_name(subject, 1), clock)
-            log.append(
-                events.ScoresImported(
-                    participant=subject,
-                    session=1,
-                    conditions=tuple(given),
-                    scores=given,
-                    source=source,
-                    source_sha256=digest,
-                )
+            imported = events.ScoresImported(
+                participant=subject,
+                session=1,
+                conditions=tuple(given),
+                scores=given,
+                source=source,
+                source_sha256=digest,
             )
+            SessionLog(journal, session_name(subject, 1), WallClock()).append(imported)

@@ -11,7 +11,7 @@ import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import file_digest, sha256
@@ -151,21 +151,17 @@ def _is_private(folder: Path) -> bool:
 
 
 def _remove_oldest(everything: Path) -> None:
-    known = sorted(_known(everything), reverse=True)
+    known = []
+    for path in everything.glob("*/*"):
+        with suppress(OSError):  # another process may have removed it
+            status = path.lstat()
+            known.append((status.st_mtime, status.st_size, path))
     total = 0
-    for _, size, path in known:
+    for _, size, path in sorted(known, reverse=True):
         total += size
         if total > MOST_BYTES:
             with suppress(OSError):
                 path.unlink()
-
-
-def _known(everything: Path) -> Iterator[tuple[float, int, Path]]:
-    """Yield when each kept file was last used, its size and its path."""
-    for path in everything.glob("*/*"):
-        with suppress(OSError):  # another process may have removed it
-            status = path.lstat()
-            yield status.st_mtime, status.st_size, path
 
 
 # The folder of power analyses in a study's folder: figures, and results kept between runs.

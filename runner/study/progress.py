@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
@@ -42,16 +42,15 @@ class Progress:
         return None if grouped else cohort.slot_for(self.sessions, "", "participant")
 
     @property
-    def groups(self) -> list[dict[str, str | int]]:
+    def groups(self) -> list[dict[str, Any]]:
         """Each group of the study: its size, how many of it are done, and its next slot."""
         return [
             {
                 "name": group.name,
                 "planned": group.size,
                 "done": sum(
-                    self._completed(who) >= self._each
-                    and any(it.group == group.name for it in self._had_by(who))
-                    for who in self.participants
+                    self._is_done(who) and any(it.group == group.name for it in had)
+                    for who, had in self._had.items()
                 ),
                 "next_slot": cohort.slot_for(self.sessions, "", "participant", group=group.name),
             }
@@ -61,13 +60,16 @@ class Progress:
     @property
     def participants(self) -> list[str]:
         """Everybody who has a session here, in the order of the first one."""
-        return list(dict.fromkeys(summary.participant for summary in self._of_people))
+        return list(self._had)
 
     @cached_property  # it is asked for again for each participant
-    def _of_people(self) -> list[cohort.SessionSummary]:
-        """The sessions that participants had, without rehearsals, slides and scripts."""
-        apart = {REHEARSAL, *NOBODY}
-        return [each for each in self.summaries if each.kind not in apart]
+    def _had(self) -> dict[str, list[cohort.SessionSummary]]:
+        """The sessions that each participant had, without rehearsals, slides and scripts."""
+        had: dict[str, list[cohort.SessionSummary]] = {}
+        for each in self.summaries:
+            if each.kind not in {REHEARSAL, *NOBODY}:
+                had.setdefault(each.participant, []).append(each)
+        return had
 
     @cached_property
     def summaries(self) -> list[cohort.SessionSummary]:
@@ -92,7 +94,7 @@ class Progress:
     @property
     def next_participant(self) -> str:
         """A pseudonym for the next participant: the last one's with the next number."""
-        return _following(self.participants)
+        return _next_pseudonym(self._had)
 
     @property
     def planned(self) -> int | None:
@@ -101,17 +103,20 @@ class Progress:
     @property
     def done(self) -> int:
         """The number of participants with as many completed sessions as the study plans."""
-        return sum(self._completed(who) >= self._each for who in self.participants)
+        return sum(map(self._is_done, self._had))
 
     @property
     def _each(self) -> int:
         return 1 if self.study is None else self.study.design.sessions
 
     def _completed(self, participant: str) -> int:
-        return sum(each.state == "completed" for each in self._had_by(participant))
+        return sum(each.state == "completed" for each in self._had.get(participant, ()))
 
-    def _had_by(self, participant: str) -> list[cohort.SessionSummary]:
-        return [each for each in self._of_people if each.participant == participant]
+    def _is_done(self, participant: str) -> bool:
+        return self._completed(participant) >= self._each
+
+    def _is_latest(self, summary: cohort.SessionSummary) -> bool:
+        return summary in self._had.get(summary.participant, [])[-1:]
 
     def resume_before(self, state: SessionState) -> datetime | None:
         """Return until when an unfinished session may be resumed."""
@@ -136,7 +141,7 @@ class Progress:
             done = f"  {summary.answered} of {summary.planned} {unit}" * (summary.kind != SCRIPT)
             yield (
                 f"{name}  {summary.kind}{of}  {now}{done}{excluded}{noted}"
-                f"{self._advice(chain, state)}{self._following(summary, state)}"
+                f"{self._advice(chain, state)}{self._next_session(summary, state)}"
             )
         yield self._cohort()
 
@@ -173,41 +178,35 @@ class Progress:
         return f"; begin anew: {self._command('run', *who, '--extra', *_options(state))}"
 
     def _advice(self, chain: str, state: SessionState) -> str:
-        if parsed_name(chain).plain in self.running:
+        named = parsed_name(chain)
+        if named.plain in self.running:
             return ""
         if why := self._cannot_go_on(state):
             return f"; {why}{self._anew(state)}"
-        until = self.resume_before(state)
-        if until is None:
+        if (until := self.resume_before(state)) is None:
             return ""
-        named = parsed_name(chain)
         who = ["--participant", named.participant]
         who += ["--session", str(named.number)] if named.number != 1 else []
         if until < self.now:
             mark = ["--rehearsal"] if state.opened and state.opened.kind == REHEARSAL else []
             command = self._command("exclude", *who, *mark, "--reason", "not resumed in time")
             return f"; too old to be resumed: {command}"
-        slides = named.participant == SLIDE
-        again = ("slide", *who[2:]) if slides else ("run", *who)
-        return (
-            f"; go on before {until.astimezone():%A %H:%M} with: "
-            f"{self._command(*again, *_options(state))}"
-        )
+        again = ("slide", *who[2:]) if named.participant == SLIDE else ("run", *who)
+        command = self._command(*again, *_options(state))
+        return f"; go on before {until.astimezone():%A %H:%M} with: {command}"
 
     def next_due(self, summary: cohort.SessionSummary, state: SessionState) -> cohort.Due | None:
         """Return when the session after this one is due; None at any time, or if none is left."""
-        latest = summary in self._had_by(summary.participant)[-1:]
-        if self.study is None or not latest or self._completed(summary.participant) >= self._each:
+        if self.study is None or not self._is_latest(summary) or self._is_done(summary.participant):
             return None
         return cohort.due_between(self.study, state)
 
-    def _following(self, summary: cohort.SessionSummary, state: SessionState) -> str:
+    def _next_session(self, summary: cohort.SessionSummary, state: SessionState) -> str:
         """Return after a participant's latest session how to begin the next one, if one lacks."""
         who = summary.participant
-        had, done = self._had_by(who), self._completed(who)
-        if summary.state != "completed" or summary not in had[-1:] or done >= self._each:
+        if summary.state != "completed" or not self._is_latest(summary) or self._is_done(who):
             return ""
-        number = 1 + max(each.session for each in had)
+        done, number = self._completed(who), 1 + max(each.session for each in self._had[who])
         extra = ["--extra"] if number > self._each else []
         options = ("--participant", who, "--session", str(number), *extra, *_options(state))
         due = self.next_due(summary, state)
@@ -216,12 +215,12 @@ class Progress:
 
     def _cohort(self) -> str:
         of = "" if self.planned is None else f" of {self.planned}"
-        done = (
-            f"Done: {self.done}{of} participant{'' if (self.planned or self.done) == 1 else 's'}."
-        )
-        counted = [f"{it['name']} {it['done']} of {it['planned']}" for it in self.groups]
+        s = "" if (self.planned or self.done) == 1 else "s"
+        done = f"Done: {self.done}{of} participant{s}."
+        groups = self.groups
+        counted = [f"{it['name']} {it['done']} of {it['planned']}" for it in groups]
         done += f" Groups: {'; '.join(counted)}." * bool(counted)
-        missing = {str(it["name"]): int(it["planned"]) - int(it["done"]) for it in self.groups}
+        missing = {it["name"]: it["planned"] - it["done"] for it in groups}
         # A group that is too large leaves another one too small.
         enough = self.planned is not None and self.done >= self.planned
         if enough and max(missing.values(), default=0) <= 0:
@@ -255,10 +254,10 @@ def _options(state: SessionState) -> list[str]:
     return [*virtual, *console, *rehearsal, *[str(word) for word in language], *consent]
 
 
-def _following(participants: Sequence[str]) -> str:
+def _next_pseudonym(participants: Iterable[str]) -> str:
     """Return the pseudonym after those of `participants`, P01 if there are none.
 
-    >>> _following(["P09", "P02"])
+    >>> _next_pseudonym(["P09", "P02"])
     'P10'
     """
     counted = [numbered for name in participants if (numbered := re.fullmatch(r"(.*?)(\d+)", name))]

@@ -31,7 +31,7 @@ from runner.journal.names import STUDY_CHAIN, real_sessions
 from runner.journal.opening import journal_if_used, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.journal.verification import in_force
+from runner.journal.verification import IMPOSSIBLE, in_force
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration
 from runner.study.files import bytes_of, own_file, require_no_link, text_of, write_whole
@@ -216,14 +216,7 @@ def power_result(path: Path, study_sha256: str, hypotheses: Sequence[str]) -> di
         tests = {_line(test["name"]): _power(test) for test in result.get("tests", [])}
         # Results of earlier versions do not name the study file and are taken as its.
         simulated = str(result.get("study_sha256", study_sha256))
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except IMPOSSIBLE as error:
         raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
     wanted = [_ends(name) for name in hypotheses]
     names = list(tests)

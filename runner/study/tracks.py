@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from device.friction.scenes import Calibration
 from protocol.errors import BadInput, Problem
@@ -11,6 +11,9 @@ from protocol.study.touch import Touch, current_ma
 from protocol.study.track import Track
 from protocol.tracks.convergence import converges_at
 from protocol.tracks.procedure import staircase
+
+if TYPE_CHECKING:
+    from device.tracks.expected import Expected
 
 _UNITS = {"voltage": " V", "frequency": " of the resonance", "contrast": "", "place": " m"}
 
@@ -24,9 +27,7 @@ class ShownTrack:
     contrasts: tuple[float, float] | None
     current_ma: float | None
     converges_at: float | None
-    rmse_db: float
-    interval_db: float
-    trials: float
+    expected: "Expected"
 
     def touches(self) -> Iterator[Touch]:
         """Yield the comparison at each level."""
@@ -48,9 +49,9 @@ class ShownTrack:
             "threshold_at": round(track.share, 4),
             "converges_at": None if share is None else round(share, 4),
             "expected": {
-                "rmse_db": round(self.rmse_db, 2),
-                "interval_db": round(self.interval_db, 2),
-                "trials": round(self.trials, 1),
+                "rmse_db": round(self.expected.rmse_db, 2),
+                "interval_db": round(self.expected.interval_db, 2),
+                "trials": round(self.expected.trials, 1),
             },
         }
 
@@ -72,9 +73,10 @@ class ShownTrack:
             yield f"            its rule converges to {self.converges_at:.4f} correct"
         said = "yes" if track.task == "yes or no" else "correct"
         yield f"            threshold at {track.share:.4g} {said}, as 200 simulated observers show:"
+        told = self.expected
         yield (
-            f"            about {self.rmse_db:.1f} dB (RMSE) after {self.trials:.0f} trial{s}, "
-            f"95% interval {self.interval_db:.1f} dB wide"
+            f"            about {told.rmse_db:.1f} dB (RMSE) after {told.trials:.0f} trial{s}, "
+            f"95% interval {told.interval_db:.1f} dB wide"
         )
 
 
@@ -129,11 +131,8 @@ def _shown(study: Study, track: Track, volts: tuple[float, ...], rig: Calibratio
     touches = [track.at(level, volts[level]) for level in (0, len(volts) - 1)]
     contrasts = None
     if track.standard is not None and track.axis != "place":
-        first, last = (
-            friction_difference(study, track.standard, touch, rig) + 0.0 for touch in touches
-        )
-        contrasts = first, last
-    told = expected(track)
+        ends = [friction_difference(study, track.standard, touch, rig) + 0.0 for touch in touches]
+        contrasts = (ends[0], ends[1])
     highest_hz = max(touch.frequency for touch in touches) * study.rig.nominal_resonance_hz
     sheets_nf = study.rig.capacitance_nf
     return ShownTrack(
@@ -142,7 +141,5 @@ def _shown(study: Study, track: Track, volts: tuple[float, ...], rig: Calibratio
         contrasts=contrasts,
         current_ma=sheets_nf and current_ma(max(volts), highest_hz, sheets_nf),
         converges_at=converges_at(staircase(track)) if track.method == "staircase" else None,
-        rmse_db=told.rmse_db,
-        interval_db=told.interval_db,
-        trials=told.trials,
+        expected=expected(track),
     )

@@ -60,11 +60,11 @@ class SessionVerdict:
         rehearsed = f" ({REHEARSAL})" if self.kind == REHEARSAL else ""
         done = "passes drawn" if self.participant == kinds.SLIDE else "trials answered"
         name = session_name(self.participant, self.session)
+        state = in_words(self.state, running=name in running)
         if self.kind == kinds.SCRIPT:
-            return f"{name}  {in_words(self.state, running=name in running)}  {count}"
+            return f"{name}  {state}  {count}"
         return (
-            f"{name}{rehearsed}  {in_words(self.state, running=name in running)}  "
-            f"{self.trials_answered} of {self.trials_planned} {done}, "
+            f"{name}{rehearsed}  {state}  {self.trials_answered} of {self.trials_planned} {done}, "
             f"{self.trials_aborted} aborted, {self.duplicates} answered twice"
         )
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from device.drivers.driver import Reading
@@ -59,22 +60,33 @@ def participant_and_operator(
 
     `finger` is what a virtual participant feels with, None if the participant is a person.
     """
-    swap, watched = _swap(session, rig, finger), _watched(rig)
+    swap = _swap(session, rig, finger)
+    at_keys = partial(
+        operator_at_terminal,
+        say,
+        (lambda: rig.device.reading, lambda: rig.device.forces),
+        swap,
+        quiet=isinstance(rig.clock, SteppedClock),
+    )
     if session.slides:
-        with _block_and_operator(session, rig, say, swap) as people:
-            yield people
+        plot = SlidePlot()
+
+        def picture(width: int, rows: int) -> list[str]:
+            return plot.lines(width, rows, rig.clock.monotonic_s())
+
+        with at_keys(picture, unit="pass", alone=rig.control is not None) as operator:
+            yield _block(session, rig, operator, plot), operator
     elif finger is not None:
         participant = _virtual_participant(session, rig, finger)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
-        quiet = isinstance(rig.clock, SteppedClock)
-        with operator_at_terminal(say, watched, swap, alone=alone, quiet=quiet) as operator:
+        with at_keys(alone=alone) as operator:
             if window is not None:
                 window.call_operator = operator.participant_called
                 participant = VirtualAtWindow(participant, window)
             yield participant, operator
     elif window is not None:
-        with operator_at_terminal(say, watched, swap) as operator:
+        with at_keys() as operator:
             window.call_operator = operator.participant_called
             yield window, operator
     else:
@@ -83,35 +95,17 @@ def participant_and_operator(
         yield person, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
-@contextmanager
-def _block_and_operator(
-    session: Session, rig: SessionRig, say: Say, swap: Callable[[str], None]
-) -> Iterator[tuple[Participant, Operator]]:
-    """Yield the block of a sliding experiment and the operator, who draws it on a real device."""
-    plot = SlidePlot()
-    with operator_at_terminal(
-        say,
-        _watched(rig),
-        swap,
-        lambda width, rows: plot.lines(width, rows, rig.clock.monotonic_s()),
-        unit="pass",
-        alone=rig.control is not None,
-        quiet=isinstance(rig.clock, SteppedClock),
-    ) as operator:
-        block = SlidingBlock(
-            operator=operator,
-            forces=lambda: rig.device.forces,
-            clock=rig.clock,
-            plan=session.plan,
-            load_n=session.study.touch.force_n,
-            plot=plot,
-            finger=rig.control,
-        )
-        yield block, operator
-
-
-def _watched(rig: SessionRig) -> Watched:
-    return (lambda: rig.device.reading, lambda: rig.device.forces)
+def _block(session: Session, rig: SessionRig, operator: Operator, plot: SlidePlot) -> SlidingBlock:
+    """Return the block of a sliding experiment, which the operator draws on a real device."""
+    return SlidingBlock(
+        operator=operator,
+        forces=lambda: rig.device.forces,
+        clock=rig.clock,
+        plan=session.plan,
+        load_n=session.study.touch.force_n,
+        plot=plot,
+        finger=rig.control,
+    )
 
 
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
@@ -135,9 +129,8 @@ def _operator_by_lines(
 ) -> OperatorConsole:
     for line in line_help(unit):
         display.say(line)
-    return OperatorConsole(
-        lines.operator_typed, display, swap, lines.forget, piped=not lines.at_terminal
-    )
+    piped = not lines.at_terminal
+    return OperatorConsole(lines.operator_typed, display, swap, lines.forget, piped=piped)
 
 
 @contextmanager

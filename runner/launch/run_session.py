@@ -123,10 +123,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     if earlier and earlier[0] != (now := versions()["touchbeam"]):
         say(f"{name} was last recorded by touchbeam {earlier[0]} and continues with {now}.")
 
-    def resonance_hz() -> float:
-        return context.resonance_hz  # asked once the session runs, and measures it
-
-    finger = _finger(request, rig, say, resonance_hz)
+    # Asked once the session runs, and measures it.
+    finger = _finger(request, rig, say, resonance_hz=lambda: context.resonance_hz)
     participant, operator = stack.enter_context(
         participant_and_operator(session, rig, say, window, finger)
     )

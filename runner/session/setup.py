@@ -2,7 +2,7 @@
 
 import sys
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from random import Random
@@ -14,7 +14,7 @@ from protocol.journal import events
 from protocol.journal.records import BYTES_PER_COUNT, CHANNELS, LIFTED_N
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
-from protocol.study.study_question import KINDS, Label, StudyQuestion, answer_text
+from protocol.study.study_question import KINDS, Answer, Label, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.session import Session, SessionContext, Zero, known_before
@@ -167,7 +167,10 @@ def prepare(context: SessionContext) -> None:
     require_watchdog(context, identity.idn)
     answers: dict[str, str] = {}
     for asked in study.session.operator_asks:
-        answers[asked] = context.session.noted.get(asked) or _noted(context, asked)
+        noted = context.session.noted.get(asked)
+        answer = noted or _possible_answer(context, *OPERATOR_QUESTIONS[asked])
+        # An empty one says that nothing was noted.
+        answers[asked] = "" if answer is None else str(answer)
     if answers:
         context.log.append(events.RigDescribed(answers=answers))
         context.operator.notify(f"noted: {context.log.state.noted}")
@@ -198,17 +201,22 @@ def prepare(context: SessionContext) -> None:
     response(context)
 
 
-def _noted(context: SessionContext, asked: OperatorQuestion) -> str:
-    """Ask until the answer is possible; an empty one says that nothing was noted."""
-    text, question = OPERATOR_QUESTIONS[asked]
-    context.operator.ask(text)
+def _possible_answer(
+    context: SessionContext,
+    text: str,
+    question: StudyQuestion,
+    typed: str = "",
+    drawn: Callable[[], str] = str,
+) -> Answer:
+    """Return what was `typed` before or is typed now, once it is possible; else what is `drawn`."""
+    if not typed:
+        context.operator.ask(text)
     while True:
         try:
-            answer = question.answer(operator_answer(context))
+            return question.answer(typed or operator_answer(context) or drawn())
         except ValueError as error:
+            typed = ""
             context.operator.ask(f"{error}. {text}")
-        else:
-            return "" if answer is None else str(answer)
 
 
 def ask_at_desk(context: SessionContext) -> None:
@@ -221,19 +229,10 @@ def ask_at_desk(context: SessionContext) -> None:
         rule, known = question.asked_if, known_before(session, log.state)
         if (question.name, None) in log.state.questions or not (rule is None or rule.met_by(known)):
             continue
-        began_s, text, answer = context.clock.monotonic_s(), spoken(question), None
-        if not (typed := session.noted.get(question.name, "")):
-            context.operator.ask(text)
-        while True:
-            typed = typed or operator_answer(context)
-            if session.virtual is not None and not typed:
-                typed = _drawn(session, question)
-            try:
-                answer = question.answer(typed)
-                break
-            except ValueError as error:
-                typed = ""
-                context.operator.ask(f"{error}. {text}")
+        began_s = context.clock.monotonic_s()
+        drawn = str if session.virtual is None else partial(_drawn, session, question)
+        noted = session.noted.get(question.name, "")
+        answer = _possible_answer(context, spoken(question), question, noted, drawn)
         log.append(
             events.QuestionAnswered(
                 when="desk",

@@ -253,11 +253,8 @@ def _breaks(left: str, right: str) -> bool:
     """Return whether a line may end between two characters."""
     if left == " ":
         return right != " "
-    return (_wide(left) or _wide(right)) and right not in _CLOSING and right != " "
-
-
-def _wide(character: str) -> bool:
-    return unicodedata.east_asian_width(character) in "WF"
+    wide = any(unicodedata.east_asian_width(each) in "WF" for each in (left, right))
+    return wide and right not in _CLOSING and right != " "
 
 
 def missing_font(code: str, fonts: Sequence[str], package: str | None) -> str:

@@ -45,11 +45,12 @@ def findings(touchbeam: Sequence[str] = ("touchbeam",)) -> list[Finding]:
 
     ports = [port["name"] for port in described_ports()]
     only = "only the simulated device and network addresses are available"
+    fits = (3, 11) <= sys.version_info < (3, 13)
     # With their numbers, sizes, places and, where known, connectors.
     screens = [str(screen) for screen in listed_screens(touchbeam)]
     return [
         *_origins(),
-        _python(),
+        _required("python", platform.python_version(), "PsychoPy needs 3.11 or 3.12", ok=fits),
         *map(_dependency, DEPENDENCIES),
         _sqlite(),
         _disk(),
@@ -81,11 +82,6 @@ def _origins() -> Iterator[Finding]:
         place = Path(spec.origin).resolve().parent if spec and spec.origin else None
         hint = f"expected {ours / name}; another package of this name hides it"
         yield _required(f"package {name}", str(place or "not found"), hint, ok=place == ours / name)
-
-
-def _python() -> Finding:
-    ok = (3, 11) <= sys.version_info < (3, 13)
-    return _required("python", platform.python_version(), "PsychoPy needs 3.11 or 3.12", ok=ok)
 
 
 def _dependency(name: str) -> Finding:

@@ -77,12 +77,9 @@ class LiveDisplay:
         self._thread.join(ENDS_WITHIN_S)
 
     def show(self, frame: Frame) -> None:
-        """Have `frame` drawn.
+        """Have `frame` drawn; raise `TerminalGone` if the terminal was closed.
 
-        Raises:
-            TerminalGone: the terminal was closed.
-            Exception: what else ended the drawing, so that nobody watches a screen that stands
-                still.
+        Whatever else ended the drawing is raised, too: nobody watches a screen that stands still.
         """
         if isinstance(self._error, OSError):
             raise TerminalGone from self._error
@@ -134,7 +131,7 @@ class LiveDisplay:
 
     def _lines(self, frame: Frame, console: Console) -> list[Text]:
         now_s = time.monotonic()
-        moment = Moment(
+        moment = Instant(
             reading=self._reading(),
             now_s=now_s,
             said_s=self._said_s,
@@ -147,7 +144,7 @@ class LiveDisplay:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moment:
+class Instant:
     """What changes on the screen by itself: the device's last reading, and the time."""
 
     reading: Reading | None
@@ -165,7 +162,7 @@ class Moment:
 
 
 def screen_lines(
-    frame: Frame, moment: Moment, width: int, height: int, picture: Picture | None = None
+    frame: Frame, moment: Instant, width: int, height: int, picture: Picture | None = None
 ) -> list[Text]:
     """Return exactly `height` lines: each thing has its place, whatever else is shown.
 
@@ -192,7 +189,7 @@ def screen_lines(
     return lines
 
 
-def _title(view: OperatorView, moment: Moment, width: int) -> Text:
+def _title(view: OperatorView, moment: Instant, width: int) -> Text:
     what = DRY_RUN if view.kind == "rehearsal" else ""
     left = f" {visible(view.session)}  {what}"
     right = f"{moment.clock} "
@@ -201,7 +198,7 @@ def _title(view: OperatorView, moment: Moment, width: int) -> Text:
     return Text(f"{left}{space}{right}", style=style)
 
 
-def _output(view: OperatorView, moment: Moment, width: int) -> Text:
+def _output(view: OperatorView, moment: Instant, width: int) -> Text:
     state, style = _output_state(view, moment.reading)
     place = view.place.removeprefix(view.session)
     left = Text.assemble((f" {state} ", style), visible(place))
@@ -225,7 +222,7 @@ def _output_state(view: OperatorView, reading: Reading | None) -> tuple[str, str
     return ("OUTPUT ON", "bold white on red") if reading.output else ("OUTPUT OFF", "bold green")
 
 
-def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
+def _bars(view: OperatorView, moment: Instant, width: int) -> list[Text]:
     """Return a line each for amplitude, frequency, monitor, force and place, and for friction."""
     reading, aim, rig = moment.reading, view.aim, view.rig
     driven = reading if reading is not None and reading.output else None
@@ -259,7 +256,7 @@ def _bars(view: OperatorView, moment: Moment, width: int) -> list[Text]:
     return lines
 
 
-def _finger(view: OperatorView, moment: Moment) -> tuple[float | None, float | None]:
+def _finger(view: OperatorView, moment: Instant) -> tuple[float | None, float | None]:
     """Return the finger's force and place during a touch; without a finger there is no place."""
     reading, forces, force_n, position_m = moment.reading, moment.forces, None, None
     # The recorded forces are newer than those of a poll, and their zero is subtracted.
@@ -321,7 +318,7 @@ def _row(label: str, value: float | None, remark: str, scale: Scale, length: int
     return Text.assemble(f" {label:<10}", bar, (f" {figure:>9}", "bold"), f"  {remarks}")
 
 
-def _facts(frame: Frame, moment: Moment) -> list[Text]:
+def _facts(frame: Frame, moment: Instant) -> list[Text]:
     view = frame.view
     until = f"until {moment.until}" if view.left_s > 0 else ""
     minutes, seconds = divmod(int(moment.elapsed_s), 60)
@@ -397,7 +394,7 @@ def _alert(frame: Frame) -> Text:
     return alerts
 
 
-def _question(frame: Frame, moment: Moment, width: int) -> list[Text]:
+def _question(frame: Frame, moment: Instant, width: int) -> list[Text]:
     """Return the question, the note being typed or a new message, in at least two lines."""
     text = frame.question
     if frame.typed is not None:

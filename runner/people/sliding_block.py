@@ -194,7 +194,11 @@ class SlidingBlock(screens.Participant):
                 self._draw(screen)
             # A session that is stopped in the middle of a pass shows no end of the touch.
             case screens.Notice(text="touch.end" | "stopped"):
-                self._lift()
+                if self.finger is not None:
+                    self.finger.lift()
+                if self._drawn:
+                    self._drawn = False
+                    self.operator.notify(self.plot.end(driven=self._pass.touches[0].voltage_v > 0))
 
     def _draw(self, screen: screens.LeadIn | screens.Pacing) -> None:
         """Begin a pass, or with a lead-in the wait before it."""
@@ -214,13 +218,6 @@ class SlidingBlock(screens.Participant):
             # 0 during the lead-in: the block rests at its start.
             speed_m_s = abs(screen.end_m - screen.start_m) / duration_s
             self.finger.touch(self.load_n, screen.start_m, direction, speed_m_s)
-
-    def _lift(self) -> None:
-        if self.finger is not None:
-            self.finger.lift()
-        if self._drawn:
-            self._drawn = False
-            self.operator.notify(self.plot.end(driven=self._pass.touches[0].voltage_v > 0))
 
     def progress(self, number: int, total: int) -> None:
         """Note which pass comes next: they are made in the order of the plan."""

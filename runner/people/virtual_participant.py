@@ -21,7 +21,6 @@ from device.people.person import People, Person, uniforms
 from protocol.errors import WorkFailed
 from protocol.study import study_question
 from protocol.study.study import Study
-from protocol.study.touch import Mark
 from protocol.study.track import Find
 from runner import screens
 from runner.clock import Clock
@@ -127,7 +126,12 @@ class VirtualParticipant(screens.Participant):
         self._screen = screen
         if isinstance(screen, screens.Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
-            self._touches.append(self._begun(screen.mark))
+            u = self._numbers("touches", answering.TOUCH_NUMBERS)
+            way = answering.course(self._people, u, screen.mark)
+            if self.slips():
+                way = replace(way, force_n=2 * way.force_n)
+            tremor = self._tremor if self.person.tremor else None
+            self._touches.append(_Touch(self.control, way, tremor))
             self._touches[-1].go_on(0.0)
         elif isinstance(screen, screens.Notice) and screen.text == "touch.end":
             self.control.lift()
@@ -205,13 +209,6 @@ class VirtualParticipant(screens.Participant):
 
     def _seconds(self, purpose: str) -> float:
         return round(self._streams[purpose].uniform(0.4, 2), 3)
-
-    def _begun(self, mark: Mark) -> _Touch:
-        u = self._numbers("touches", answering.TOUCH_NUMBERS)
-        way = answering.course(self._people, u, mark)
-        if self.slips():
-            way = replace(way, force_n=2 * way.force_n)
-        return _Touch(self.control, way, self._tremor if self.person.tremor else None)
 
     def _tremor(self) -> float:
         return max(1 + self._streams["tremor"].gauss(0, self.person.tremor), _LEAST_FORCE)

@@ -68,8 +68,8 @@ def _search_of(path: Path) -> Callable[[Path, str], bool] | None:
         start = file.read(len(_DATABASE))
     if start == _DATABASE:
         return _journal_holds
-    if start.startswith(_LOG):
-        return _log_holds
+    if start.startswith(_LOG):  # a longer name with this end is found, too
+        return lambda log, participant: f"{participant}/".encode() in log.read_bytes()
     return _names if path.suffix in _TEXTS | _TABLES else None
 
 
@@ -82,11 +82,6 @@ def _journal_holds(path: Path, participant: str) -> bool:
             if parsed_name(chain).participant == participant
             for link in journal.chain(chain)
         )
-
-
-def _log_holds(path: Path, participant: str) -> bool:
-    """Return whether a log names `participant`; a longer name with this end is found, too."""
-    return f"{participant}/".encode() in path.read_bytes()
 
 
 def _result(path: Path, study: Path) -> Path:

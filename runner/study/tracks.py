@@ -100,8 +100,7 @@ def volts_of(
 def solved_volts(study: Study, rig: Calibration) -> dict[str, tuple[float, ...]]:
     """Return the voltages of the levels of each track on the axis of contrast, by its name.
 
-    Raises:
-        BadInput: a contrast cannot be reached on this rig.
+    Raise `BadInput` if a contrast cannot be reached on this rig.
     """
     found = {}
     for number, track in enumerate(study.track):

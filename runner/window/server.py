@@ -252,17 +252,14 @@ class WindowServer:
         while True:
             self._take_inputs()
             left_s = self._due_s - self.now_s()
-            message = self._message(min(max(left_s, 0.0), _SLICE_S))
-            if message is not None:
+            wait_s = min(max(left_s, 0.0), _SLICE_S)
+            try:
+                message = self.mailbox.get(wait_s > 0, wait_s)
+            except queue.Empty:
+                if left_s <= 0 or self.canvas.closed:
+                    return None
+            else:
                 return self._obey(message)
-            if left_s <= 0 or self.canvas.closed:
-                return None
-
-    def _message(self, wait_s: float) -> Mapping[str, Any] | None:
-        try:
-            return self.mailbox.get(timeout=wait_s) if wait_s else self.mailbox.get_nowait()
-        except queue.Empty:
-            return None
 
     def _obey(self, message: Mapping[str, Any]) -> None:
         match message:

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from device.drivers.driver import Reading
 from runner.people.operator_console import Frame
-from runner.people.operator_screen import Moment, screen_lines
+from runner.people.operator_screen import Instant, screen_lines
 from runner.screens import Aim
 from tests.runner.views import view
 
@@ -40,7 +40,7 @@ LOG = (
 
 def picture() -> str:
     """Return the screen as SVG, with the reader's own font."""
-    moment = Moment(
+    moment = Instant(
         reading=READING, now_s=100.0, said_s=99.0, elapsed_s=52, clock="14:03:22", until="14:05"
     )
     console = Console(record=True, width=100, file=io.StringIO(), force_terminal=True)

@@ -14,7 +14,7 @@ from rich.console import Console, Group
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
 from runner.people.operator_console import Frame
-from runner.people.operator_screen import LiveDisplay, Moment, screen_lines
+from runner.people.operator_screen import Instant, LiveDisplay, screen_lines
 from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim, PlanLine
 from tests.runner.views import plan, view
@@ -39,13 +39,13 @@ ON = Reading(
 )
 
 
-def moment(reading: Reading | None = ON, now_s: float = 100.0) -> Moment:
-    return Moment(
+def moment(reading: Reading | None = ON, now_s: float = 100.0) -> Instant:
+    return Instant(
         reading=reading, now_s=now_s, said_s=99.0, elapsed_s=250, clock="14:03:22", until="14:05"
     )
 
 
-def lines(frame: Frame, now: Moment | None = None, width: int = 80, height: int = 24) -> list[str]:
+def lines(frame: Frame, now: Instant | None = None, width: int = 80, height: int = 24) -> list[str]:
     return [line.plain for line in screen_lines(frame, now or moment(), width, height)]
 
 

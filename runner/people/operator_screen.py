@@ -373,10 +373,11 @@ def _plan(view: OperatorView, rows: int, width: int) -> list[Text]:
 
 def _log(messages: Iterable[tuple[str, str]], width: int, rows: int) -> list[Text]:
     """Return the last messages, wrapped, oldest first."""
-    lines: list[Text] = []
-    for at, message in messages:
-        for number, part in enumerate(_wrapped(visible(message), max(width - 9, 8))):
-            lines.append(Text(f"{at if number == 0 else '':<9}{part}"))
+    lines = [
+        Text(f"{at if number == 0 else '':<9}{part}")
+        for at, message in messages
+        for number, part in enumerate(_wrapped(visible(message), max(width - 9, 8)))
+    ]
     return lines[-rows:] if rows > 0 else []
 
 

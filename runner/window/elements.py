@@ -7,9 +7,9 @@ import unicodedata
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal
 
 CANVAS = (800.0, 600.0)
 
@@ -202,8 +202,7 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
     if text_width(text.rstrip(), size) <= width:
         return (text.strip(),)
     cuts = [at for at, (left, right) in enumerate(pairwise(text), start=1) if _breaks(left, right)]
-    texts = [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
-    pieces = [_Piece(part, _thousandths(part), _thousandths(part.rstrip())) for part in texts]
+    pieces = [text[start:end] for start, end in pairwise([0, *cuts, len(text)])]
 
     def lines(halves: int) -> tuple[str, ...]:
         return _filled(pieces, (width - halves * size / 2) * 1000 / (size * ROUNDING))
@@ -214,28 +213,19 @@ def wrapped(text: str, size: float, width: float) -> tuple[str, ...]:
     return lines(bisect_right(narrower, fewest, key=lambda halves: len(lines(halves))))
 
 
-class _Piece(NamedTuple):
-    """An unbreakable part of a text and its width in thousandths of an em."""
-
-    text: str
-    advance: int
-    ink: int
-    """Width without trailing space."""
-
-
-def _filled(pieces: list[_Piece], box: float) -> tuple[str, ...]:
+def _filled(pieces: list[str], box: float) -> tuple[str, ...]:
     """Return lines filled with as many pieces as fit; `box` in thousandths of an em."""
     lines, taken = [""], 0
     for piece in pieces:
-        if lines[-1] and taken + piece.ink > box:
-            lines.append(piece.text)
-            taken = piece.advance
-        else:
-            lines[-1] += piece.text
-            taken += piece.advance
+        if lines[-1] and taken + _thousandths(piece.rstrip()) > box:
+            lines.append("")
+            taken = 0
+        lines[-1] += piece
+        taken += _thousandths(piece)
     return tuple(line.strip() for line in lines)
 
 
+@lru_cache(maxsize=4096)  # the same words are measured for each width that is tried
 def _thousandths(text: str) -> int:
     return sum(map(_advance, text))
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, product
 
 from protocol.errors import BadInput, Path, Problem
 from protocol.study import participant_texts
@@ -44,11 +44,8 @@ def foreseen(study: Study, consent: str | None) -> tuple[screens.Screen, ...]:
         *(screens.Notice(text=text) for text in (*_NOTICES, *(_FEEDBACK if tells else ()))),
     ]
     for cue in cues:
-        shown += [
-            screens.Instruction(text=cue.text, touch=cue.touch),
-            screens.lead_in(cue, study.touch),
-            cue,
-        ]
+        before = screens.Instruction(text=cue.text, touch=cue.touch)
+        shown += [before, screens.lead_in(cue, study.touch), cue]
     shown += [
         *(screens.ask_change(item.question) for item in items if item.question is not None),
         *(screens.ask_track(track.found, track.intervals) for track in study.track),
@@ -88,14 +85,11 @@ def misfits(
 ) -> Iterator[tuple[str, str]]:
     """Yield every text on what is `shown` that does not fit its place, once, and what to do."""
     seen = set()
-    for screen in shown:
-        for element in chain.from_iterable(page(screen, view, wording) for view in _VIEWS):
-            if isinstance(element, Text) and element.text not in seen and not fits(element):
-                seen.add(element.text)
-                yield (
-                    element.text,
-                    f"shorten it from {len(element.text)} characters to about {room(element)}",
-                )
+    for element in chain.from_iterable(page(*at, wording) for at in product(shown, _VIEWS)):
+        if isinstance(element, Text) and element.text not in seen and not fits(element):
+            text = element.text
+            seen.add(text)
+            yield text, f"shorten it from {len(text)} characters to about {room(element)}"
 
 
 def fit_problems(study: Study) -> Iterator[Problem]:

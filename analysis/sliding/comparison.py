@@ -1,26 +1,17 @@
 """Every friction law and rung beside the measured friction: Fig 16 redrawn, with error measures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
-from analysis.sliding.rig_model import (
-    MODE,
-    Course,
-    Curve,
-    Group,
-    Noise,
-    Places,
-    RigProperties,
-    Setting,
-    friction_along,
-    whitened,
-)
+from analysis.sliding import rig_model
+from analysis.sliding.rig_model import MODE, Course, Curve, Repeats, RigProperties, Setting
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import MODAL_RUNGS, SEGMENTED_RUNGS, TOP_RUNG, rung_resonance_hz
@@ -46,6 +37,7 @@ _REACH_M = 4e-3
 """How far the passes may move an extreme; further, it is nearer to the next one of its kind."""
 _MARGIN_M = 2e-3
 """An extreme closer to an end of the path is not looked for: one of its sides is missing."""
+_LEAST_BINS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,30 +69,32 @@ Shape = tuple[FloatArray, FloatArray]
 def _shape(setting: Setting, ends_m: Interval, rig: RigProperties, spread_m: float) -> Shape:
     """Return a fine grid and the rig's friction there, as bins see it."""
     x_m = np.asarray(np.arange(ends_m[0], ends_m[1] + GRID_M / 2, GRID_M), dtype=np.float64)
-    return x_m, friction_along(Places.along([setting], [x_m], [spread_m]), [rig])[0]
+    places = rig_model.Places.along([setting], [x_m], [spread_m])
+    return x_m, rig_model.friction_along(places, [rig])[0]
 
 
-def extremes(group: Group, rig: RigProperties, noise: Noise) -> tuple[Extreme, ...]:
+def extremes(repeats: Repeats, rig: RigProperties, noise: rig_model.Noise) -> tuple[Extreme, ...]:
     """Return the extremes of repeated passes with the drive on, from left to right."""
-    setting, courses = group
+    setting, courses = repeats
     low_m = min(float(one.x_m.min()) for one in courses)
     high_m = max(float(one.x_m.max()) for one in courses)
     length_m = rig.beam().length_m
     ends = max(low_m - _REACH_M - _AROUND_M, GRID_M), min(high_m + _REACH_M + _AROUND_M, length_m)
     x_m, mu = _shape(setting, ends, rig, 0.0)
     shape = _shape(setting, ends, rig, float(np.mean([one.spread_m for one in courses])))
-    kinds: tuple[Kind, ...] = ("trough", "peak")
     found = [
-        _located(group, shape, noise, kind, float(place))
-        for kind in kinds
+        _located(repeats, shape, noise, kind, float(place))
+        for kind in get_args(Kind)
         for place in turning_places(x_m, mu, kind)
         if low_m + _MARGIN_M <= place <= high_m - _MARGIN_M
     ]
     return tuple(sorted(found, key=lambda one: one.expected_m))
 
 
-def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: float) -> Extreme:
-    setting, courses = group
+def _located(
+    repeats: Repeats, shape: Shape, noise: rig_model.Noise, kind: Kind, expected_m: float
+) -> Extreme:
+    setting, courses = repeats
     near = [it for one in courses if (it := _near(one, expected_m)).x_m.size >= _LEAST_BINS]
     steps = np.asarray(np.arange(-_REACH_M, _REACH_M + GRID_M / 2, GRID_M), dtype=np.float64)
     place_m: float | NotEstimable = NotEstimable("too few samples near it")
@@ -126,9 +120,6 @@ def _located(group: Group, shape: Shape, noise: Noise, kind: Kind, expected_m: f
     )
 
 
-_LEAST_BINS = 6
-
-
 def _near(one: Course, place_m: float) -> Course:
     kept = np.abs(one.x_m - place_m) <= _AROUND_M
     by_bin = {name: getattr(one, name)[kept] for name in ("bin", "x_m", "t_s", "mu", "count")}
@@ -136,17 +127,16 @@ def _near(one: Course, place_m: float) -> Course:
 
 
 def _squares(
-    near: Sequence[Course], shape: Shape, noise: Noise, steps: FloatArray
+    near: Sequence[Course], shape: Shape, noise: rig_model.Noise, steps: FloatArray
 ) -> tuple[FloatArray, int]:
     """Return the least sum of squares of each shift, and the number of bins."""
-    white_mu, white_shapes, white_ones = [], [], []
+    white = []
     for one in near:
         factor = noise.factor(one, np.interp(one.x_m, *shape))
         shapes = np.interp(one.x_m[:, None] - steps, *shape)
-        white_mu.append(whitened(factor, one.mu))
-        white_ones.append(whitened(factor, np.ones(one.x_m.size)))
-        white_shapes.append(whitened(factor, shapes))
-    mu, ones, shapes = (np.concatenate(part) for part in (white_mu, white_ones, white_shapes))
+        parts = one.mu, np.ones(one.x_m.size), shapes
+        white.append([rig_model.whitened(factor, part) for part in parts])
+    mu, ones, shapes = (np.concatenate(part) for part in zip(*white, strict=True))
     level = ones / np.linalg.norm(ones)
     mu = mu - level * (level @ mu)
     shapes = shapes - np.outer(level, level @ shapes)
@@ -155,7 +145,7 @@ def _squares(
     return np.asarray(mu @ mu - swing**2 / size), mu.size
 
 
-RUNGS = (*MODAL_RUNGS, *SEGMENTED_RUNGS)
+COMPARED_RUNGS = (*MODAL_RUNGS, *SEGMENTED_RUNGS)
 PAPER_HZ = 23_200.0
 _MM = 1e3
 _FINE = 4
@@ -186,13 +176,12 @@ def predicted(
     """Return μ' at places, shape (n,), as a law on a rung predicts it for a rig."""
     beam = rig.beam()
     own_hz = rung_resonance_hz(rung, beam, MODE)
-    structure = Structure(
-        beam=beam,
-        body_height_m=max(rig.body_height_m, 0.0),
-        friction_coefficient=rig.friction_coefficient,
-    )
     scene = Scene(
-        structure=structure,
+        structure=Structure(
+            beam=beam,
+            body_height_m=max(rig.body_height_m, 0.0),
+            friction_coefficient=rig.friction_coefficient,
+        ),
         drive=Drive(
             voltage_v=setting.voltage_v * rig.gain,
             frequency_hz=setting.frequency_hz / rig.resonance_hz * own_hz,
@@ -214,22 +203,16 @@ def mismatches(
     """Return the mismatch of each law on each rung, for the paper's rig and for the fitted one."""
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
     return tuple(
-        _mismatch(driven, located, rig, law, rung, fitted=rig is fitted)
-        for law in LAWS
-        for rung in RUNGS
-        for rig in (paper, fitted)
+        Mismatch(
+            law=law, rung=rung, fitted=rig is fitted, **_errors(driven, located, rig, law, rung)
+        )
+        for law, rung, rig in product(LAWS, COMPARED_RUNGS, (paper, fitted))
     )
 
 
-def _mismatch(
-    curves: Sequence[Curve],
-    located: Sequence[Extreme],
-    rig: RigProperties,
-    law: str,
-    rung: str,
-    *,
-    fitted: bool,
-) -> Mismatch:
+def _errors(
+    curves: Sequence[Curve], located: Sequence[Extreme], rig: RigProperties, law: str, rung: str
+) -> dict[str, float]:
     off: list[FloatArray] = []
     distances: list[float] = []
     for curve in curves:
@@ -242,14 +225,11 @@ def _mismatch(
                 if places.size:
                     distances.append(float(np.abs(places - one.place_m).min()))
     difference = np.concatenate(off)
-    return Mismatch(
-        law=law,
-        rung=rung,
-        fitted=fitted,
-        rmse=float(np.sqrt(np.mean(difference**2))),
-        mean_absolute=float(np.mean(np.abs(difference))),
-        places_m=float(np.mean(distances)) if distances else float("nan"),
-    )
+    return {
+        "rmse": float(np.sqrt(np.mean(difference**2))),
+        "mean_absolute": float(np.mean(np.abs(difference))),
+        "places_m": float(np.mean(distances)) if distances else float("nan"),
+    }
 
 
 def figure_panels(
@@ -263,31 +243,31 @@ def figure_panels(
     papers = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - PAPER_HZ))
     resonant = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - fitted.resonance_hz))
     rungs = ("eq15", "far-field", "mode", "euler-patched", "timoshenko", TOP_RUNG)
-    laws = [(law, law, TOP_RUNG) for law in LAWS]
-    best = [("fitted rig", "consistent", TOP_RUNG)]
     return (
-        *(_panel(curve, "laws", nominal, laws) for curve in dict.fromkeys((papers, resonant))),
-        _panel(resonant, "rungs", nominal, [(rung, "consistent", rung) for rung in rungs]),
-        *(_panel(curve, "fitted", fitted, best) for curve in driven),
+        *(
+            _panel(curve, "laws", nominal, {law: (law, TOP_RUNG) for law in LAWS})
+            for curve in dict.fromkeys((papers, resonant))
+        ),
+        _panel(resonant, "rungs", nominal, {rung: ("consistent", rung) for rung in rungs}),
+        *(
+            _panel(curve, "fitted", fitted, {"fitted rig": ("consistent", TOP_RUNG)})
+            for curve in driven
+        ),
     )
 
 
 def _panel(
-    curve: Curve, what: str, rig: RigProperties, lines: Sequence[tuple[str, str, str]]
+    curve: Curve, what: str, rig: RigProperties, lines: Mapping[str, tuple[str, str]]
 ) -> Panel:
-    """Return a measured curve beside predictions: the label, law and rung of each."""
+    """Return a measured curve beside predictions: law and rung by label."""
     own, x_m = curve.setting, _fine_m(curve)
     measured = Series(label="measured", x=_MM * curve.x_m, y=curve.mu, error=curve.error)
     series = [
-        Series(label=label, x=_MM * x_m, y=predicted(own, rig, law, rung, x_m))
-        for label, law, rung in lines
+        Series(label=label, x=_MM * x_m, y=predicted(own, rig, *of, x_m))
+        for label, of in lines.items()
     ]
-    return Panel(
-        title=f"{own.voltage_v:g} V, {own.frequency_hz:.0f} Hz, to the {own.direction}: {what}",
-        x_label="x, mm",
-        y_label="μ'",
-        series=(measured, *series),
-    )
+    title = f"{own.voltage_v:g} V, {own.frequency_hz:.0f} Hz, to the {own.direction}: {what}"
+    return Panel(title=title, x_label="x, mm", y_label="μ'", series=(measured, *series))
 
 
 def _fine_m(curve: Curve) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class SlidingFindings:
     fit: RigFit
 
     @cached_property
-    def groups(self) -> list[rig_model.Group]:
+    def repeats(self) -> list[rig_model.Repeats]:
         """Repeated passes together."""
         return rig_model.grouped(self.courses)
 
@@ -76,20 +76,20 @@ class SlidingFindings:
     def curves(self) -> tuple[rig_model.Curve, ...]:
         """Mean friction by place under each setting."""
         means = {id(one): mean for one, mean in zip(self.courses, self.fit.means, strict=True)}
-        noise = self.fit.noise
+        covariance = self.fit.noise.covariance
         return tuple(
             rig_model.mean_curve(
-                group, [np.diag(noise.covariance(one, means[id(one)])) for one in group[1]]
+                each, [np.diag(covariance(one, means[id(one)])) for one in each[1]]
             )
-            for group in self.groups
+            for each in self.repeats
         )
 
     @cached_property
     def extremes(self) -> tuple[Extreme, ...]:
         """Troughs and peaks of each driven setting."""
-        driven = [group for group in self.groups if group[0].voltage_v > 0]
+        driven = [each for each in self.repeats if each[0].voltage_v > 0]
         return tuple(
-            found for group in driven for found in extremes(group, self.fit.rig, self.fit.noise)
+            found for each in driven for found in extremes(each, self.fit.rig, self.fit.noise)
         )
 
     @cached_property
@@ -136,9 +136,8 @@ class SlidingFindings:
             if isinstance(found, NotEstimable):
                 rows.append([label, "not determined", found.reason])
                 continue
-            value, low, high = (
-                f"{factor * number:.5g}" for number in (found.value, *found.interval)
-            )
+            numbers = (found.value, *found.interval)
+            value, low, high = (f"{factor * number:.5g}" for number in numbers)
             rows.append([label, value + unit, f"{low} to {high}{unit}"])
         unknown = ALWAYS_UNKNOWN.values()
         return [*rows, *([label, "not determined", why] for label, why in unknown)]
@@ -150,28 +149,23 @@ class SlidingFindings:
 
     def mismatch_lines(self) -> list[list[str]]:
         """Return a header and a row per law, rung and rig."""
-        header = ["law", "rung", "rig", "rms", "mean |difference|", "places, mm"]
-        rows = [
-            [
-                one.law,
-                one.rung,
-                "fitted" if one.fitted else "paper's",
-                f"{one.rmse:.4f}",
-                f"{one.mean_absolute:.4f}",
-                f"{1e3 * one.places_m:.2f}",
-            ]
-            for one in self.mismatches
-        ]
-        return [header, *rows]
+        rows = [["law", "rung", "rig", "rms", "mean |difference|", "places, mm"]]
+        for one in self.mismatches:
+            rig = "fitted" if one.fitted else "paper's"
+            errors = f"{one.rmse:.4f}", f"{one.mean_absolute:.4f}", f"{1e3 * one.places_m:.2f}"
+            rows.append([one.law, one.rung, rig, *errors])
+        return rows
 
 
 def _extreme_row(one: Extreme) -> list[str]:
     own = one.setting
-    row = [f"{own.frequency_hz:.0f}", own.direction, one.kind]
     if isinstance(one.place_m, NotEstimable) or one.interval_m is None:
-        return [*row, "-", str(getattr(one.place_m, "reason", "")), f"{1e3 * one.expected_m:.2f}"]
-    low, high = (f"{1e3 * end:.2f}" for end in one.interval_m)
-    return [*row, f"{1e3 * one.place_m:.2f}", f"{low} to {high}", f"{1e3 * one.expected_m:.2f}"]
+        place = "-", str(getattr(one.place_m, "reason", ""))
+    else:
+        low, high = (f"{1e3 * end:.2f}" for end in one.interval_m)
+        place = f"{1e3 * one.place_m:.2f}", f"{low} to {high}"
+    fitted = f"{1e3 * one.expected_m:.2f}"
+    return [f"{own.frequency_hz:.0f}", own.direction, one.kind, *place, fitted]
 
 
 def data_digest(passes: Sequence[rig_model.Pass]) -> str:
@@ -209,7 +203,6 @@ def sliding_findings(
 
 # The passes of a sliding experiment as the journal has them, less what the analysis leaves out.
 
-Zero = tuple[float, float]
 _LEAST_M = 6 * rig_model.BIN_M
 _SMOOTH_S = 0.05
 
@@ -241,13 +234,6 @@ class DrawnSession:
     idn: str
 
 
-@dataclass(kw_only=True)
-class _Attempt:
-    index: int
-    commanded: CommandedDrive | None = None
-    recorded: Recording | None = None
-
-
 def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     """Return the sliding experiment whose events these are.
 
@@ -266,14 +252,16 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     assert texts[-1] is not None, "every build that slides records the study"
     slide = parsed_study(texts[-1]).slide
     found, left_out = [], []
-    for attempt, zero in _attempts(records):
-        made = _pass(attempt, slide, str(planned[attempt.index].touches[0]["direction"]), zero)
-        if why := excluded.get(attempt.index, made if isinstance(made, str) else None):
-            left_out.append((attempt.index, why))
+    for attempt in _attempts(records):
+        index = attempt.index
+        made = _pass(attempt, slide, str(planned[index].touches[0]["direction"]))
+        if why := excluded.get(index, made if isinstance(made, str) else None):
+            left_out.append((index, why))
         elif isinstance(made, rig_model.Pass):
-            drive = str(planned[attempt.index].condition)
-            found.append(PlannedPass(index=attempt.index, drive=drive, made=made))
+            drive = str(planned[index].condition)
+            found.append(PlannedPass(index=index, drive=drive, made=made))
     resonances = [record for record in records if isinstance(record, journal.ResonanceMeasured)]
+    armed = [record for record in records if isinstance(record, journal.DeviceArmed)]
     if not found or not resonances:
         raise BadInput(f"slide/{opened.session}: no pass has been made that counts")
     return DrawnSession(
@@ -283,32 +271,37 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
         passes=tuple(found),
         left_out=tuple(left_out),
         resonance=resonances[-1],
-        idn=next(
-            (each.idn for each in reversed(records) if isinstance(each, journal.DeviceArmed)), ""
-        ),
+        idn=armed[-1].idn if armed else "",
     )
 
 
-def _attempts(records: Sequence[object]) -> Iterator[tuple[_Attempt, Zero]]:
+class _Attempt(NamedTuple):
+    index: int
+    commanded: CommandedDrive | None
+    recorded: Recording | None
+    zero: tuple[float, float]
+
+
+def _attempts(records: Sequence[object]) -> Iterator[_Attempt]:
     """Yield every pass that was made to its end, with its zero or the last one before it."""
-    attempt, zero = _Attempt(index=-1), (0.0, 0.0)
+    index, commanded, recorded, zero = -1, None, None, (0.0, 0.0)
     for record in records:
         match record:
-            case journal.TrialStarted(index=index):
-                attempt = _Attempt(index=index)
-            case journal.TouchStarted(commanded=commanded):
-                attempt.commanded = commanded
+            case journal.TrialStarted():
+                index, commanded, recorded = record.index, None, None
+            case journal.TouchStarted():
+                commanded = record.commanded
             case journal.TouchRecorded():
-                attempt.recorded = record
+                recorded = record
                 if record.tare_n is not None:
                     zero = record.tare_n[0], record.tare_n[1]
             case journal.Answered():
-                yield attempt, zero
+                yield _Attempt(index, commanded, recorded, zero)
 
 
-def _pass(attempt: _Attempt, slide: Slide, direction: str, zero: Zero) -> rig_model.Pass | str:
+def _pass(attempt: _Attempt, slide: Slide, direction: str) -> rig_model.Pass | str:
     """Return the pass while the mark moved and the block was on the beam, or why there is none."""
-    recorded, commanded = attempt.recorded, attempt.commanded
+    _, commanded, recorded, zero = attempt
     if recorded is None or commanded is None:
         return "nothing was recorded"
     try:

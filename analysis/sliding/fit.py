@@ -15,7 +15,7 @@ from scipy.stats import f as f_distribution
 
 from analysis.estimates import LEVEL, Estimate, FloatArray, NotEstimable
 from analysis.sliding import rig_model
-from analysis.sliding.rig_model import slopes
+from analysis.sliding.rig_model import PATCHES, slopes
 
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction_coefficient": (0.1, 1.5),
@@ -23,7 +23,7 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
     "damping_ratio": (0.25, 2.5),
     "gain": (0.25, 1.5),
     "body_height_m": (0.25, 0.3),
-    "patch_centre_m": (0.0015, 0.008),
+    PATCHES: (0.0015, 0.008),
 }
 """Largest standard error of a property that counts as determined: relative (of the body height:
 relative to the tip's lever), for the patches' place in m. And how far it is searched on either side
@@ -62,15 +62,9 @@ def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProper
     `courses` are driven passes, and with the output off. The search begins at `nominal`, whose
     resonance is the measured one.
     """
-    problem = _Problem(courses=tuple(courses), nominal=nominal)
-    found, given_up = rig_model.coordinates(nominal), dict[str, NotEstimable]()
-    fit = _Fit(
-        problem=problem,
-        noise=rig_model.Noise(),
-        means=problem.seen,
-        found=found,
-        free=rig_model.PROPERTIES,
-    )
+    problem, given_up = _Problem(tuple(courses), nominal), dict[str, NotEstimable]()
+    seen, found = tuple(one.mu for one in courses), rig_model.coordinates(nominal)
+    fit = _Fit(problem, rig_model.Noise(), seen, found, rig_model.PROPERTIES)
     for _ in range(_NOISES):
         fit = fit.kept(given_up).best()
         means = problem.split(fit.friction(fit.found))
@@ -87,7 +81,7 @@ def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProper
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Problem:
     courses: tuple[rig_model.Course, ...]
     nominal: rig_model.RigProperties
@@ -97,25 +91,15 @@ class _Problem:
         settings, x_m = zip(*((one.setting, one.x_m) for one in self.courses), strict=True)
         return rig_model.Places.along(settings, x_m, [one.spread_m for one in self.courses])
 
-    @property
-    def seen(self) -> tuple[FloatArray, ...]:
-        return tuple(one.mu for one in self.courses)
-
     def split(self, values: FloatArray) -> tuple[FloatArray, ...]:
         ends = np.cumsum([one.x_m.size for one in self.courses])[:-1]
         return tuple(np.split(values, ends))
 
-    def detuning(self) -> float:
-        """Return how far the nearest drive is from the resonance, relative to it."""
-        own_hz = self.nominal.resonance_hz
-        driven = [one.setting for one in self.courses if one.setting.voltage_v > 0]
-        return min((abs(one.frequency_hz / own_hz - 1) for one in driven), default=np.inf)
+
+_PATCH = rig_model.PROPERTIES.index(PATCHES)
 
 
-_PATCH = rig_model.PROPERTIES.index("patch_centre_m")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Fit:
     """A least-squares problem under one noise, and its best coordinates so far.
 
@@ -146,18 +130,23 @@ class _Fit:
 
     @cached_property
     def seen(self) -> FloatArray:
-        return self.white(np.concatenate(self.problem.seen))
+        return self.white(np.concatenate([one.mu for one in self.problem.courses]))
 
     @cached_property
     def patch_slope(self) -> FloatArray:
-        return np.asarray(slopes(self.problem.places, self.found, ["patch_centre_m"])[:, 0])
+        return np.asarray(slopes(self.problem.places, self.found, [PATCHES])[:, 0])
+
+    def here(self, at: FloatArray) -> FloatArray:
+        """Return coordinates with the patches where those of `found` are."""
+        here = at.copy()
+        here[_PATCH] = self.found[_PATCH]
+        return here
 
     def friction(self, at: FloatArray) -> FloatArray:
         """Return friction at some coordinates."""
-        here = at.copy()
-        here[_PATCH] = self.found[_PATCH]
-        friction = rig_model.friction_along(self.problem.places, [rig_model.rig_at(here)])[0]
-        step = at[_PATCH] - here[_PATCH]
+        rig = rig_model.rig_at(self.here(at))
+        friction = rig_model.friction_along(self.problem.places, [rig])[0]
+        step = at[_PATCH] - self.found[_PATCH]
         return np.asarray(friction + step * self.patch_slope if step else friction)
 
     def residual(self, at: FloatArray) -> FloatArray:
@@ -165,13 +154,11 @@ class _Fit:
 
     def slopes(self, at: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals by the free coordinates."""
-        here = at.copy()
-        here[_PATCH] = self.found[_PATCH]
-        tuned = [name for name in self.free if name != "patch_centre_m"]
-        found = slopes(self.problem.places, here, tuned)
-        if "patch_centre_m" in self.free:
-            found = np.column_stack([found, self.patch_slope])
-        return self.white(found)
+        tuned = [name for name in self.free if name != PATCHES]
+        found = slopes(self.problem.places, self.here(at), tuned)
+        # The patches' place is the last of the properties.
+        own = [self.patch_slope] * (PATCHES in self.free)
+        return self.white(np.column_stack([found, *own]))
 
     def whole(self, part: FloatArray) -> FloatArray:
         """Return all coordinates from the free ones."""
@@ -183,17 +170,10 @@ class _Fit:
         """Return the fit at the least-squares coordinates."""
         middle = rig_model.coordinates(self.problem.nominal)[self.which]
         reach = np.array([_REACH[name] for name in self.free])
-
-        def residual(part: FloatArray) -> FloatArray:
-            return self.residual(self.whole(part))
-
-        def slope(part: FloatArray) -> FloatArray:
-            return self.slopes(self.whole(part))
-
         solved = least_squares(
-            residual,
+            lambda part: self.residual(self.whole(part)),
             np.clip(self.found[self.which], middle - 0.99 * reach, middle + 0.99 * reach),
-            jac=slope,
+            jac=lambda part: self.slopes(self.whole(part)),
             bounds=(middle - reach, middle + reach),
             x_scale=np.array([0.1 * LIMITS[name] for name in self.free]),
             xtol=1e-6,
@@ -216,21 +196,23 @@ class _Fit:
             worst = int(np.argmax(excess))
             if excess[worst] <= 1:
                 break
-            name = fit.free[worst]
+            name, number, found = fit.free[worst], fit.which[worst], fit.found.copy()
             given_up[name] = fit.reason(name, float(error[worst]), inverse)
-            found = fit.found.copy()
-            found[rig_model.PROPERTIES.index(name)] = nominal[rig_model.PROPERTIES.index(name)]
+            found[number] = nominal[number]
             free = tuple(each for each in fit.free if each != name)
             fit, slope = replace(fit, found=found, free=free), np.delete(slope, worst, axis=1)
         return fit
 
     def reason(self, name: str, error: float, inverse: FloatArray) -> NotEstimable:
         """Return why a property with that standard error is not determined."""
-        unit, factor = ("mm", 1e3) if name == "patch_centre_m" else ("%", 100.0)
+        unit, factor = ("mm", 1e3) if name == PATCHES else ("%", 100.0)
         known = f"over 1000 {unit}" if factor * error > 1000 else f"{factor * error:.2g} {unit}"
         text = f"its standard error would be {known}; {factor * LIMITS[name]:g} {unit} is due"
         if name == "damping_ratio":
-            nearest = 100 * self.problem.detuning()
+            own_hz = self.problem.nominal.resonance_hz
+            drives = [one.setting for one in self.problem.courses if one.setting.voltage_v > 0]
+            off = (abs(one.frequency_hz / own_hz - 1) for one in drives)
+            nearest = 100 * min(off, default=np.inf)
             text += f". The nearest drive is {nearest:.2g}% from the resonance"
             text += ", where friction hardly depends on the damping" if nearest > 1 else ""
         size = np.sqrt(np.diag(inverse))
@@ -294,19 +276,14 @@ class _Fit:
         # (9), mathematics/sliding
         part = offset * self.covariance[:, place] / self.covariance[place, place]
         at = self.whole(self.found[self.which] + part)
-        fit = self
-        if name == "patch_centre_m":
-            fit = replace(self, found=at)
-        others = [index for index in range(len(self.free)) if index != place]
-        pseudo = np.linalg.pinv(self.tangent[:, others])
-        rows = [self.which[index] for index in others]
-        least = np.inf
+        fit = replace(self, found=at) if name == PATCHES else self
+        pseudo = np.linalg.pinv(np.delete(self.tangent, place, axis=1))
+        others, least = np.delete(self.which, place), np.inf
         for _ in range(3):
             residual = fit.residual(at)
             deviance = float(residual @ residual)
             if deviance >= least:
                 break
-            least = deviance
-            at = at.copy()
-            at[rows] -= pseudo @ residual
+            least, at = deviance, at.copy()
+            at[others] -= pseudo @ residual
         return float(np.sqrt(max(least - self.least, 0.0)))

@@ -75,14 +75,12 @@ class SlidingResult:
         told = [row for row in rows if row[1] != _UNKNOWN]
         widths = [max(map(len, cells)) for cells in zip(header, *told, strict=True)]
         for row in (header, *told):
-            cells = zip(row, widths, strict=True)
-            yield "  ".join(cell.ljust(width) for cell, width in cells).rstrip()
+            yield "  ".join(map(str.ljust, row, widths)).rstrip()
         if unknown := [row[0] for row in rows if row[1] == _UNKNOWN]:
             yield f"Not told by these passes: {', '.join(unknown)} (the page says why)."
         for index, why in drawn.left_out:
             yield f"Left out: pass {index + 1}, {why}."
-        if len(drawn.passes) + len(drawn.left_out) < drawn.planned:
-            made = len(drawn.passes) + len(drawn.left_out)
+        if (made := len(drawn.passes) + len(drawn.left_out)) < drawn.planned:
             yield f"Unfinished: {made} of {drawn.planned} passes have been made."
         best = min(self.found.mismatches, key=lambda one: one.rmse)
         rig = "fitted rig" if best.fitted else "paper's rig"
@@ -115,17 +113,18 @@ class SlidingResult:
             "Measured resonance": f"{drawn.resonance.frequency_hz:.1f} Hz",
             "Digest of the passes (SHA-256)": found.data_sha256,
         }
+        made = [["pass", "drive", "frequency, Hz", "mean μ'"]] + [
+            [str(it.index + 1), it.drive, f"{it.made.frequency_hz:.1f}", f"{it.made.mu.mean():.4f}"]
+            for it in drawn.passes
+        ]
         left_out = [f"pass {index + 1}: {why}" for index, why in drawn.left_out]
+        models = _table("models", "Distance from measured friction", found.mismatch_lines())
+        passes = _table("passes", "Passes in the order in which they were made", made)
         blocks: dict[str, list[Block]] = {
             "The rig": [_table("rig", "What the passes tell of the rig", found.lines())],
             "Friction along the beam": [self._figure],
-            "Laws and rungs": [
-                _table("models", "Distance from measured friction", found.mismatch_lines())
-            ],
-            "Passes": [
-                _table("passes", "Passes in the order in which they were made", self._passes()),
-                Items(lines=left_out, heading="Left out"),
-            ],
+            "Laws and rungs": [models],
+            "Passes": [passes, Items(lines=left_out, heading="Left out")],
             "Where this comes from": [Definitions(entries=facts)],
         }
         sections = [
@@ -134,13 +133,6 @@ class SlidingResult:
         ]
         head = Masthead(title=f"Sliding experiment {drawn.session}", authors="", facts={})
         return rendered(head, notices, sections)
-
-    def _passes(self) -> list[list[str]]:
-        rows = [
-            [str(it.index + 1), it.drive, f"{it.made.frequency_hz:.1f}", f"{it.made.mu.mean():.4f}"]
-            for it in self.drawn.passes
-        ]
-        return [["pass", "drive", "frequency, Hz", "mean μ'"], *rows]
 
 
 def sliding_result(drawn: experiment.DrawnSession) -> SlidingResult:

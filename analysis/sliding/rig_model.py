@@ -124,11 +124,12 @@ def course(made: Pass) -> Course:
     )
 
 
-Group: TypeAlias = tuple[Setting, tuple[Course, ...]]
+Repeats: TypeAlias = tuple[Setting, tuple[Course, ...]]
+"""Passes that share a curve, and the setting of the slowest."""
 
 
-def grouped(courses: Iterable[Course]) -> list[Group]:
-    """Return repeated passes together, each group with the setting of its slowest pass."""
+def grouped(courses: Iterable[Course]) -> list[Repeats]:
+    """Return repeated passes together."""
 
     def key(one: Course) -> tuple[Any, ...]:
         return tuple(getattr(one.setting, name) for name in _DRAWN)
@@ -155,21 +156,19 @@ class Curve:
     error: FloatArray
 
 
-def mean_curve(group: Group, variances: Sequence[FloatArray]) -> Curve:
+def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> Curve:
     """Return the mean of repeated passes, each bin weighted by the inverse of its variance.
 
     `variances` are those of the bins of each pass.
     """
-    setting, courses = group
-    number = np.concatenate([one.bin for one in courses])
+    setting, courses = repeats
+    number, *by_bin = (
+        np.concatenate([getattr(one, name) for one in courses]) for name in ("bin", "x_m", "mu")
+    )
     weight = 1 / np.concatenate(list(variances))
     place = np.unique(number, return_inverse=True)[1]
     total = np.bincount(place, weights=weight)
-    x_m, mu = (
-        np.bincount(place, weights=weight * np.concatenate([getattr(one, name) for one in courses]))
-        / total
-        for name in ("x_m", "mu")
-    )
+    x_m, mu = (np.bincount(place, weights=weight * values) / total for values in by_bin)
     return Curve(
         setting=setting, passes=len(courses), x_m=x_m, mu=mu, error=np.asarray(total**-0.5)
     )
@@ -202,6 +201,8 @@ class RigProperties:
 
 
 PROPERTIES = tuple(entry.name for entry in fields(RigProperties))
+PATCHES = "patch_centre_m"
+"""The one property that changes the modes, which cost most."""
 HALF_THICKNESS_M = _STRUCTURE.beam.thickness_m / 2
 
 
@@ -210,18 +211,13 @@ def coordinates(rig: RigProperties) -> FloatArray:
 
     The body height counts from the beam's middle, where the tip's lever begins.
     """
-    return np.array([_coordinate(name, getattr(rig, name)) for name in PROPERTIES])
-
-
-def _coordinate(name: str, value: float) -> float:
-    if name == "patch_centre_m":
-        return value
-    return float(np.log(value + HALF_THICKNESS_M * (name == "body_height_m")))
+    found = vars(rig) | {"body_height_m": rig.body_height_m + HALF_THICKNESS_M}
+    return np.array([found[it] if it == PATCHES else np.log(found[it]) for it in PROPERTIES])
 
 
 def property_at(name: str, coordinate: float) -> float:
     """Return a property from its coordinate."""
-    if name == "patch_centre_m":
+    if name == PATCHES:
         return float(coordinate)
     return float(np.exp(coordinate)) - HALF_THICKNESS_M * (name == "body_height_m")
 
@@ -271,16 +267,12 @@ class Places:
     def about(self) -> "Places":
         """Return the places over which means are taken, `NODES` to each, as plain places."""
         x_m = (self.x_m[:, None] + self.spread_m[:, None] * NODES).ravel()
-        return Places(
-            settings=self.settings,
+        return replace(
+            self,
             of=np.repeat(self.of, NODES.size),
             x_m=np.clip(x_m, _LEAST_M, _STRUCTURE.beam.length_m),
             spread_m=np.zeros(x_m.size),
         )
-
-    def each(self, name: str) -> FloatArray:
-        """Return a number of the setting of each place."""
-        return np.array([getattr(one, name) for one in self.settings], dtype=np.float64)[self.of]
 
 
 def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
@@ -290,61 +282,61 @@ def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
     """
     if places.spread_m.any():
         return friction_along(places.about(), rigs).reshape(len(rigs), -1, NODES.size) @ _WEIGHTS
-    count = len(rigs)
-    terms = _terms(places, tuple(rigs))
-    lever = [HALF_THICKNESS_M + rig.body_height_m for rig in rigs]
-    gain = np.array([rig.gain for rig in rigs])[:, None]
+    terms = _terms(places, rigs)
+    numbers = [
+        (it.body_height_m + HALF_THICKNESS_M, it.gain, it.friction_coefficient) for it in rigs
+    ]
+    lever_m, gain, mu = np.array(numbers).T[..., None]
     # (2), mathematics/sliding
-    tip = gain * (np.array(lever)[:, None] / (HALF_THICKNESS_M + _STRUCTURE.body_height_m))
+    tip = gain * (lever_m / (HALF_THICKNESS_M + _STRUCTURE.body_height_m))
     scaled = replace(
         terms,
-        friction_coefficient=np.array([rig.friction_coefficient for rig in rigs])[:, None],
+        friction_coefficient=mu,
         relative_tip_speed=terms.relative_tip_speed * tip,
         inertial_ratio=terms.inertial_ratio * gain,
         printed_inertial_ratio=terms.printed_inertial_ratio * gain,
     )
-    return np.broadcast_to(law_by_name(LAW)(scaled), (count, places.x_m.size))
+    return np.broadcast_to(law_by_name(LAW)(scaled), (len(rigs), places.x_m.size))
 
 
-def _terms(places: Places, rigs: tuple[RigProperties, ...]) -> ContactTerms:
+def _terms(places: Places, rigs: Sequence[RigProperties]) -> ContactTerms:
     """Return the terms for a gain of 1 and the nominal body height, shape (rigs, places) each."""
-    first = rigs[0]
-    tuned = [(rig.resonance_hz, rig.damping_ratio) for rig in rigs]
+    tuned, settings = [(rig.resonance_hz, rig.damping_ratio) for rig in rigs], places.settings
     known = sorted(set(tuned))
-    row = np.array([known.index(each) for each in tuned])
-    scale = _resonance_hz(first.patch_centre_m)
-    frequency_hz = np.array(
-        [one.frequency_hz * scale / own_hz for own_hz, _ in known for one in places.settings]
-    )
-    damping = np.repeat([ratio for _, ratio in known], len(places.settings))
-    offsets = len(places.settings) * np.arange(len(known))[:, None]
-    drive = (offsets + places.of).ravel()
-    beam = replace(first.beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
-    size = len(known)
-    field = rungs.modal_sum_field(beam, drive, frequency_hz, damping)
+    row, size = [known.index(each) for each in tuned], len(known)
+
+    def tiled(name: str) -> FloatArray:
+        own = np.array([getattr(one, name) for one in settings], dtype=np.float64)
+        return np.tile(own[places.of], size)
+
+    scale = _resonance_hz(rigs[0].patch_centre_m)
+    frequency_hz = [one.frequency_hz * scale / own_hz for own_hz, _ in known for one in settings]
+    damping = np.repeat([ratio for _, ratio in known], len(settings))
+    drive = (len(settings) * np.arange(size)[:, None] + places.of).ravel()
+    beam = replace(rigs[0].beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
+    field = rungs.modal_sum_field(beam, drive, np.array(frequency_hz), damping)
     contact = Contact(
         beam=beam,
         coverage="local",
         direction="right",
         x_m=np.tile(places.x_m, size),
-        contact_m=np.tile(places.each("contact_m"), size),
+        contact_m=tiled("contact_m"),
         body_count=_STRUCTURE.body_count,
         body_mass_kg=_STRUCTURE.body_mass_kg,
         body_height_m=_STRUCTURE.body_height_m,
         body_load_n=1.0,
-        finger_load_n=np.tile(places.each("load_n"), size),
-        sliding_speed_m_s=np.tile(places.each("speed_m_s"), size),
+        finger_load_n=tiled("load_n"),
+        sliding_speed_m_s=tiled("speed_m_s"),
         friction_coefficient=1.0,
         same_direction_fraction=None,
     )
-    driven = field.scaled(np.tile(places.each("voltage_v"), size))
+    driven = field.scaled(tiled("voltage_v"))
     found = contact_terms(contact, driven, rungs.reference_tip_speed_m_s(rungs.REDUCED_RUNG))
-    leftward = np.array([one.direction == "left" for one in places.settings])[places.of]
-    shape = (size, places.x_m.size)
     shaped = {
-        name: np.broadcast_to(value, (size * places.x_m.size,)).reshape(shape)[row]
+        name: np.broadcast_to(value, drive.size).reshape(size, -1)[row]
         for name, value in vars(found).items()
     }
+    leftward = np.array([one.direction == "left" for one in settings])[places.of]
     right, left = shaped["same_direction"], shaped["opposing"]
     shaped["same_direction"] = np.where(leftward, left, right)
     shaped["opposing"] = np.where(leftward, right, left)
@@ -352,32 +344,24 @@ def _terms(places: Places, rigs: tuple[RigProperties, ...]) -> ContactTerms:
 
 
 PATCH_STEP_M = 0.25e-3
-_STEPS = {"damping_ratio": 0.01, "resonance_hz": 1e-5}
+_STEPS = {"damping_ratio": 0.01, "resonance_hz": 1e-5, PATCHES: PATCH_STEP_M}
 _PLAIN_STEP = 1e-4
 
 
 def slopes(places: Places, found: FloatArray, names: Sequence[str]) -> FloatArray:
     """Return the derivatives of μ' by some coordinates, shape (places, names)."""
-    columns = {}
-    stepped = [name for name in names if name != "patch_centre_m"]
-    rigs, widths = [], []
-    for name in stepped:
-        width = _STEPS.get(name, _PLAIN_STEP)
-        rigs += [rig_at(found + sign * width * _unit(name)) for sign in (1, -1)]
-        widths.append(2 * width)
+    step = {name: _STEPS.get(name, _PLAIN_STEP) for name in names}
+    unit = dict(zip(PROPERTIES, np.eye(len(PROPERTIES)), strict=True))
+    rigs = {
+        name: [rig_at(found + sign * step[name] * unit[name]) for sign in (1, -1)] for name in names
+    }
+    # Rigs whose patches lie elsewhere share no modes with others.
+    along = {PATCHES: [friction_along(places, [rig])[0] for rig in rigs.pop(PATCHES, [])]}
     if rigs:
-        values = friction_along(places, rigs).reshape(len(stepped), 2, -1)
-        for name, (above, below), width in zip(stepped, values, widths, strict=True):
-            columns[name] = (above - below) / width
-    if "patch_centre_m" in names:
-        step = PATCH_STEP_M * _unit("patch_centre_m")
-        above, below = (friction_along(places, [rig_at(found + s * step)])[0] for s in (1, -1))
-        columns["patch_centre_m"] = (above - below) / (2 * PATCH_STEP_M)
-    return np.stack([columns[name] for name in names], axis=-1)
-
-
-def _unit(name: str) -> FloatArray:
-    return np.array([float(other == name) for other in PROPERTIES])
+        together = friction_along(places, [rig for both in rigs.values() for rig in both])
+        along |= zip(rigs, together.reshape(len(rigs), 2, -1), strict=True)
+    of = ((step[name], *along[name]) for name in names)
+    return np.stack([(above - below) / (2 * size) for size, above, below in of], axis=-1)
 
 
 # The noise of friction along a pass: jitter that is correlated in time, sensor noise, and drift.

@@ -13,19 +13,10 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray, Json
-from analysis.power.diagnosis import ESTIMATES, RANK, Asked, columns
+from analysis.power.diagnosis import ESTIMATES, RANK, SUMS, Asked, between_groups, columns
 from analysis.power.job import Design
-from analysis.statistics.many_tables import pairs_of
 from analysis.statistics.signed_rank import holm_of_rows
-from protocol.registration.registration import (
-    FOLLOWS,
-    GAINS,
-    NOTICED,
-    OMNIBUS,
-    above,
-    between,
-    effect_of,
-)
+from protocol.registration.registration import FOLLOWS, NOTICED, above, between, effect_of
 
 
 @dataclass(frozen=True)
@@ -167,20 +158,17 @@ def findings(
         of_tracks: in which of the same studies hypotheses on thresholds are supported.
     """
     models = rows.shape[1] == len(columns(asked, models=True))
-    table = _Table(rows, columns(asked, models=models))
-    null = _Table(null_rows, columns(asked, models=False))
-    tests, null_claims = _tests(asked), _claims(null, asked)
-    pairs = [name for name, after in tests.items() if after == (OMNIBUS,)]
-    p, claimed = _p_values(table, asked), _claims(table, asked)
-    # A study without catch trials has no test of noticing.
-    tested = np.any(~np.isnan(p), axis=0)
+    table, null = _named(rows, asked, models=models), _named(null_rows, asked, models=False)
+    tests, claimed, null_claims = asked.tests, _claims(table, asked), _claims(null, asked)
     false = {
         name: share(made)
-        for name, made, has in zip(tests, null_claims.T, np.atleast_1d(tested), strict=True)
-        if has or NOTICED not in name
+        for name, made in zip(tests, null_claims.T, strict=True)
+        # A study without catch trials has no test of noticing.
+        if NOTICED not in name or not np.isnan(table[f"{name} p"]).all()
     }
     # Power of a test that claims too much says nothing.
     broken = {name for name, each in false.items() if too_often(each)}
+    held = {**_held(table, asked, broken), **(of_tracks or {})}
     return Findings(
         design=design,
         studies=len(rows),
@@ -189,59 +177,33 @@ def findings(
         tests=tuple(
             TestPower(
                 name=name,
-                after=tests[name],
-                power=share(p[:, place] < LEVEL),
+                after=after,
+                power=share(table[f"{name} p"] < LEVEL),
                 supported=UNKNOWN if name in broken else share(made),
             )
-            for place, (name, made) in enumerate(zip(tests, claimed.T, strict=True))
+            for (name, after), made in zip(tests.items(), claimed.T, strict=True)
             if name in false
         ),
         estimates=(
             *(_of_model(table, name) for name in ESTIMATES if models),
-            *(_of_difference(table, pair, name) for pair, name in enumerate(pairs)),
+            *(_of_difference(table, pair) for pair in asked.pairs),
         ),
         unscored=share(table["complete"] == 0),
         any_false_claim=share(np.asarray(null_claims.any(axis=1))),
         false_claims=false,
-        registered=registered_power(
-            {**_held(table, asked, broken), **(of_tracks or {})}, hypotheses
-        ),
+        registered=registered_power(held, hypotheses),
     )
 
 
-def _tests(asked: Asked) -> dict[str, tuple[str, ...]]:
-    """Return each test with the questions of which one must be answered by yes before it counts."""
-    names = asked.conditions
-    return {
-        OMNIBUS: (),
-        GAINS: (),
-        **{f"{names[a]} - {names[b]}": (OMNIBUS,) for a, b in pairs_of(len(names))},
-        NOTICED: (),
-        **{f"{name} {NOTICED}": (NOTICED,) for name in names},
-        **asked.of_design,
-    }
+Table = Mapping[str, FloatArray]
+"""The numbers of all studies, shape (studies,), by the name of their column."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Rows of numbers whose columns have names."""
-
-    rows: FloatArray
-    names: list[str]
-
-    def __getitem__(self, name: str) -> FloatArray:
-        return np.asarray(self.rows[:, self.names.index(name)])
+def _named(rows: FloatArray, asked: Asked, *, models: bool) -> Table:
+    return dict(zip(columns(asked, models=models), rows.T, strict=True))
 
 
-def _p_values(table: _Table, asked: Asked) -> FloatArray:
-    pairs = [table[f"pair p {pair}"] for pair in range(len(pairs_of(len(asked.conditions))))]
-    noticed = [table[f"noticed p {condition}"] for condition in range(len(asked.conditions))]
-    of_design = [table[f"{name} p"] for name in asked.of_design]
-    tests = [table["omnibus p"], table["gains p"], *pairs, table["noticed p"], *noticed, *of_design]
-    return np.column_stack(tests)
-
-
-def _claims(table: _Table, asked: Asked) -> BoolArray:
+def _claims(table: Table, asked: Asked) -> BoolArray:
     """Return which tests the family's rule lets a report claim, shape (studies, tests).
 
     The questions - do the conditions differ, do people's gains differ, with catch trials, are
@@ -249,7 +211,8 @@ def _claims(table: _Table, asked: Asked) -> BoolArray:
     other test, corrected already, is claimed only if a question that it waits for is: a pair only
     if the conditions differ. So any false claim has a chance of at most 5%.
     """
-    p, tests = _p_values(table, asked), _tests(asked)
+    tests = asked.tests
+    p = np.column_stack([table[f"{name} p"] for name in tests])
     places = [place for place, after in enumerate(tests.values()) if not after]
     # A missing p, as that of noticing without catch trials, is no part of the family.
     p[:, places] = holm_of_rows(p[:, places])
@@ -282,56 +245,50 @@ def registered_power(held: Held, hypotheses: Sequence[str]) -> tuple[RegisteredP
     )
 
 
-def _held(table: _Table, asked: Asked, broken: Container[str]) -> Held:
+def _held(table: Table, asked: Asked, broken: Container[str]) -> Held:
     """Return, by hypothesis, the row that decides on it and in which studies its test holds."""
-    rejected = (_p_values(table, asked) < LEVEL).T
-    hits = dict(zip(_tests(asked), rejected, strict=True))
+    hits = {name: table[f"{name} p"] < LEVEL for name in asked.tests}
     held = {name: (name, hit * 1.0) for name, hit in hits.items()}
-
-    conditions, sided = asked.conditions, []
-    for pair, (first, last) in enumerate(pairs_of(len(conditions))):
-        ends = conditions[first], conditions[last]
-        sided.append((above, ends, " - ".join(ends), f"pair mean {pair}"))
-    for ends in combinations(asked.groups, 2):
-        row = f"{' - '.join(ends)} between groups"
-        sided.append((between, ends, row, f"{row} shift"))
-    for named, (a, b), row, difference in sided:
-        held[named(a, b)] = row, 1.0 * (hits[row] & (table[difference] > 0))
-        held[named(b, a)] = row, 1.0 * (hits[row] & (table[difference] < 0))
+    groups = list(combinations(asked.groups, 2))
+    for named, pairs, rows in (
+        (above, combinations(asked.conditions, 2), asked.pairs),
+        (between, groups, map(between_groups, groups)),
+    ):
+        for (a, b), row in zip(pairs, rows, strict=True):
+            shift = table[f"{row} shift"]
+            held[named(a, b)] = row, 1.0 * (hits[row] & (shift > 0))
+            held[named(b, a)] = row, 1.0 * (hits[row] & (shift < 0))
     for a, b in combinations(asked.factors, 2):
         held[effect_of(b, a)] = held[effect_of(a, b)]
-    if f"{_GROUPS_GAIN} significant" in table.names:
+    if f"{_GROUPS_GAIN} significant" in table:
         held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
-    every = np.full(len(table.rows), np.nan)
+    every = np.full_like(table["complete"], np.nan)
     return {name: (row, every if row in broken else hit) for name, (row, hit) in held.items()}
 
 
-def _of_model(table: _Table, name: str) -> EstimateQuality:
-    def sums(what: str) -> FloatArray:
-        return table[f"{name} {what}"]
-
-    count, significant = sums("count"), sums("significant")
-    ranks = sums(RANK)
+def _of_model(table: Table, name: str) -> EstimateQuality:
+    of = {what: table[f"{name} {what}"] for what in (*SUMS, RANK)}
+    count, significant, ranks = of["count"], of["significant"], of[RANK]
     return EstimateQuality(
         name=name,
-        bias=ratio(sums("error"), count),
-        rmse=root(ratio(sums("squared error"), count)),
-        coverage=ratio(sums("covered"), count),
-        width=ratio(sums("width"), count),
+        bias=ratio(of["error"], count),
+        rmse=root(ratio(of["squared error"], count)),
+        coverage=ratio(of["covered"], count),
+        width=ratio(of["width"], count),
         power=ratio(significant, count),
-        type_s=ratio(sums("wrong sign"), significant),
-        type_m=ratio(sums("estimated size"), sums("true size")),
+        type_s=ratio(of["wrong sign"], significant),
+        type_m=ratio(of["estimated size"], of["true size"]),
         estimable=float((count > 0).mean()),
         ranks=ranks[~np.isnan(ranks)],
     )
 
 
-def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
+def _of_difference(table: Table, pair: str) -> EstimateQuality:
     """Return the quality of a mean difference; its truth is the mean over all studies.
 
     A truth that is 0 but for its Monte Carlo error has no sign and no size to be wrong about.
     """
-    mean, error, subjects = (table[f"pair {what} {pair}"] for what in ("mean", "error", "subjects"))
+    mean, error, subjects = (table[f"{pair} {what}"] for what in ("shift", "error", "subjects"))
     # One difference has no standard error.
     known = subjects > 1
     mean, error, df = mean[known], error[known], subjects[known] - 1
@@ -343,7 +300,7 @@ def _of_difference(table: _Table, pair: int, name: str) -> EstimateQuality:
     # Where all differences are equal there is no rank; 1 only avoids a division by zero.
     scale = np.where(error > 0, error, 1.0)
     return EstimateQuality(
-        name=f"mean difference {name}",
+        name=f"mean difference {pair}",
         bias=share(off),
         rmse=root(share(off**2)),
         coverage=share(np.abs(off) <= half),

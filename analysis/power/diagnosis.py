@@ -5,26 +5,26 @@ Rows are added up to diagnosands later. Their columns depend on what the study a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, combinations, product
+from itertools import chain, combinations
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
 from analysis.power.people_cohorts import Cohort
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.linear_model import linear_lines, own_gains
-from analysis.sensitivity.lines import LineMixture, Medians, Ratings, medians
+from analysis.sensitivity.lines import Ratings, medians
 from analysis.sensitivity.ordinal_model import ordinal_lines
 from analysis.simulation.simulation import Tables
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.detection import noticed_p
 from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
 from analysis.statistics.groups import CLAIMED, group_statistics
-from analysis.statistics.many_tables import omnibus_p, pairs_of, pairwise_of_tables, unnamed_table
+from analysis.statistics.many_tables import omnibus_p, pairwise_of_tables, unnamed_table
 from analysis.statistics.signed_rank import holm_of_rows
 from device.friction.changes import predicted_contrast, trial_change
 from device.friction.scenes import NOMINAL, Calibration
-from protocol.registration.registration import effect_of
+from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
 from protocol.study.factor import CONDITION
 from protocol.study.study import Study
 
@@ -58,22 +58,40 @@ class Asked:
     contrasts: tuple[float, ...] = ()
 
     @property
-    def of_design(self) -> dict[str, tuple[str, ...]]:
-        """Each test of groups and factors, with the questions of which one must be answered by yes.
+    def pairs(self) -> list[str]:
+        """Each pair of conditions, as its test and its mean difference are called."""
+        return [f"{a} - {b}" for a, b in combinations(self.conditions, 2)]
 
-        A question itself waits for none.
-        """
-        pairs = [f"{a} - {b} between groups" for a, b in combinations(self.groups, 2)]
+    @property
+    def of_design(self) -> dict[str, tuple[str, ...]]:
+        """Each test of groups and factors, with the questions that it waits for; see `tests`."""
+        pairs = [between_groups(pair) for pair in combinations(self.groups, 2)]
+        in_conditions = [f"{condition}: {pair}" for condition in self.conditions for pair in pairs]
         return {
             **dict.fromkeys((GROUP_SCORE, GROUP_GAIN, BY_GROUP) if pairs else (), ()),
             **dict.fromkeys(pairs, (GROUP_SCORE,)),
-            **{
-                f"{condition}: {pair}": (GROUP_SCORE, BY_GROUP)
-                for condition in self.conditions
-                for pair in pairs
-            },
+            **dict.fromkeys(in_conditions, (GROUP_SCORE, BY_GROUP)),
             **{effect_of(*of): () for of in effects_of(self.factors)},
         }
+
+    @property
+    def tests(self) -> dict[str, tuple[str, ...]]:
+        """Each test, with the questions of which one must be answered by yes before it counts.
+
+        A question itself waits for none.
+        """
+        return {
+            **dict.fromkeys((OMNIBUS, GAINS), ()),
+            **dict.fromkeys(self.pairs, (OMNIBUS,)),
+            NOTICED: (),
+            **{f"{name} {NOTICED}": (NOTICED,) for name in self.conditions},
+            **self.of_design,
+        }
+
+
+def between_groups(pair: tuple[str, str]) -> str:
+    """Return what the test of two groups is called."""
+    return f"{' - '.join(pair)} between groups"
 
 
 def asked_by(study: Study, rig: Calibration = NOMINAL) -> Asked:
@@ -94,21 +112,15 @@ def asked_by(study: Study, rig: Calibration = NOMINAL) -> Asked:
 
 
 def columns(asked: Asked, *, models: bool) -> list[str]:
-    """Return the names of a row's numbers."""
-    pairs = range(len(pairs_of(len(asked.conditions))))
-    tests = ["omnibus p", "gains p", "complete"]
-    noticed = [
-        "noticed p",
-        *(f"noticed p {condition}" for condition in range(len(asked.conditions))),
+    """Return the names of a row's numbers: of each test, and what of it."""
+    noticed = [name for name in asked.tests if NOTICED in name]
+    return [
+        *(f"{OMNIBUS} p", f"{GAINS} p", "complete"),
+        *(f"{pair} {what}" for what in ("p", "shift", "error", "subjects") for pair in asked.pairs),
+        *(f"{name} p" for name in noticed),
+        *(f"{name} {what}" for name in asked.of_design for what in ("p", "shift")),
+        *(f"{name} {what}" for name in ESTIMATES if models for what in (*SUMS, RANK)),
     ]
-    of_pairs = [
-        f"{what} {pair}"
-        for what in ("pair p", "pair mean", "pair error", "pair subjects")
-        for pair in pairs
-    ]
-    of_design = [f"{name} {what}" for name in asked.of_design for what in ("p", "shift")]
-    sums = [f"{name} {what}" for name, what in product(ESTIMATES, (*SUMS, RANK))]
-    return [*tests, *of_pairs, *noticed, *of_design, *(sums if models else [])]
 
 
 def rows_of_tables(tables: Tables, asked: Asked) -> FloatArray:
@@ -120,7 +132,7 @@ def rows_of_tables(tables: Tables, asked: Asked) -> FloatArray:
     # The report does not analyse a subject without any score.
     kept = np.asarray(~np.isnan(tables.scores).all(axis=2))
     left = [table[some] for table, some in zip(tables.scores, kept, strict=True)]
-    rows = np.full((len(left), 3 + 4 * len(pairs_of(len(asked.conditions)))), np.nan)
+    rows = np.full((len(left), 3 + 4 * len(asked.pairs)), np.nan)
     # Tables of one shape are one array, which is far faster than a test at a time.
     for shape in {table.shape for table in left}:
         which = [number for number, table in enumerate(left) if table.shape == shape]
@@ -222,81 +234,57 @@ def _gains_p(scores: FloatArray) -> float:
     return float("nan") if isinstance(found, NotEstimable) else found.p
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Estimated:
-    """Estimates of a kind with intervals (n, 2), the truth, and the first one's posterior."""
-
-    value: FloatArray
-    interval: FloatArray
-    truth: FloatArray
-    posterior: Marginals
-    weights: FloatArray
-
-
 def _estimated(cohort: Cohort) -> list[float]:
     found = {**_of_model("M2", cohort), **_of_model("M1", cohort)}
     # A study without an estimate adds nothing to any sum.
     empty = [0.0] * len(SUMS) + [float("nan")]
-    return [
-        number for name in ESTIMATES for number in (_sums(found[name]) if name in found else empty)
-    ]
+    return [number for name in ESTIMATES for number in found.get(name, empty)]
 
 
-def _of_model(model: str, cohort: Cohort) -> Mapping[str, _Estimated]:
+def _of_model(model: str, cohort: Cohort) -> dict[str, list[float]]:
     # Without what a report tells besides: neither the evidence of equal gains nor JNDs count here.
     mixture = (ordinal_lines if model == "M2" else linear_lines)(cohort.ratings)
     if isinstance(mixture, NotEstimable):
         return {}
+    weights, rated = mixture.points.weights, np.flatnonzero(mixture.counts > 0)
     bias, gain, relative = medians(mixture)
-    found = _of_subjects(cohort, {"bias": bias, "gain": gain, "relative gain": relative}, mixture)
+    true = cohort.gain[rated]
+    kinds = {
+        "bias": (bias, cohort.bias[rated], mixture.bias),
+        "gain": (gain, true, mixture.gain),
+        # A relative gain is about the people who were analysed, not about those left out.
+        "relative gain": (relative, true - true.mean(), mixture.relative),
+    }
+    if mixture.alone:
+        del kinds["relative gain"]
+    # One person per study, because ranks of one study are not independent.
+    first = slice(rated[0], rated[0] + 1)
+    found = {
+        name: _sums(values[rated], [ends[row] for row in rated], truth, drawn.part(first), weights)
+        for name, ((values, ends), truth, drawn) in kinds.items()
+    }
     nothing = float("nan"), (float("nan"), float("nan"))
     of_group = nothing if mixture.alone else (gain[0][-1], gain[1][-1])
-    found["group's gain"] = _Estimated(
-        value=np.array([of_group[0]]),
-        interval=np.array([of_group[1]]),
-        truth=np.array([cohort.population_gain]),
-        posterior=mixture.gain.part(slice(-1, None)),
-        weights=mixture.points.weights,
-    )
-    return {f"{model} {name}": each for name, each in found.items()}
+    value, ends, truth = (np.array([it]) for it in (*of_group, cohort.population_gain))
+    group = mixture.gain.part(slice(-1, None))
+    found["group's gain"] = _sums(value, ends, truth, group, weights)
+    return {f"{model} {name}": sums for name, sums in found.items()}
 
 
-def _of_subjects(
-    cohort: Cohort, estimates: Mapping[str, Medians], mixture: LineMixture
-) -> dict[str, _Estimated]:
-    rated = np.flatnonzero(mixture.counts > 0)
-    # One person per study, because ranks of one study are not independent.
-    first, gain = int(rated[0]), cohort.gain[rated]
-    # A relative gain is about the people who were analysed, not about those left out.
-    truths = {"bias": cohort.bias[rated], "gain": gain, "relative gain": gain - gain.mean()}
-    posteriors = {"bias": mixture.bias, "gain": mixture.gain, "relative gain": mixture.relative}
-    return {
-        name: _Estimated(
-            value=values[rated],
-            interval=np.array([intervals[row] for row in rated]),
-            truth=truths[name],
-            posterior=posteriors[name].part(slice(first, first + 1)),
-            weights=mixture.points.weights,
-        )
-        for name, (values, intervals) in estimates.items()
-        if not (name == "relative gain" and mixture.alone)
-    }
-
-
-def _sums(found: _Estimated) -> list[float]:
-    error = found.value - found.truth
-    low, high = found.interval.T
+def _sums(
+    value: FloatArray,
+    interval: FloatArray | list[Interval],
+    truth: FloatArray,
+    posterior: Marginals,
+    weights: FloatArray,
+) -> list[float]:
+    """Return the sums of estimates with intervals (n, 2), and the rank of the first truth."""
+    error, (low, high) = value - truth, np.transpose(interval)
     significant = (low > 0) | (high < 0)
-    below = 1 - found.posterior.plus(-found.truth[0]).above_zero(found.weights)[0]
-    return [
-        len(error),
-        float(error.sum()),
-        float((error**2).sum()),
-        float(((low <= found.truth) & (found.truth <= high)).sum()),
-        float((high - low).sum()),
-        float(significant.sum()),
-        float((significant & (np.sign(found.value) != np.sign(found.truth))).sum()),
-        float(np.abs(found.value[significant]).sum()),
-        float(np.abs(found.truth[significant]).sum()),
-        float(below),
-    ]
+    sums = (
+        *(error, error**2, (low <= truth) & (truth <= high), high - low, significant),
+        significant & (np.sign(value) != np.sign(truth)),
+        *(np.abs(value[significant]), np.abs(truth[significant])),
+    )
+    below = 1 - posterior.plus(-truth[0]).above_zero(weights)[0]
+    return [len(error), *(float(each.sum()) for each in sums), float(below)]

@@ -93,26 +93,19 @@ def designed(study: Study, design: Design) -> Study:
             f"{design} cannot be planned: levels must be at most repeats, so that each comes "
             "equally often; give fewer with --levels, or more with --repeats"
         )
-    wanted = {"participants": design.participants, "repeats": design.repeats}
-    levels = tuple(step / design.levels for step in range(1, design.levels + 1))
-    conditions = [
-        entry.model_copy(update={"levels": levels}) if levels else entry
-        for entry in study.condition
-    ]
+    levels = {"levels": tuple(step / design.levels for step in range(1, design.levels + 1))}
+    conditions = (it.model_copy(update=levels if design.levels else {}) for it in study.condition)
     # Validated anew, because `model_copy` checks nothing.
+    wanted = {"participants": design.participants, "repeats": design.repeats}
     keys = {**study.design.model_dump(), **wanted}
     try:
         asked = DesignOfStudy.model_validate(keys)
     except ValidationError as error:
         found = schema_problems(keys, error)[0].located("study.toml")
         raise BadInput(f"{design} cannot be planned: {found}") from error
-    made = study.model_copy(
-        update={
-            "design": asked,
-            "condition": tuple(conditions),
-            "group": _resized(study.group, design.participants),
-        }
-    )
+    group = _resized(study.group, design.participants)
+    changed = {"design": asked, "condition": tuple(conditions), "group": group}
+    made = study.model_copy(update=changed)
     if wrong := problems(made):
         raise BadInput(f"{design} cannot be planned: {wrong[0].located('study.toml')}")
     return made
@@ -228,13 +221,10 @@ def numbers(job: Job, task: Task) -> FloatArray:
             f"a worker has touchbeam {version('touchbeam')}, but {job.version} asks; "
             "install the same version on all"
         )
-    nature = "null" if task.kind == "null" else "study"  # fitted or tested, a study is the same
     # The kind is not a part of the key beyond this, so that a fitted study is one of the tested
     # ones.
-    keys = [
-        f"{job.seed}/{task.design.key}/{nature}/{number}"
-        for number in range(task.first, task.first + task.count)
-    ]
+    nature = f"{job.seed}/{task.design.key}/{'null' if task.kind == 'null' else 'study'}"
+    keys = [f"{nature}/{number}" for number in range(task.first, task.first + task.count)]
     with threadpool_limits(limits=1):
         simulate = simulation(job, task.design)
         if task.kind == "tracks":

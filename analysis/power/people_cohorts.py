@@ -13,12 +13,7 @@ from analysis.power.track_power import track_rows
 from analysis.sensitivity.lines import Ratings
 from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
-from analysis.simulation.simulation import (
-    Simulation,
-    Tables,
-    counted_trials,
-    names_of,
-)
+from analysis.simulation.simulation import Simulation, Tables, counted_trials, names_of
 from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
 from device.friction.laws import LAWS
@@ -55,32 +50,18 @@ def without_effect(tables: Tables, streams: Iterable[np.random.Generator]) -> Ta
     are shuffled between groups, and each one's reported changes are drawn anew over all trials, so
     that with a signal they are no more than without.
     """
-    return Tables(
-        *(np.stack(part) for part in zip(*map(_without_effect, *tables, streams), strict=True))
-    )
+    made = []
+    for scores, noticed, by_session, groups, rng in zip(*tables, streams, strict=True):
+        # Each row on its own, so that a person's level stays and only the conditions lose their
+        # meaning.
+        order = rng.permuted(np.tile(np.arange(scores.shape[1]), (len(scores), 1)), axis=1)
+        shuffled, reported = np.take_along_axis(scores, order, axis=1), _unnoticed(noticed, rng)
+        apart = rng.permuted(np.take_along_axis(by_session, order[..., None], axis=1), axis=2)
+        made.append((shuffled, reported, apart, rng.permutation(groups)))
+    return Tables(*(np.stack(part) for part in zip(*made, strict=True)))
 
 
-def _without_effect(
-    scores: FloatArray,
-    noticed: IntArray,
-    by_session: FloatArray,
-    groups: IntArray,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    # Each row on its own, so that a person's level stays and only the conditions lose their
-    # meaning.
-    order = rng.permuted(np.tile(np.arange(scores.shape[1]), (len(scores), 1)), axis=1)
-    drawn = _without_noticing(noticed, rng)
-    moved = np.take_along_axis(by_session, order[..., None], axis=1)
-    return (
-        np.take_along_axis(scores, order, axis=1),
-        drawn,
-        rng.permuted(moved, axis=2),
-        rng.permutation(groups),
-    )
-
-
-def _without_noticing(noticed: IntArray, rng: np.random.Generator) -> IntArray:
+def _unnoticed(noticed: IntArray, rng: np.random.Generator) -> IntArray:
     told, trials = noticed[..., 0], noticed[..., 1]
     drawn = [
         # `marginals` takes as long for a thousand trials as for ten.
@@ -145,9 +126,8 @@ class PeopleCohorts:
         every = self._contrasts(made, kept[who], trial)
         # As in a report: trials that only some laws predict are left out of all.
         predicted = np.isfinite(every).all(axis=1)
-        of = self._simulation.planned.kinds
         known = self.study.conditions
-        asked = (kind.trial.condition for kind in of)
+        asked = [kind.trial.condition for kind in self._simulation.planned.kinds]
         positions = [known.index(name) if name in known else -1 for name in asked]
         return Ratings(
             subjects=names,

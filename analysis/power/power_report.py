@@ -17,7 +17,6 @@ from analysis.power.diagnosands import (
     too_often,
 )
 from analysis.power.diagnosis import BY_GROUP
-from analysis.power.job import Design
 from analysis.report.drawing import Panel, Series, panels_files
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
 from protocol.study.study import Study
@@ -62,41 +61,35 @@ def power_record(found: Sequence[Findings], study: Study, study_sha256: str, see
 
 
 def _design_record(found: Findings, study: Study) -> Json:
+    asked, null = found.design, found.any_false_claim.as_json("any_supported")
+    supported = {name: each.as_json("share") for name, each in found.false_claims.items()}
+    registered = [
+        {"name": each.name, "row": each.row or None, **each.power.as_json("power")}
+        for each in found.registered
+    ]
     return {
         "design": {
-            "participants": found.design.participants,
-            "repeats": found.design.repeats,
-            "levels": found.design.levels
-            or max(len(condition.levels) for condition in study.condition),
+            "participants": asked.participants,
+            "repeats": asked.repeats,
+            "levels": asked.levels or max(len(condition.levels) for condition in study.condition),
             "sessions": study.design.sessions,
             "conditions": list(study.conditions),
         },
         "omnibus": found.omnibus,
-        "tests": [_test_record(test) for test in found.tests],
+        "tests": [
+            {"name": test.name}
+            | test.power.as_json("power")
+            | test.supported.as_json("supported", "supported_mc_error")
+            for test in found.tests
+        ],
         "estimates": [_estimate_record(estimate) for estimate in found.estimates],
-        "null": {
-            "studies": found.null_studies,
-            **found.any_false_claim.as_json("any_supported"),
-            "supported": {name: each.as_json("share") for name, each in found.false_claims.items()},
-        },
-        **({"registered": _registered_record(found)} if found.registered else {}),
+        "null": {"studies": found.null_studies, **null, "supported": supported},
+        **(
+            {"registered": {"primary": registered[0], "secondary": registered[1:]}}
+            if registered
+            else {}
+        ),
         "answer": design_answer(found),
-    }
-
-
-def _registered_record(found: Findings) -> Json:
-    listed = [
-        {"name": each.name, "row": each.row or None, **each.power.as_json("power")}
-        for each in found.registered
-    ]
-    return {"primary": listed[0], "secondary": listed[1:]}
-
-
-def _test_record(test: TestPower) -> Json:
-    return {
-        "name": test.name,
-        **test.power.as_json("power"),
-        **test.supported.as_json("supported", "supported_mc_error"),
     }
 
 
@@ -129,16 +122,13 @@ def answer(found: Sequence[Findings]) -> str:
     """Return the answer in words: of the one design, or of the smallest one that does."""
     if len(found) == 1:
         return design_answer(found[0])
-    enough = [each for each in found if _supported(each, OMNIBUS).value >= ENOUGH]
-    if not enough:
-        largest = max(found, key=lambda each: (_size(each.design), each.design))
-        return f"No design has 80% power; the largest: {design_answer(largest)}"
     # By trials altogether, which is what a study costs.
-    smallest = min(enough, key=lambda each: (_size(each.design), each.design))
-    return (
-        f"The smallest design with 80% power to tell that the conditions differ: "
-        f"{design_answer(smallest)}"
-    )
+    by_size = sorted(found, key=lambda it: (it.design.participants * it.design.repeats, it.design))
+    for each in by_size:
+        if _supported(each, OMNIBUS).value >= ENOUGH:
+            told = "The smallest design with 80% power to tell that the conditions differ"
+            return f"{told}: {design_answer(each)}"
+    return f"No design has 80% power; the largest: {design_answer(by_size[-1])}"
 
 
 def warnings(found: Sequence[Findings], score_when: str = "always") -> list[str]:
@@ -148,23 +138,17 @@ def warnings(found: Sequence[Findings], score_when: str = "always") -> list[str]
     """
     # A number of people or a claim that does not hold must not look like an answer.
     broken = [line for each in found for line in (*_false_claims(each), *_narrow(each))]
-    return [*broken, *_unscored(found, score_when)]
-
-
-def _unscored(found: Sequence[Findings], score_when: str) -> list[str]:
-    """Return what it does to the tests of scores that some scores are never asked for."""
     most = max(found, key=lambda each: each.unscored.value)
     if score_when == "always" or not most.unscored.value > 0:
-        return []
-    where = {
-        "agrees": "the answer agrees with the expectation",
-        "noticed": "a change was noticed",
-    }[score_when]
+        return broken
+    agrees = "the answer agrees with the expectation"
+    where = {"agrees": agrees, "noticed": "a change was noticed"}[score_when]
     return [
+        *broken,
         f"{most.design}: scores are asked for only where {where}, so that in "
         f"{_percent(most.unscored.value)} of studies somebody has none under some condition; tests "
         "of scores then compare only such trials, on which differences are smaller and fewer "
-        "people can be compared"
+        "people can be compared",
     ]
 
 
@@ -172,36 +156,27 @@ def _false_claims(found: Findings) -> list[str]:
     guilty = [name for name, each in found.false_claims.items() if too_often(each)]
     if not guilty and not too_often(found.any_false_claim):
         return []
-    listed = "; ".join(
-        f"do not claim {name!r}, which {_percent(found.false_claims[name].value)} of them do"
-        for name in guilty
-    )
-    return [
-        f"{found.design}: without any effect {_percent(found.any_false_claim.value)} of reports "
-        f"claim something, where at most 5% should{'; ' * bool(guilty)}{listed}"
+    any_of_them = _percent(found.any_false_claim.value)
+    told = [
+        f"{found.design}: without any effect {any_of_them} of reports claim something, where at "
+        "most 5% should"
     ]
+    for name in guilty:
+        share = _percent(found.false_claims[name].value)
+        told.append(f"do not claim {name!r}, which {share} of them do")
+    return ["; ".join(told)]
 
 
 def _narrow(found: Findings) -> list[str]:
     """Return which 95% intervals hold the truth in less than 90%, beyond Monte Carlo error."""
-    narrow = [
-        # Two Monte Carlo errors, so that chance alone seldom warns.
-        each
-        for each in found.estimates
-        if each.coverage.value + 2 * each.coverage.error < _LEAST
-    ]
+    # Two Monte Carlo errors, so that chance alone seldom warns.
+    narrow = [it for it in found.estimates if it.coverage.value + 2 * it.coverage.error < _LEAST]
     if not narrow:
         return []
     worst = min(narrow, key=lambda each: each.coverage.value)
     others = f", and {len(narrow) - 1} other estimates do in less than 90%" * (len(narrow) > 1)
-    return [
-        f"{found.design}: the 95% intervals of {worst.name} hold the truth in "
-        f"{_percent(worst.coverage.value)}{others}"
-    ]
-
-
-def _size(design: Design) -> int:
-    return design.participants * design.repeats
+    share = _percent(worst.coverage.value)
+    return [f"{found.design}: the 95% intervals of {worst.name} hold the truth in {share}{others}"]
 
 
 def _supported(found: Findings, name: str) -> Measured:
@@ -215,20 +190,20 @@ def design_answer(found: Findings) -> str:
         for estimate in found.estimates
         if estimate.name == RELATIVE and math.isfinite(estimate.width.value)
     ]
-    strong = _pairs_with_power(found)
-    parts.append(
-        f"{_percent(_supported(found, OMNIBUS).value)} power to tell that the conditions differ"
-    )
+    told = {OMNIBUS: "the conditions differ", NOTICED: "changes are noticed"}
+    supported = {test.name: test.supported.value for test in found.tests}
     parts += [
-        f"{_percent(test.supported.value)} power to tell that changes are noticed"
-        for test in found.tests
-        if test.name == NOTICED
+        f"{_percent(supported[name])} power to tell that {what}"
+        for name, what in told.items()
+        if name in supported
     ]
     if of_design := _of_design(found):
         able = [repr(test.name) for test in of_design if test.supported.value >= ENOUGH]
         none = "less than 80% power for every question about groups and factors"
         parts.append(f"80% power for {', '.join(able)}" if able else none)
-    listed = f"80% power for {', '.join(strong[:4])}{_rest(strong[4:])}"
+    strong = _pairs_with_power(found)
+    more = f" and {len(strong) - 4} more pairs" if len(strong) > 5 else ""
+    listed = f"80% power for {', '.join(strong[: 4 if more else 5])}{more}"
     parts.append(listed if strong else "less than 80% power for every pair of conditions")
     parts += [
         f"{_percent(each.power.value)} power for the registered primary hypothesis, {each.name}"
@@ -256,10 +231,6 @@ def _of_design(found: Findings) -> list[TestPower]:
     """Return the questions about groups and factors."""
     known = {OMNIBUS, GAINS, NOTICED}
     return [test for test in found.tests if not test.after and test.name not in known]
-
-
-def _rest(names: Sequence[str]) -> str:
-    return f" and {len(names)} more pairs" if len(names) > 1 else "".join(f", {n}" for n in names)
 
 
 def _percent(value: float) -> str:

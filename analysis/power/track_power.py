@@ -6,7 +6,6 @@ Rows are added up later, by `analysis.power.track_diagnosands`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -17,18 +16,9 @@ from analysis.statistics.intervals import mean_interval
 from analysis.statistics.signed_rank import doubled_midranks, p_of_ranks
 from analysis.trials.track_fits import contrast_of_level
 from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration
+from device.people import person
 from device.people.answering import Course, fractions
-from device.people.person import (
-    BODY_HEIGHT_M,
-    Fingers,
-    People,
-    Population,
-    World,
-    felt_friction,
-    people_of,
-    person_name,
-    uniforms_of,
-)
+from device.people.person import People, Population, World, person_name, uniforms_of
 from device.tracks.expected import counted_answers
 from device.tracks.posterior import lattice
 from protocol.study.study import Study
@@ -97,18 +87,18 @@ def _log_friction(study: Study, touch: Touch, people: People, world: World) -> F
 
     beam = touch.beam or study.touch.beam
     has_bodies = beam is None or study.beams[beam] > 0
-    fingers = Fingers(
+    fingers = person.Fingers(
         place_m=places_m.ravel(),
         force_n=each(way.force_n),
         # A finger that rests is felt as one that moves a little.
         speed_m_s=each(way.speed_m_s) if mark.slides else REFERENCE_SPEED_M_S,
         voltage_v=np.full(places_m.size, touch.voltage_v * has_bodies),
-        body_height_m=BODY_HEIGHT_M,
+        body_height_m=person.BODY_HEIGHT_M,
         skin=each(people.skin),
         mu0=1.0,
     )
     model_hz = touch.frequency * world.resonance_hz
-    felt = np.log(felt_friction(world, fingers, model_hz, touch.direction))
+    felt = np.log(person.felt_friction(world, fingers, model_hz, touch.direction))
     by_person = felt.reshape(places_m.shape)
     return np.asarray(by_person.mean(axis=1) if mark.slides else by_person[:, -1])
 
@@ -117,19 +107,14 @@ def _of_three(felt: FloatArray, *, odd: bool) -> FloatArray:
     """Return the share of people who find the one of three touches that differs by `felt` SD."""
     z = ndtri((np.arange(_DRAWS) + _MEDIAN) / _DRAWS)
     steps = np.linspace(-12, 12, 241)
-    if not odd:  # the largest of three: the others are both smaller
-        table = np.array([(ndtr(z + step) ** 2).mean() for step in steps])
-    else:
+    # The largest of three: the others are both smaller.
+    named = (ndtr(z + step) ** 2 for step in steps)
+    if odd:
         # Farthest from the mean of the others: with d = x1 - (x2 + x3) / 2 and u = (x2 - x3),
         # which do not depend on each other, the first touch is named where |u| < 2 |d| / 3.
-        spread = np.sqrt(1.5)
-        table = np.array(
-            [
-                (2 * ndtr(2 / 3 * np.abs(step + spread * z) / np.sqrt(2)) - 1).mean()
-                for step in steps
-            ]
-        )
-    return np.asarray(np.interp(felt, steps, table))
+        distance = (np.abs(step + np.sqrt(1.5) * z) for step in steps)
+        named = (2 * ndtr(2 / 3 * d / np.sqrt(2)) - 1 for d in distance)
+    return np.asarray(np.interp(felt, steps, [each.mean() for each in named]))
 
 
 def by_chance(track: Track, people: People) -> FloatArray:
@@ -150,12 +135,12 @@ def truths(track: Track, right: FloatArray, chance: FloatArray) -> FloatArray:
     logs, wanted = np.log(track.distances), ndtri((track.share - guess) / (1 - guess))
     quantiles = ndtri(((right - chance) / (1 - chance)).clip(1e-12, 1 - 1e-12))
     found = np.full(right.shape[1], np.nan)
-    for person, column in enumerate(quantiles.T):
+    for who, column in enumerate(quantiles.T):
         rising = np.maximum.accumulate(column)
         if rising[0] <= wanted <= rising[-1]:
             at = int(np.searchsorted(rising, wanted).clip(1))
             step = (wanted - rising[at - 1]) / max(rising[at] - rising[at - 1], 1e-300)
-            found[person] = np.exp(logs[at - 1] + step * (logs[at] - logs[at - 1]))
+            found[who] = np.exp(logs[at - 1] + step * (logs[at] - logs[at - 1]))
     return found
 
 
@@ -178,7 +163,7 @@ def track_rows(
     groups: list[str | None] = [each.name for each in study.group for _ in range(each.size)]
     names = [person_name(key, f"P{who:02d}") for key in keys for who in range(1, participants + 1)]
     drawn = [
-        people_of(population.of_group(group), [name])[0]
+        person.people_of(population.of_group(group), [name])[0]
         for name, group in zip(names, (groups or [None] * participants) * len(keys), strict=True)
     ]
     people, shape = People.of(drawn), (len(keys), participants)
@@ -191,8 +176,9 @@ def track_rows(
         right = right + people.lapse * ((GUESS_RATE[track.task] or 1 / 2) - right)
         streams = [f"{name}/{track.name}" for name in names]
         told = _estimated(track, right, uniforms_of(streams, track.trials, 1)[..., 0].T)
-        logs[track.name] = np.log(told.middle).reshape(shape), np.log(truth).reshape(shape)
-        limits = _weber_limits(study, track, rig, told.middle.reshape(shape))
+        middle = told[0]
+        logs[track.name] = np.log(middle).reshape(shape), np.log(truth).reshape(shape)
+        limits = _weber_limits(study, track, rig, middle.reshape(shape))
         parts.append(np.column_stack([_sums(told, truth, shape), limits]))
     for a, b in pairs_of_tracks(study):
         shift, true = (one - other for one, other in zip(logs[a.name], logs[b.name], strict=True))
@@ -200,32 +186,22 @@ def track_rows(
     return np.column_stack(parts)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Told:
-    middle: FloatArray
-    low: FloatArray
-    high: FloatArray
-    trials: FloatArray
-
-
-def _estimated(track: Track, right: FloatArray, u: FloatArray) -> _Told:
-    """Return the estimates of all observers, a stretch of them at a time."""
-    grid, parts, trials = lattice(track, fine=True), [], []
+def _estimated(track: Track, right: FloatArray, u: FloatArray) -> FloatArray:
+    """Return threshold, ends of its interval and trials of all observers, (4, observers)."""
+    grid, parts = lattice(track, fine=True), []
     for first in range(0, right.shape[1], _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         counted = counted_answers(track, right[:, some], u[:, some], first)
-        parts.append(grid.interval(grid.posterior(counted)))
-        trials.append(counted.sum(axis=(1, 2)))
-    middle, low, high = np.concatenate(parts, axis=1)
-    return _Told(middle=middle, low=low, high=high, trials=np.concatenate(trials))
+        parts.append([*grid.interval(grid.posterior(counted)), counted.sum(axis=(1, 2))])
+    return np.concatenate(parts, axis=1)
 
 
-def _sums(told: _Told, truth: FloatArray, shape: tuple[int, int]) -> FloatArray:
+def _sums(told: FloatArray, truth: FloatArray, shape: tuple[int, int]) -> FloatArray:
     """Return the sums of `OF_TRACK` but its last, (studies, 5); errors are in dB."""
-    known = np.isfinite(truth)
-    error_db = 20 * np.log10(told.middle / truth)
-    covered = (told.low <= truth) & (truth <= told.high)
-    values = (known, error_db, error_db**2, covered, told.trials)
+    middle, low, high, trials = told
+    known, error_db = np.isfinite(truth), 20 * np.log10(middle / truth)
+    covered = (low <= truth) & (truth <= high)
+    values = (known, error_db, error_db**2, covered, trials)
     return np.stack([np.where(known, it, 0).reshape(shape).sum(axis=1) for it in values], axis=1)
 
 

@@ -27,6 +27,7 @@ from analysis.power.power_report import (
 )
 from analysis.report.drawing import Panel, panels_files
 from analysis.simulation.simulation import Tables
+from protocol.registration.registration import GAINS
 
 DESIGN = Design(participants=9, repeats=1)
 NAMES = Asked(conditions=("a", "b", "c", "d", "e"))
@@ -120,7 +121,7 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
         assert [each.name for each in made] == list(hypotheses)
         return [each.power.value for each in made]
 
-    rejected = rows[:, columns(NAMES, models=False).index("pair p 3")] < 0.05
+    rejected = rows[:, columns(NAMES, models=False).index("a - e p")] < 0.05
     first = powers(*names)
     assert 0.1 < first[0] <= rejected.mean()
     assert first[0] + powers("a above e")[0] == pytest.approx(rejected.mean())
@@ -183,7 +184,7 @@ def test_the_answer_says_which_condition_is_above_which() -> None:
         found(rows_by(5, 50), rows)
     )
     names = columns(NAMES, models=False)
-    rows[:, names.index("pair p 3")] = 0.01
+    rows[:, names.index("a - e p")] = 0.01
     assert "80% power for e above a" in design_answer(found(rows, rows[:0]))
 
 
@@ -194,7 +195,7 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     rows = rows_by(6, 50, (0, 0, 0, 0, 2.5))
     held = next(test for test in found(rows, null).tests if test.name == "gains differ")
     assert np.isfinite(held.supported.value)  # however differently people scatter
-    null[::5, columns(NAMES, models=False).index("gains p")] = 0.001
+    null[::5, columns(NAMES, models=False).index(f"{GAINS} p")] = 0.001
     made = findings(DESIGN, NAMES, rows, null, ["gains differ", "conditions differ"])
     differ, gains, *_ = made.tests
     assert made.false_claims["gains differ"].value > 0.1
@@ -210,7 +211,7 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
 
 def test_intervals_that_miss_the_truth_are_told() -> None:
     rows = rows_by(6, 400)
-    place = columns(NAMES, models=False).index("pair error 0")
+    place = columns(NAMES, models=False).index("a - b error")
     rows[:, place] /= 3
     (line,) = warnings([found(rows, rows_by(5, 400))])
     assert "the 95% intervals of mean difference a - b hold the truth in " in line

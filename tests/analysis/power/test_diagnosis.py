@@ -25,7 +25,7 @@ from analysis.statistics.groups import Compared, Interaction, group_statistics
 from analysis.statistics.many_tables import unnamed_table
 from analysis.statistics.signed_rank import SignedRank, pairwise_signed_ranks
 from analysis.trials.trial_statistics import TrialStatistics
-from protocol.registration.registration import effect_of
+from protocol.registration.registration import NOTICED, OMNIBUS, effect_of
 from protocol.study.factor import Group
 from protocol.study.rules import Exclusions
 from protocol.study_file.loading import parsed_study, template
@@ -69,8 +69,9 @@ def test_a_row_has_the_numbers_of_the_report() -> None:
     cohort, row = made.cohort("1"), row_of(made)
     (first, *_) = pairwise_signed_ranks(unnamed_table(scores_of(made, "1")))
     assert isinstance(first.test, SignedRank)
-    assert row["pair p 0"] == pytest.approx(first.p_holm, rel=1e-12)
-    assert row["pair mean 0"] == pytest.approx(first.test.mean_difference, rel=1e-12)
+    pair = made.study.conditions[:2]
+    assert row[f"{' - '.join(pair)} p"] == pytest.approx(first.p_holm, rel=1e-12)
+    assert row[f"{' - '.join(pair)} shift"] == pytest.approx(first.test.mean_difference, rel=1e-12)
     fit, row = ordinal_sensitivity(cohort.ratings), estimated(cohort)
     assert isinstance(fit, OrdinalSensitivity)
     gains = np.array([line.gain for line in fit.lines.subjects])
@@ -105,7 +106,7 @@ def test_rules_that_leave_nobody_leave_nothing_to_estimate() -> None:
     study = simulated().study.model_copy(update={"exclusions": rules})
     made = PeopleCohorts(study=study, participants=4)
     assert estimated(made.cohort("1"))["M2 gain count"] == 0
-    assert np.isnan(row_of(made)["omnibus p"])
+    assert np.isnan(row_of(made)[f"{OMNIBUS} p"])
 
 
 def test_without_effect_each_subject_keeps_scores_and_reports() -> None:
@@ -137,12 +138,12 @@ def test_what_is_noticed_is_tested_as_in_the_report() -> None:
     trials = TrialStatistics(data=simulated_data(Simulation(study=study), 6, "1"), study=study)
     *conditions, whole = trials.noticed
     assert isinstance(whole.found, Detection)
-    assert row["noticed p"] == pytest.approx(whole.found.p, rel=1e-9)
+    assert row[f"{NOTICED} p"] == pytest.approx(whole.found.p, rel=1e-9)
     in_report = {each.of["condition"]: each.p_holm for each in conditions}
-    for place, name in enumerate(study.conditions):
-        assert row[f"noticed p {place}"] == pytest.approx(in_report[name])
+    for name in study.conditions:
+        assert row[f"{name} {NOTICED} p"] == pytest.approx(in_report[name])
     # Without catch trials there is no such test.
-    assert np.isnan([p for name, p in row_of(simulated()).items() if "noticed p" in name]).all()
+    assert np.isnan([p for name, p in row_of(simulated()).items() if NOTICED in name]).all()
 
 
 def test_groups_factors_and_sessions_are_tested_as_in_the_report() -> None:

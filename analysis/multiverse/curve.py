@@ -41,7 +41,7 @@ class Judged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Claim:
+class PeopleClaim:
     """A claim about people.
 
     `effect` is what `judge` measures, with its unit; `of_model` whether the claim compares ratings
@@ -61,18 +61,14 @@ class Claim:
         return found.effect > 0 if self.signed else found.significant
 
 
-def above(name: str, words: str, pairs: Iterable[tuple[str, str]]) -> Claim:
+def above(name: str, words: str, pairs: Iterable[tuple[str, str]]) -> PeopleClaim:
     """Return the claim that the first condition of each pair is rated above the second.
 
     Its effect is the least mean difference; p is the largest of the signed rank tests after Holm's
     correction over all pairs of conditions, as all of them must hold.
     """
-    return Claim(
-        id=name,
-        words=words,
-        effect="least mean difference, points",
-        judge=partial(_above, tuple(pairs)),
-    )
+    judge = partial(_above, tuple(pairs))
+    return PeopleClaim(id=name, words=words, effect="least mean difference, points", judge=judge)
 
 
 def _differ(universe: Universe) -> Judged | NotEstimable:
@@ -96,19 +92,16 @@ def _differ(universe: Universe) -> Judged | NotEstimable:
 
 def _above(pairs: tuple[tuple[str, str], ...], universe: Universe) -> Judged | NotEstimable:
     found = []
-    for higher, lower in pairs:
-        differences = pair_differences(universe.reading, higher, lower)
+    for pair in pairs:
+        differences = pair_differences(universe.reading, *pair)
         if not differences.size:
-            return NotEstimable(f"nobody scored both {higher} and {lower}")
-        ends = mean_interval(differences)
-        found.append((float(differences.mean()), None if isinstance(ends, NotEstimable) else ends))
-    effect, interval = min(found, key=lambda each: each[0])
-    return Judged(
-        effect=effect,
-        # All pairs must hold, so that the claim is as weak as the weakest.
-        p=max(pair_p(universe.reading, higher, lower) for higher, lower in pairs),
-        interval=interval,
-    )
+            return NotEstimable(f"nobody scored both {' and '.join(pair)}")
+        found.append((float(differences.mean()), mean_interval(differences)))
+    # All pairs must hold, so that the claim is as weak as the weakest.
+    effect, ends = min(found, key=lambda each: each[0])
+    weakest = max(pair_p(universe.reading, *pair) for pair in pairs)
+    interval = None if isinstance(ends, NotEstimable) else ends
+    return Judged(effect=effect, p=weakest, interval=interval)
 
 
 def pair_differences(reading: Reading, one: str, other: str) -> FloatArray:
@@ -127,11 +120,10 @@ def pair_p(reading: Reading, one: str, other: str) -> float:
 
 
 def _follows(universe: Universe) -> Judged | NotEstimable:
-    means = universe.reading.table4
+    means, contrasts = universe.reading.table4, universe.contrasts
     rated = dict(zip(means.table.conditions, means.column_means.tolist(), strict=True))
-    names = tuple(universe.contrasts)
-    predicted = np.array([universe.contrasts[name] for name in names])
-    found = law_order(names, predicted, np.array([rated[name] for name in names]))
+    predicted = np.array(list(contrasts.values()))
+    found = law_order(tuple(contrasts), predicted, np.array([rated[name] for name in contrasts]))
     if isinstance(found, NotEstimable):
         return found
     if isinstance(found.spearman, NotEstimable) or isinstance(found.p, NotEstimable):
@@ -139,7 +131,7 @@ def _follows(universe: Universe) -> Judged | NotEstimable:
     return Judged(effect=found.spearman, p=found.p)
 
 
-_DIFFER = Claim(
+_DIFFER = PeopleClaim(
     id="conditions-differ",
     words="The conditions differ",
     effect="agreement of subjects (Kendall's W)",
@@ -154,7 +146,7 @@ _RANKED = (
 )
 """What the paper found to be felt most and least (Section 5.2, abstract): which conditions were
 rated above, or below, all others."""
-_FOLLOW = Claim(
+_FOLLOW = PeopleClaim(
     id="order-follows-model",
     words="Mean ratings follow the order that the model predicts",
     effect="Spearman's ρ over conditions",
@@ -165,7 +157,7 @@ NAMES = (_DIFFER.id, *(name for name, *_ in _RANKED), _FOLLOW.id)
 """Short names of the claims that are judged in each study that has their conditions."""
 
 
-def named_claims(conditions: Sequence[str]) -> list[Claim]:
+def named_claims(conditions: Sequence[str]) -> list[PeopleClaim]:
     """Return those of the paper's claims that a table with these conditions can judge."""
     # The paper claims nothing about conditions of other names.
     known = [name for name in conditions if name in CONDITIONS]
@@ -200,7 +192,7 @@ class Curve:
     those of each choice that has several; `unjudged` counts the analyses that cannot, by reason.
     """
 
-    claim: Claim
+    claim: PeopleClaim
     options: Mapping[Choice, tuple[str, ...]]
     chosen: tuple[Options, ...]
     judged: tuple[Judged, ...]
@@ -231,17 +223,17 @@ class Curve:
     @cached_property
     def moves(self) -> dict[Choice, float]:
         """By how much the mean effect differs between the options of each choice."""
-        means = {
-            choice: [each.mean_effect for each in self.by_option(choice).values()]
-            for choice in self.options
-        }
-        return {choice: max(of_options) - min(of_options) for choice, of_options in means.items()}
+        found = {}
+        for choice in self.options:
+            means = [each.mean_effect for each in self.by_option(choice).values()]
+            found[choice] = max(means) - min(means)
+        return found
 
     @property
     def moves_most(self) -> Choice | None:
         """The choice that moves the effect most, None if none does."""
-        choice = max(self.moves, key=lambda it: self.moves[it], default=None)
-        return choice if choice is not None and self.moves[choice] > _EQUAL else None
+        moving = {choice: by for choice, by in self.moves.items() if by > _EQUAL}
+        return max(moving, key=moving.__getitem__, default=None)
 
     @property
     def decides(self) -> Choice | None:
@@ -297,7 +289,7 @@ def multiverse(
     decided: StudyData,
     study: Study,
     rig: Calibration = NOMINAL,
-    claims: Sequence[Claim] | None = None,
+    claims: Sequence[PeopleClaim] | None = None,
 ) -> Multiverse:
     """Return claims in all analyses of a study; by default those of the paper that it can judge."""
     found = universes(recorded, decided, study, rig)
@@ -310,7 +302,7 @@ def multiverse(
     )
 
 
-def curve(claim: Claim, analyses: Sequence[Universe]) -> Curve:
+def curve(claim: PeopleClaim, analyses: Sequence[Universe]) -> Curve:
     """Return the curve of a claim; the first of the analyses is the report's own."""
     # A law that predicts nothing has no order to follow.
     able = [it for it in analyses if it.contrasts or not claim.of_model]
@@ -337,28 +329,26 @@ def _pairs(tables: Sequence[Universe]) -> list[PairTally]:
     """Return each pair of conditions, the first the one that most analyses rate above the other."""
     readings = [universe.reading for universe in tables]
     found = []
-    for one, other in combinations(readings[0].table4.table.conditions, 2):
-        both = [
-            (float(differences.mean()), pair_p(it, one, other))
+    for pair in combinations(readings[0].table4.table.conditions, 2):
+        judged = [
+            (float(differences.mean()), pair_p(it, *pair))
             for it in readings
-            if (differences := pair_differences(it, one, other)).size
+            if (differences := pair_differences(it, *pair)).size
         ]
-        if not both:
+        if not judged:
             continue
         # The pair is named after what most analyses say, not after the order of the columns.
-        turned = sum(np.sign(effect) for effect, _ in both) < 0
-        effects = [(-effect if turned else effect) for effect, _ in both]
+        sign = -1 if sum(np.sign(effect) for effect, _ in judged) < 0 else 1
+        supporting = [p for effect, p in judged if sign * effect > 0]
         found.append(
             PairTally(
-                above=other if turned else one,
-                below=one if turned else other,
-                analyses=len(both),
-                supported=sum(effect > 0 for effect in effects),
-                significant=sum(
-                    effect > 0 and p < LEVEL for effect, (_, p) in zip(effects, both, strict=True)
-                ),
-                least=min(effects),
-                largest=max(effects),
+                above=pair[::sign][0],
+                below=pair[::sign][1],
+                analyses=len(judged),
+                supported=len(supporting),
+                significant=sum(p < LEVEL for p in supporting),
+                least=min(sign * effect for effect, _ in judged),
+                largest=max(sign * effect for effect, _ in judged),
             )
         )
     return found

@@ -50,11 +50,8 @@ def exclusions(
     """
     rehearsals, attempts = "rehearsal" in decided.kinds, recorded.attempts
     # Exclusions live in the tables themselves, so that clearing them there takes all back.
-    nobody = replace(
-        recorded,
-        sessions=recorded.sessions.assign(exclusion=None),
-        attempts=attempts.assign(exclusion=None),
-    )
+    sessions, every = (it.assign(exclusion=None) for it in (recorded.sessions, attempts))
+    nobody = replace(recorded, sessions=sessions, attempts=every)
     judged = recorded.touches[["force_ok", "place_ok", "speed_ok"]]
     slipped = recorded.touches["attempt_id"][judged.eq(False).fillna(False).any(axis=1)]
     slips = attempts["exclusion"].mask(attempts.index.isin(slipped), STRICT)
@@ -63,12 +60,9 @@ def exclusions(
     found = {DECIDED: decided}
     if not _same_trials(whole, decided):
         found[NOTHING] = whole
+    strictly = replace(recorded, attempts=attempts.assign(exclusion=slips))
     try:
-        strict = study_data(
-            replace(recorded, attempts=attempts.assign(exclusion=slips)),
-            rehearsals=rehearsals,
-            rules=rules,
-        )
+        strict = study_data(strictly, rehearsals=rehearsals, rules=rules)
     # A choice that leaves nobody is no analysis that anybody would report.
     except NothingToReport:
         return found, whole
@@ -78,9 +72,8 @@ def exclusions(
 
 
 def _same_trials(one: StudyData, other: StudyData) -> bool:
-    return one.table.subjects == other.table.subjects and one.trials.index.equals(
-        other.trials.index
-    )
+    same_people = one.table.subjects == other.table.subjects
+    return same_people and one.trials.index.equals(other.trials.index)
 
 
 def differing_readings(found: Mapping[str, StudyData], least: float) -> dict[str, list[ScoreTable]]:
@@ -175,16 +168,13 @@ def _single(
     readings: Mapping[str, object],
     contrasts: list[tuple[dict[Choice, str], FloatArray]],
 ) -> dict[Choice, str]:
+    kinds = {options[Choice.CONTRAST] for options, _ in contrasts}
+    judged = "nothing was excluded, and no touch that counts was judged to be not as instructed"
+    measured = "no friction was measured, and touches as made have the contrasts of those planned"
     alone = {
         Choice.READING: (readings, "no score was withheld, so that the three readings are one"),
-        Choice.EXCLUSIONS: (
-            left_out,
-            "nothing was excluded, and no touch that counts was judged to be not as instructed",
-        ),
-        Choice.CONTRAST: (
-            {options[Choice.CONTRAST] for options, _ in contrasts},
-            "no friction was measured, and touches as made have the contrasts of those planned",
-        ),
+        Choice.EXCLUSIONS: (left_out, judged),
+        Choice.CONTRAST: (kinds, measured),
     }
     return {choice: why for choice, (options, why) in alone.items() if len(options) == 1}
 
@@ -197,14 +187,13 @@ def _contrasts(
     rungs = (RUNG, *(rung for rung in BEAM_MODELS if rung != RUNG))
     laws = (LAW, *(law for law in LAWS if law != LAW))
     known: list[dict[tuple[str, str], FloatArray]] = []
+    data = study, whole.trials, whole.touches
     for name in (TOUCHED, PLANNED):
         of_rungs = {
-            rung: trial_contrasts(
-                study, whole.trials, whole.touches, rig, rung=rung, as_felt=name == TOUCHED
-            ).by_law
+            rung: _where_all(trial_contrasts(*data, rig, rung=rung, as_felt=name == TOUCHED).by_law)
             for rung in rungs
         }
-        own = {(law, rung): _where_all(of_rungs[rung])[law] for law in laws for rung in rungs}
+        own = {(law, rung): of_rungs[rung][law] for law in laws for rung in rungs}
         # Touches as made that equal the plan would count every analysis twice.
         if known and all(np.allclose(own[key], known[0][key], equal_nan=True) for key in own):
             continue
@@ -212,7 +201,7 @@ def _contrasts(
         for (law, rung), values in own.items():
             yield {Choice.CONTRAST: name, Choice.LAW: law, Choice.RUNG: rung}, values
     if whole.forces:
-        found = measured_trials(study, whole.trials, whole.touches, whole.forces)
+        found = measured_trials(*data, whole.forces)
         yield {Choice.CONTRAST: MEASURED}, found.value
 
 

@@ -11,10 +11,10 @@ from analysis.estimates import NotEstimable
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
 from analysis.multiverse.curve import (
-    Claim,
     Curve,
     Judged,
     Multiverse,
+    PeopleClaim,
     above,
     curve,
     multiverse,
@@ -32,7 +32,7 @@ PAIR = ("voltage", "pressure")
 
 
 def explored(
-    chains: Sequence[Sequence[StoredEvent]], claims: Sequence[Claim] | None = None
+    chains: Sequence[Sequence[StoredEvent]], claims: Sequence[PeopleClaim] | None = None
 ) -> Multiverse:
     recorded = load_sessions(chains)
     decided = study_data(recorded, rehearsals=False, rules=PAPER.exclusions)
@@ -175,7 +175,7 @@ def universes_of_one() -> tuple[Universe, ...]:
 def test_the_report_s_own_analysis_is_no_other_one_where_it_has_no_contrasts() -> None:
     (own,) = universes_of_one()
     other = replace(own, chosen={Choice.LAW: "another"}, contrasts={"voltage": 0.1})
-    claim = Claim(
+    claim = PeopleClaim(
         id="any", words="Any", effect="ρ", judge=lambda _: Judged(effect=1.0, p=0.5), of_model=True
     )
     found = curve(claim, (own, other))
@@ -194,7 +194,7 @@ def test_a_choice_decides_only_if_each_of_its_options_has_one_verdict() -> None:
         ): effect
         for (one, other), effect in effects.items()
     }
-    claim = Claim(
+    claim = PeopleClaim(
         id="any",
         words="Any",
         effect="points",

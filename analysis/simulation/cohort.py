@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -143,7 +143,7 @@ def cohort(
     first_touch = np.cumsum(touches, axis=1) - touches
     most = int(touches.sum(axis=1).max())
     u = uniforms_of([f"touches/{name}" for name in names], most, answers.TOUCH_NUMBERS)
-    feeling = _Feeling(planned.study, planned.kinds, people, world)
+    feeling = _Feeling(planned, people, world)
     force_n = np.full(u.shape[:2], np.nan)
     for number, kind in enumerate(planned.kinds):
         who, trial = np.nonzero(kinds == number)
@@ -152,16 +152,15 @@ def cohort(
         for touch in range(len(kind.marks)):
             at = first_touch[who, trial] + touch
             force_n[who, at] = feeling.touch(number, touch, who, trial, u[who, at])
+    numbers = ("reaction_s", "score", "score_reaction_s")
     made = Cohort(
         people=people,
         slots=slots,
         kinds=kinds,
         answered=np.zeros(kinds.shape, dtype=np.bool_),
         change=np.zeros(kinds.shape, dtype=np.int64),
-        reaction_s=np.full(kinds.shape, np.nan),
-        score=np.full(kinds.shape, np.nan),
-        score_reaction_s=np.full(kinds.shape, np.nan),
         force_n=force_n,
+        **{name: np.full(kinds.shape, np.nan) for name in numbers},
     )
     _answer(made, planned, names, feeling.contrasts(kinds.shape))
     return made
@@ -171,30 +170,22 @@ def joined(sessions: Sequence[Cohort]) -> Cohort:
     """Return the sessions of the same people as one, the trials of each after those before."""
     if len(sessions) == 1:
         return sessions[0]
-
-    def beside(name: str) -> Any:
-        return np.concatenate([getattr(each, name) for each in sessions], axis=1)
-
-    forces_n = beside("force_n")
+    names = ("kinds", "answered", "change", "reaction_s", "score", "score_reaction_s", "force_n")
+    beside: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in sessions], axis=1) for name in names
+    }
     # Who touches less often in a session than others has no forces at its end.
-    in_order = np.argsort(np.isnan(forces_n), axis=1, kind="stable")
-    names = ("kinds", "change", "reaction_s", "score", "score_reaction_s")
-    return replace(
-        sessions[0],
-        answered=np.concatenate([each.answered for each in sessions], axis=1),
-        force_n=np.take_along_axis(forces_n, in_order, axis=1),
-        **{name: beside(name) for name in names},
-    )
+    in_order = np.argsort(np.isnan(beside["force_n"]), axis=1, kind="stable")
+    beside["force_n"] = np.take_along_axis(beside["force_n"], in_order, axis=1)
+    return replace(sessions[0], **beside)
 
 
 class _Feeling:
     """Collects touches, so that those with a like drive are felt together."""
 
-    def __init__(
-        self, study: Study, kinds: Sequence[TrialKind], people: People, world: World
-    ) -> None:
-        self._study = study
-        self._kinds = kinds
+    def __init__(self, planned: PlannedTrials, people: People, world: World) -> None:
+        self._study = planned.study
+        self._kinds = planned.kinds
         self._people = people
         self._world = world
         self._trials: dict[int, tuple[IntArray, IntArray]] = {}
@@ -247,18 +238,13 @@ class _Feeling:
     def contrasts(self, shape: tuple[int, ...]) -> FloatArray:
         """Return the change that each trial makes, shape (people, trials)."""
         for (frequency, direction), asked in self._asked.items():
-            joined = Fingers(
-                **{
-                    entry.name: np.concatenate([getattr(it, entry.name) for _, it in asked])
-                    for entry in fields(Fingers)
-                }
-            )
+            parts = [vars(fingers) for _, fingers in asked]
+            every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
             model_hz = frequency * self._world.resonance_hz
-            found, begin = felt_friction(self._world, joined, model_hz, direction), 0
-            for (key, which), fingers in asked:
-                end = begin + fingers.place_m.size
-                self._friction[key][:, which] = found[begin:end].reshape(-1, len(which))
-                begin = end
+            found = felt_friction(self._world, Fingers(**every), model_hz, direction)
+            ends = np.cumsum([fingers.place_m.size for _, fingers in asked])
+            for ((key, which), _), own in zip(asked, np.split(found, ends[:-1]), strict=True):
+                self._friction[key][:, which] = own.reshape(-1, len(which))
         resting = self._resting()
         contrast = np.zeros(shape)
         for number, kind in enumerate(self._kinds):

@@ -11,17 +11,9 @@ import numpy as np
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.loading.study_data import broken_rules
 from analysis.simulation.cohort import Cohort, PlannedTrials, cohort, joined
+from device.people import person
 from device.people.answering import SAME
-from device.people.person import (
-    DEFAULT,
-    PARAMETERS,
-    People,
-    Population,
-    World,
-    people_of,
-    person_name,
-    session_name,
-)
+from device.people.person import DEFAULT, PARAMETERS, People, Population, World
 from protocol.study.study import Study
 
 # Tables of scores of many cohorts at once, after the study's rules on who is left out.
@@ -35,15 +27,13 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
     people, by the trials that are left to them.
     """
     conditions = planned.study.conditions
-    of = planned.kinds
-    names = [kind.trial.condition for kind in of]
+    names = [kind.trial.condition for kind in planned.kinds]
     # No column has the number -1, so that trials without a condition enter none.
     columns = [conditions.index(name) if name in conditions else -1 for name in names]
     condition = np.array(columns)[made.kinds]
     counted = counted_trials(planned, made)
-    among = np.zeros(counted.scored.shape[1], dtype=np.bool_)
-    among[trials] = True
-    given = counted.scored & among & ~np.isnan(made.score)
+    given = np.zeros_like(counted.scored)
+    given[:, trials] = (counted.scored & ~np.isnan(made.score))[:, trials]
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
@@ -61,19 +51,15 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     Shape (people, conditions + 1, 2). Trials that expect no change are neither, as in the report;
     those whom the rules leave out have none.
     """
-    names, counted = planned.study.conditions, counted_trials(planned, made)
-    row = [
-        len(names)
-        if kind.trial.kind == "catch"
-        else names.index(kind.trial.condition)
-        if kind.trial.condition in names and kind.expected not in {None, SAME}
-        else -1
-        for kind in planned.kinds
+    counted, kinds = counted_trials(planned, made), planned.kinds
+    of_rows = [
+        [it.trial.condition == name and it.expected not in {None, SAME} for it in kinds]
+        for name in planned.study.conditions
     ]
-    rows = np.array(row)[made.kinds]
+    of_rows.append([it.trial.kind == "catch" for it in kinds])
     asked = (counted.scored | counted.catch) & ~counted.out[:, None]
     reported = made.change != SAME
-    each = [asked & (rows == number) for number in range(len(names) + 1)]
+    each = [asked & np.array(row)[made.kinds] for row in of_rows]
     return np.array([[(some & reported).sum(1), some.sum(1)] for some in each]).transpose(2, 0, 1)
 
 
@@ -90,9 +76,8 @@ class Counted(NamedTuple):
 
 def counted_trials(planned: PlannedTrials, made: Cohort) -> Counted:
     """Return which trials count, by the study's rules on who and what is left out."""
-    of = planned.kinds
-    scored = np.array([kind.trial.kind == "trial" for kind in of])[made.kinds]
-    catch = np.array([kind.trial.kind == "catch" for kind in of])[made.kinds]
+    kind = np.array([it.trial.kind for it in planned.kinds])[made.kinds]
+    scored, catch = kind == "trial", kind == "catch"
     timed = {"reaction_s": np.where(scored | catch, made.reaction_s, np.nan)}
     late = broken_rules(planned.study.exclusions, "trial", timed)
     kept = ~np.logical_or.reduce([~made.answered, *late.values()])
@@ -162,10 +147,6 @@ class Simulation:
         """Return the same, with the first sessions of all, their second ones and so on apart."""
         return self._sessions(self._who(participants, seed))
 
-    def score_tables(self, participants: int, seeds: Sequence[int | str]) -> FloatArray:
-        """Return the table of scores of each seed's cohort, see `Tables`."""
-        return self.tables(participants, seeds).scores
-
     def tables(self, participants: int, seeds: Sequence[int | str]) -> Tables:
         """Return what the tests of cohorts take, a cohort for each seed."""
         who = [one for seed in seeds for one in self._who(participants, seed)]
@@ -204,25 +185,19 @@ class Simulation:
 
     def _people(self, who: Sequence[tuple[int | str, str, int]]) -> People:
         """Return the people, each drawn from the population of the own group."""
-        names = np.array([person_name(seed, name) for seed, name, _ in who])
+        names = np.array([person.person_name(seed, name) for seed, name, _ in who])
         groups = [self.planned.place(slot)[0] for *_, slot in who]
         values = np.empty((len(who), len(PARAMETERS)))
         for group in set(groups):
             rows = np.array([other == group for other in groups])
-            drawn = people_of(self.population.of_group(group), names[rows].tolist())
+            drawn = person.people_of(self.population.of_group(group), names[rows].tolist())
             values[rows] = np.stack([getattr(drawn, name) for name in PARAMETERS], axis=-1)
         return People(values)
 
     def _sessions(self, who: Sequence[tuple[int | str, str, int]]) -> list[Cohort]:
-        people = self._people(who)
-        slots = np.array([slot for *_, slot in who], dtype=np.int64)
-        return [
-            cohort(
-                planned,
-                people,
-                [session_name(seed, name, planned.session) for seed, name, _ in who],
-                slots,
-                self.world,
-            )
-            for planned in self.plans
-        ]
+        people, slots = self._people(who), np.array([slot for *_, slot in who], dtype=np.int64)
+        made = []
+        for planned in self.plans:
+            names = [person.session_name(seed, name, planned.session) for seed, name, _ in who]
+            made.append(cohort(planned, people, names, slots, self.world))
+        return made

@@ -17,7 +17,7 @@ from device.friction.scenes import Scene
 
 POSITIONS = 1000
 MODES_SHOWN = "modes:12"
-RUNGS = (*rungs.MODAL_RUNGS, MODES_SHOWN, *rungs.SEGMENTED_RUNGS)
+TIMED_RUNGS = (*rungs.MODAL_RUNGS, MODES_SHOWN, *rungs.SEGMENTED_RUNGS)
 _ROUNDS = 15
 
 
@@ -51,7 +51,7 @@ def _round(scene: Scene, places_m: FloatArray) -> dict[str, tuple[float, float]]
     """Time every rung once, in turn: its set-up and then its places, µs."""
     beam, drive = scene.structure.beam, scene.drive
     times = {}
-    for rung in RUNGS:
+    for rung in TIMED_RUNGS:
         # A set-up that is remembered would be measured as free of cost.
         rungs.forget_set_ups()
         setup_us = _time_us(partial(rungs.rung_field, rung, beam, drive))
@@ -68,13 +68,13 @@ def measured_ladder() -> tuple[LadderRow, ...]:
     """
     scene, places_m = Scene(), np.linspace(0.0, Beam().length_m, POSITIONS)
     # The reference speeds are cached, so that no rung's set-up includes computing them.
-    for rung in RUNGS:
+    for rung in TIMED_RUNGS:
         rungs.reference_tip_speed_m_s(rung)
     top = friction_coefficient(scene, rung=rungs.TOP_RUNG, x_m=places_m)
     _round(scene, places_m)  # loads and caches what is not a set-up
     rounds = [_round(scene, places_m) for _ in range(_ROUNDS)]
     rows = []
-    for rung in RUNGS:
+    for rung in TIMED_RUNGS:
         error = friction_coefficient(scene, rung=rung, x_m=places_m) - top
         setups, places = zip(*(times[rung] for times in rounds), strict=True)
         rows.append(

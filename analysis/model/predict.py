@@ -235,10 +235,9 @@ def csv_text(predicted: PredictedTable) -> str:
         else values.tolist()
         for name, values in predicted.columns.items()
     ]
-    return (
-        # Nothing needs quotes: all words are from lists of the model's own.
-        "\n".join([",".join(predicted.columns), *map(",".join, zip(*columns, strict=True))]) + "\n"
-    )
+    # Nothing needs quotes: all words are from lists of the model's own.
+    rows = map(",".join, zip(*columns, strict=True))
+    return "\n".join([",".join(predicted.columns), *rows, ""])
 
 
 def predict(

@@ -160,21 +160,20 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> FloatArray:
+def _numbers(
+    source: str, name: str, column: NumberColumn, cells: Cells, lines: Sequence[int]
+) -> FloatArray:
     """Return a column of numbers; blank cells and the column's word take its default."""
-    column = COLUMNS[name]
-    assert isinstance(column, NumberColumn)
     if isinstance(cells, np.ndarray):
         given, values = ~np.isnan(cells), cells.astype(np.float64)
         values[~given] = column.default
     else:
         given = np.array([bool(cell) and cell != column.word for cell in cells], dtype=np.bool_)
         values = np.full(len(cells), column.default, dtype=np.float64)
-        found = [_number(cells[row]) for row in np.flatnonzero(given)]
-        for row, number in zip(np.flatnonzero(given), found, strict=True):
-            if number is None:
+        for row in np.flatnonzero(given):
+            if (number := _number(cells[row])) is None:
                 raise bad_cell(source, lines[row], name, column.rule, cells[row])
-        values[given] = np.array(found, dtype=np.float64)
+            values[row] = number
     # Blank cells are checked as .5, a value that never counts because `given` excludes it.
     wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
     if wrong.size:
@@ -189,10 +188,10 @@ def _numbers(source: str, name: str, cells: Cells, lines: Sequence[int]) -> Floa
     return values
 
 
-def _words(source: str, name: str, cells: Cells, lines: Sequence[int]) -> NDArray[np.str_]:
+def _words(
+    source: str, name: str, column: WordColumn, cells: Cells, lines: Sequence[int]
+) -> NDArray[np.str_]:
     """Return a column of words; blank cells take its default."""
-    column = COLUMNS[name]
-    assert isinstance(column, WordColumn)
     texts = cells if not isinstance(cells, np.ndarray) else [str(cell) for cell in cells]
     if not {"", *column.words}.issuperset(texts):
         for cell, line in zip(texts, lines, strict=False):
@@ -255,16 +254,8 @@ def _table(
         # One blank cell stands for the column that is not there, and takes its default.
         cells = given.get(name, [""])
         if isinstance(column, WordColumn):
-            words[name] = _words(source, name, cells, lines)
-            continue
-        values = _numbers(source, name, cells, lines)
-        if defaults and name in defaults:
-            values[_blank(cells)] = defaults[name]
-        numbers[name] = values
+            words[name] = _words(source, name, column, cells, lines)
+        else:
+            own = replace(column, default=(defaults or {}).get(name, column.default))
+            numbers[name] = _numbers(source, name, own, cells, lines)
     return SceneTable(source=source, lines=lines, numbers=numbers, words=words)
-
-
-def _blank(cells: Cells) -> BoolArray:
-    if isinstance(cells, np.ndarray):
-        return np.asarray(np.isnan(cells))
-    return np.array([not cell for cell in cells], dtype=np.bool_)

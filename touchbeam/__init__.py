@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from touchbeam.asked import track
     from touchbeam.model import fit, friction, predict
     from touchbeam.rig import OpenRig, open_rig
     from touchbeam.study import Study, load
+    from touchbeam.tracks import track
 
     __version__: str
 
@@ -40,7 +40,7 @@ _HOME = {
     "fit": "model",
     "OpenRig": "rig",
     "open_rig": "rig",
-    "track": "asked",
+    "track": "tracks",
 }
 
 

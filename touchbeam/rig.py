@@ -90,7 +90,7 @@ def open_rig(
         if journal is not None:
             name = "" if file is None else file.study.name
             log = stack.enter_context(_session(Path(journal), name, rig.clock))
-        opened = OpenRig(rig, settings, channel.rate_hz, _Kept(log), stack.pop_all())
+        opened = OpenRig(rig, settings, channel.rate_hz, _Entries(log), stack.pop_all())
     try:
         opened._begin(identity, device)
     except BaseException as error:
@@ -112,16 +112,16 @@ class OpenRig:
         rig: device_access.SessionRig,
         settings: RigSettings,
         rate_hz: int | None,
-        kept: "_Kept",
+        entries: "_Entries",
         stack: ExitStack,
     ) -> None:
         self._rig = rig
         self._settings = settings
         self._rate_hz = rate_hz
-        self._kept = kept
+        self._entries = entries
         self._began_s: float | None = None
         """When the output went on, None while it is off."""
-        self._parts = (rig.device, kept, stack)
+        self._parts = (rig.device, entries, stack)
         # Also at the end of the interpreter, of a rig that is forgotten.
         self._end = weakref.finalize(self, _abandoned, os.getpid(), *self._parts)
 
@@ -135,7 +135,7 @@ class OpenRig:
     ) -> None:
         """Turn the output off, read it back and give the rig back; see `close`."""
         if error is not None:
-            self._kept.why = str(error) or type(error).__name__
+            self._entries.why = str(error) or type(error).__name__
         self.close()
         if error is not None:
             error.add_note(_OFF)
@@ -173,7 +173,7 @@ class OpenRig:
             ramp_v_per_s=settings.ramp_v_per_s,
         ).checked(device_limits(settings))
         # On the disk before the output goes on: nothing is driven of which the journal is ignorant.
-        self._kept.append(events.DriveStarted(commanded=setpoint))
+        self._entries.append(events.DriveStarted(commanded=setpoint))
         if self._began_s is None:
             self._began_s = self._rig.clock.monotonic_s()
             if self._rate_hz is not None:
@@ -185,7 +185,7 @@ class OpenRig:
         return self._said(self._open().read_back())
 
     def _said(self, said: ReadBack) -> ReadBack:
-        self._kept.said += [said] * (self._began_s is not None)
+        self._entries.said += [said] * (self._began_s is not None)
         return said
 
     def wait(self, seconds: float = 0.0) -> None:
@@ -220,11 +220,11 @@ class OpenRig:
         if self._rate_hz is not None:
             samples = vars(device.recorded())
             moved_s = (self._began_s, ended_s)
-            self._kept.append(
+            self._entries.append(
                 events.TouchRecorded.packed(touch=0, moved_s=moved_s, tare_n=None, **samples)
             )
         self._began_s = None
-        self._kept.off()
+        self._entries.off()
 
     def resonance(self) -> float:
         """Return the beam's resonance, Hz, measured with 10 V at most; the output is off then.
@@ -234,7 +234,7 @@ class OpenRig:
         self.off()
         device, near_hz = self._open(), self._settings.nominal_resonance_hz
         found = device.resonance(near_hz, self.wait)
-        self._kept.append(
+        self._entries.append(
             events.ResonanceMeasured(frequency_hz=found.frequency_hz, tip_m_per_v=found.tip_m_per_v)
         )
         return found.frequency_hz
@@ -259,11 +259,11 @@ class OpenRig:
 
     def _begin(self, identity: Identity, address: str) -> None:
         """Test the watchdog, if there is one, before anything is driven."""
-        self._kept.append(events.DeviceArmed(**vars(identity)))
+        self._entries.append(events.DeviceArmed(**vars(identity)))
         if self._rig.device.has_watchdog:
             tripped = self._rig.device.watchdog_trips()
             tested = events.WatchdogTested(tripped=tripped, idn=identity.idn, address=address)
-            self._kept.append(tested)
+            self._entries.append(tested)
             if not tripped:
                 raise DeviceError(NOT_TRIPPED)
 
@@ -286,7 +286,7 @@ def _number(name: str, value: object) -> float:
 
 
 @dataclass
-class _Kept:
+class _Entries:
     """What the journal keeps, if there is one; `said` is what was read since the output went on."""
 
     log: SessionLog | None
@@ -309,32 +309,32 @@ class _Kept:
             self.append(events.SessionCompleted())
 
 
-def _close(device: Rig, kept: _Kept, stack: ExitStack) -> None:
+def _close(device: Rig, entries: _Entries, stack: ExitStack) -> None:
     with stack:
         try:
             device.off()
         except BaseException:
             with suppress(Exception):  # that the output may be on matters more
-                kept.over(confirmed=False)
+                entries.over(confirmed=False)
             raise
         try:
-            kept.over(confirmed=True)
+            entries.over(confirmed=True)
         except Exception as error:
             error.add_note(_OFF)
             raise
 
 
-def _abandoned(process: int, device: Rig, kept: _Kept, stack: ExitStack) -> None:
+def _abandoned(process: int, device: Rig, entries: _Entries, stack: ExitStack) -> None:
     """Close a rig that nobody has closed, unless this is a fork of its process."""
     if os.getpid() != process:
         return
     if threading.current_thread() is threading.main_thread():
-        kept.why = "the program forgot the rig"
-        _close(device, kept, stack)
+        entries.why = "the program forgot the rig"
+        _close(device, entries, stack)
     else:
         # Garbage is collected in any thread, also in the owner of the port, who cannot wait for
         # itself. The journal belongs to the thread that opened it.
-        threading.Thread(target=_close, args=(device, _Kept(None), stack)).start()
+        threading.Thread(target=_close, args=(device, _Entries(None), stack)).start()
 
 
 @contextmanager

@@ -234,9 +234,9 @@ class Study:
 
     def track(self, name: str, answers: "Sequence[bool | int]") -> "dict[str, Any]":
         """Return what a track of the study asks after `answers`, as `touchbeam.track` does."""
-        from touchbeam.asked import asked_by
+        from touchbeam.tracks import track_of
 
-        return asked_by(self.file, self._rig, name, answers)
+        return track_of(self.file, self._rig, name, answers)
 
     def plan(
         self, participant: str, session: int = 1, *, group: str | None = None

@@ -36,10 +36,10 @@ def track(
     from runner.study.folder import StudyFolder
 
     place = StudyFolder(path=Path(folder))
-    return asked_by(place.study(), fitted_calibration(place.path), name, answers)
+    return track_of(place.study(), fitted_calibration(place.path), name, answers)
 
 
-def asked_by(
+def track_of(
     study: "Study", rig: "Calibration", name: str, answers: Sequence[bool | int]
 ) -> dict[str, Any]:
     """Return what `track` does, of a study and a rig that were read already."""
@@ -58,15 +58,14 @@ def asked_by(
     volts, problems = volts_of(study, number, rig)
     if problems:
         raise BadInput(str(problems[0]))
-    order: Sequence[int] = ()
-    if chosen.method == "constant":
-        order = constant_order(chosen, study.study.seed, 1, 0)  # of the first participant
+    first = (chosen, study.study.seed, 1, 0)  # of the first participant
+    order: Sequence[int] = constant_order(*first) if chosen.method == "constant" else ()
     told = levels_of(chosen, [bool(answer) for answer in answers], order)
     if len(told) < len(answers):
         raise BadInput(
             f"{name!r} ends after {len(told)} of these {len(answers)} answers: leave the rest out"
         )
-    level = next_level(chosen, told, order)
+    level, levels = next_level(chosen, told, order), [answer.level for answer in told]
     following = None
     if level is not None:
         following = {"index": level, "value": chosen.values[level], "volts": volts[level]}
@@ -74,8 +73,8 @@ def asked_by(
         "name": name,
         "task": chosen.task,
         "method": chosen.method,
-        "levels": [answer.level for answer in told],
-        "values": [chosen.values[answer.level] for answer in told],
+        "levels": levels,
+        "values": [chosen.values[each] for each in levels],
         "next": following,
         "estimate": _estimate(chosen, told),
     }
@@ -87,18 +86,13 @@ def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
     from protocol.tracks.convergence import converges_at
     from protocol.tracks.procedure import in_mean, place_after, reversal_mean, staircase
 
+    made = estimate(track, told) if told else None
     found: dict[str, Any] = {
-        "threshold": None,
-        "threshold_ci": [None, None],
+        "threshold": made.threshold if made else None,
+        "threshold_ci": list(made.threshold_ci) if made else [None, None],
         "threshold_at": round(track.share, 4),
+        **({"interval_db": made.interval_db} if made else {}),
     }
-    if told:
-        made = estimate(track, told)
-        found |= {
-            "threshold": made.threshold,
-            "threshold_ci": list(made.threshold_ci),
-            "interval_db": made.interval_db,
-        }
     if track.turns:
         turned_at = place_after(track, told).turned_at
         found["reversals"] = len(turned_at)

@@ -1,7 +1,7 @@
 """Commands for a study's journal: status, verify, backup, exclude, include, amend, withdraw."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -153,64 +153,48 @@ def _verification(
     }
 
 
-@app.command()
-def exclude(
-    study: options.StudyArgument,
-    participant: options.ParticipantOption,
-    reason: options.ReasonOption,
-    session: options.SessionOption = 1,
-    trial: options.TrialOption = None,
-    rehearsal: options.OfRehearsalOption = False,
-) -> None:
-    """Exclude a trial or a session.
+def _add_decision(name: str, words: str, told: str) -> None:
+    """Add the command that excludes or includes a trial or a session; `told` is its help."""
 
-    Reports omit and count it. An unfinished session frees its slot of the design. `touchbeam
-    include` takes it back.
-    """
-    from runner.journal.amendments import exclude as leave_out
+    @app.command(name, help=told)
+    def decide(
+        study: options.StudyArgument,
+        participant: options.ParticipantOption,
+        reason: options.ReasonOption,
+        session: options.SessionOption = 1,
+        trial: options.TrialOption = None,
+        rehearsal: options.OfRehearsalOption = False,
+    ) -> None:
+        from protocol.journal.events import SLIDE
+        from runner.journal import amendments
+        from runner.journal.names import existing_chain, session_name, spoken_name
+        from runner.launch.locks import session_lock
 
-    with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
-        leave_out(journal, WallClock(), chain, reason, trial)
-    say(f"{where} is excluded: {reason}")
-
-
-@app.command()
-def include(
-    study: options.StudyArgument,
-    participant: options.ParticipantOption,
-    reason: options.ReasonOption,
-    session: options.SessionOption = 1,
-    trial: options.TrialOption = None,
-    rehearsal: options.OfRehearsalOption = False,
-) -> None:
-    """Take back the exclusion of a trial or a session.
-
-    The journal keeps both decisions, and reports name them.
-    """
-    from runner.journal.amendments import include as take_back
-
-    with _decided(study, participant, session, trial, rehearsal) as (journal, chain, where):
-        take_back(journal, WallClock(), chain, reason, trial)
-    say(f"{where} is included again: {reason}")
+        # No process may add to the session meanwhile.
+        with (
+            options.study_journal(options.study_folder(study), to_write=True) as journal,
+            session_lock(session_name(participant, session), study),
+        ):
+            chain = existing_chain(journal, participant, session, rehearsal=rehearsal)
+            unit = "pass" if participant == SLIDE else "trial"
+            which = "" if trial is None else f", {unit} {trial}"
+            where = f"{spoken_name(journal, chain)}{which}"
+            getattr(amendments, name)(journal, WallClock(), chain, reason, trial)
+        say(f"{where} is {words}: {reason}")
 
 
-@contextmanager
-def _decided(
-    study: Path, participant: str, number: int, trial: int | None, rehearsal: bool
-) -> "Iterator[tuple[Journal, str, str]]":
-    """Yield the journal, a chain that no process adds to, and what people call session or trial."""
-    from protocol.journal.events import SLIDE
-    from runner.journal.names import existing_chain, session_name, spoken_name
-    from runner.launch.locks import session_lock
-
-    with (
-        options.study_journal(options.study_folder(study), to_write=True) as journal,
-        session_lock(session_name(participant, number), study),
-    ):
-        chain = existing_chain(journal, participant, number, rehearsal=rehearsal)
-        unit = "pass" if participant == SLIDE else "trial"
-        which = "" if trial is None else f", {unit} {trial}"
-        yield journal, chain, f"{spoken_name(journal, chain)}{which}"
+_add_decision(
+    "exclude",
+    "excluded",
+    "Exclude a trial or a session.\n\nReports omit and count it. An unfinished session frees its "
+    "slot of the design. `touchbeam include` takes it back.",
+)
+_add_decision(
+    "include",
+    "included again",
+    "Take back the exclusion of a trial or a session.\n\n"
+    "The journal keeps both decisions, and reports name them.",
+)
 
 
 @app.command()

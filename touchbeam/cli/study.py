@@ -131,7 +131,7 @@ def track(
 
     Nothing is driven or recorded.
     """
-    from touchbeam.asked import track as asked
+    from touchbeam.tracks import track as asked
 
     given = answers.replace(",", " ").split()
     if wrong := next((each for each in given if each not in {"0", "1"}), None):

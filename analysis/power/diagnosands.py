@@ -247,8 +247,8 @@ def registered_power(held: Held, hypotheses: Sequence[str]) -> tuple[RegisteredP
 
 def _held(table: Table, asked: Asked, broken: Container[str]) -> Held:
     """Return, by hypothesis, the row that decides on it and in which studies its test holds."""
-    hits = {name: table[f"{name} p"] < LEVEL for name in asked.tests}
-    held = {name: (name, hit * 1.0) for name, hit in hits.items()}
+    hits = {name: (table[f"{name} p"] < LEVEL).astype(np.float64) for name in asked.tests}
+    held = {name: (name, hit) for name, hit in hits.items()}
     groups = list(combinations(asked.groups, 2))
     for named, pairs, rows in (
         (above, combinations(asked.conditions, 2), asked.pairs),
@@ -256,13 +256,13 @@ def _held(table: Table, asked: Asked, broken: Container[str]) -> Held:
     ):
         for (a, b), row in zip(pairs, rows, strict=True):
             shift = table[f"{row} shift"]
-            held[named(a, b)] = row, 1.0 * (hits[row] & (shift > 0))
-            held[named(b, a)] = row, 1.0 * (hits[row] & (shift < 0))
+            held[named(a, b)] = row, hits[row] * (shift > 0)
+            held[named(b, a)] = row, hits[row] * (shift < 0)
     for a, b in combinations(asked.factors, 2):
         held[effect_of(b, a)] = held[effect_of(a, b)]
     if f"{_GROUPS_GAIN} significant" in table:
         held[FOLLOWS] = _GROUPS_GAIN, table[f"{_GROUPS_GAIN} significant"]
-    every = np.full_like(table["complete"], np.nan)
+    every = np.full(len(table["complete"]), np.nan)
     return {name: (row, every if row in broken else hit) for name, (row, hit) in held.items()}
 
 

@@ -253,7 +253,7 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     slide = parsed_study(texts[-1]).slide
     found, left_out = [], []
     for attempt in _attempts(records):
-        index = attempt.index
+        index = attempt.number
         made = _pass(attempt, slide, str(planned[index].touches[0]["direction"]))
         if why := excluded.get(index, made if isinstance(made, str) else None):
             left_out.append((index, why))
@@ -276,7 +276,7 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
 
 
 class _Attempt(NamedTuple):
-    index: int
+    number: int
     commanded: CommandedDrive | None
     recorded: Recording | None
     zero: tuple[float, float]

@@ -170,10 +170,17 @@ class _Fit:
         """Return the fit at the least-squares coordinates."""
         middle = rig_model.coordinates(self.problem.nominal)[self.which]
         reach = np.array([_REACH[name] for name in self.free])
+
+        def residual(part: FloatArray) -> FloatArray:
+            return self.residual(self.whole(part))
+
+        def slope(part: FloatArray) -> FloatArray:
+            return self.slopes(self.whole(part))
+
         solved = least_squares(
-            lambda part: self.residual(self.whole(part)),
+            residual,
             np.clip(self.found[self.which], middle - 0.99 * reach, middle + 0.99 * reach),
-            jac=lambda part: self.slopes(self.whole(part)),
+            jac=slope,
             bounds=(middle - reach, middle + reach),
             x_scale=np.array([0.1 * LIMITS[name] for name in self.free]),
             xtol=1e-6,

@@ -1,6 +1,6 @@
 """Commands for a study's journal: status, verify, backup, exclude, include, amend, withdraw."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -153,8 +153,8 @@ def _verification(
     }
 
 
-def _add_decision(name: str, words: str, told: str) -> None:
-    """Add the command that excludes or includes a trial or a session; `told` is its help."""
+def _decision(name: str, words: str, told: str) -> Callable[..., None]:
+    """Return the command that excludes or includes a trial or a session; `told` is its help."""
 
     @app.command(name, help=told)
     def decide(
@@ -182,14 +182,16 @@ def _add_decision(name: str, words: str, told: str) -> None:
             getattr(amendments, name)(journal, WallClock(), chain, reason, trial)
         say(f"{where} is {words}: {reason}")
 
+    return decide
 
-_add_decision(
+
+exclude = _decision(
     "exclude",
     "excluded",
     "Exclude a trial or a session.\n\nReports omit and count it. An unfinished session frees its "
     "slot of the design. `touchbeam include` takes it back.",
 )
-_add_decision(
+include = _decision(
     "include",
     "included again",
     "Take back the exclusion of a trial or a session.\n\n"

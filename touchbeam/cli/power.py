@@ -1,8 +1,7 @@
 """The command `power`: power and precision of a study by simulation."""
 
 import os
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +14,8 @@ from touchbeam.cli.output import complain, followed, print_json, print_table, sa
 
 if TYPE_CHECKING:
     from analysis.estimates import FloatArray, Json
-    from analysis.power.diagnosands import Findings, Held, Measured
-    from analysis.power.job import Design, Kind, Task
+    from analysis.power.diagnosands import Findings, Measured
+    from analysis.power.job import Job, Kind, Task
     from analysis.power.track_diagnosands import TrackFindings
     from protocol.study.study import Study
     from runner.study.kept_files import PowerFolder
@@ -84,8 +83,8 @@ def power(
     from time import perf_counter
 
     from analysis.power.diagnosands import findings
-    from analysis.power.engine import cluster_size, completed, kept
     from analysis.power.job import Design, Job, asked, designed, designs, tasks
+    from analysis.power.track_diagnosands import held_of_tracks, track_findings
     from protocol.study_file.loading import text_digest
     from runner.study.calibration import fitted_calibration
     from runner.study.files import short_text
@@ -98,13 +97,13 @@ def power(
     file = folder.study()
     if people is not None:
         people_in_file(people)  # a mistake in it is told before anything is computed
-    scored, tracked = len(file.conditions) > 1, bool(file.track)
-    sizes = _numbers(participants, "--participants")
-    wanted = designs(file, sizes, _numbers(repeats, "--repeats"), _numbers(levels, "--levels"))
+    scored = len(file.conditions) > 1
+    sizes = {"--participants": participants, "--repeats": repeats, "--levels": levels}
+    wanted = designs(file, *(_numbers(given, option) for option, given in sizes.items()))
     for design in wanted:
         # Each design is tried before the first is simulated, because that takes minutes.
         designed(file, design)
-    if not scored and not tracked:
+    if not scored and not file.track:
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
     registered = checked_registration(folder)
     # Workers read the text that the job holds.
@@ -122,9 +121,46 @@ def power(
     }
     # Repeats are of conditions, and tracks have none.
     alike = (Design(participants=it.participants, repeats=file.design.repeats) for it in wanted)
-    of_tracks = {each: tasks(each, "tracks", studies) for each in (alike if tracked else ())}
+    of_tracks = {each: tasks(each, "tracks", studies) for each in (alike if file.track else ())}
     place = PowerFolder(study=folder.path, digest=job.digest, key=own_key())
     every = [task for own in chain(*to_do.values(), of_tracks.values()) for task in own]
+    rows, used = _computed(job, every, place, workers, scheduler, alone=as_json)
+    hypotheses = registered.hypotheses if registered else ()
+    # Beside conditions, hypotheses on tracks are told in one place with the others.
+    of_tracks_alone = () if scored else hypotheses
+    thresholds, held = [], {}
+    for design, part in of_tracks.items():
+        of = _joined(part, rows)
+        thresholds.append(track_findings(file, design.participants, of, of_tracks_alone))
+        held[design.participants] = held_of_tracks(file, of, hypotheses)
+    found = []
+    for design, both in to_do.items():
+        own, null = (_joined(part, rows) for part in both)
+        held_here = held.get(design.participants)
+        found.append(findings(design, asked(job), own, null, hypotheses, held_here))
+    record = _kept(found, thresholds, (file, text_digest(job.study), seed), place)
+    if as_json:
+        elapsed_s = round(perf_counter() - begun_s, 3)
+        return print_json({**record, "elapsed_s": elapsed_s, "workers": used})
+    if found:
+        _print(found, record)
+    _print_tracks(thresholds)
+    more = "; beside it power.svg and calibration.svg" * bool(found)
+    return say(f"Written: {place.path / 'power.json'}{more}")
+
+
+def _computed(
+    job: "Job",
+    every: "list[Task]",
+    place: "PowerFolder",
+    workers: int | None,
+    scheduler: str | None,
+    *,
+    alone: bool,
+) -> "tuple[dict[Task, FloatArray], int]":
+    """Return the rows of all tasks, and how many processes or threads computed them."""
+    from analysis.power.engine import cluster_size, completed, kept
+
     left = [task for task in every if kept(job, task, place) is None]
     if others := sum(place.load(task.name) is not None for task in left):
         complain(
@@ -137,50 +173,14 @@ def power(
     if scheduler:  # which need not be there if all is kept already
         used = cluster_size(scheduler) if left else 0
     results = completed(job, every, place, used, scheduler)
-    rows = dict(followed("studies", results, len(every), alone=as_json))
-    hypotheses = registered.hypotheses if registered else ()
-    thresholds, held = _of_tracks(file, of_tracks, rows, hypotheses)
-    found = [
-        findings(design, asked(job), own, null, hypotheses, held[design.participants])
-        for design, (own, null) in ((each, _joined(pair, rows)) for each, pair in to_do.items())
-    ]
-    record = _kept(found, thresholds, (file, text_digest(job.study), seed), place)
-    if as_json:
-        elapsed_s = round(perf_counter() - begun_s, 3)
-        return print_json({**record, "elapsed_s": elapsed_s, "workers": used})
-    if found:
-        _print(found, record)
-    _print_tracks(thresholds)
-    more = "; beside it power.svg and calibration.svg" * bool(found)
-    return say(f"Written: {place.path / 'power.json'}{more}")
+    return dict(followed("studies", results, len(every), alone=alone)), used
 
 
-Rows = Mapping["Task", "FloatArray"]
-
-
-def _joined(parts: "Iterable[list[Task]]", rows: Rows) -> "list[FloatArray]":
-    """Return the rows of the tasks of each part as one array."""
+def _joined(own: "list[Task]", rows: "Mapping[Task, FloatArray]") -> "FloatArray":
+    """Return the rows of tasks as one array."""
     import numpy as np
 
-    return [np.concatenate([rows[task] for task in own]) for own in parts]
-
-
-def _of_tracks(
-    study: "Study",
-    to_do: "Mapping[Design, list[Task]]",
-    rows: Rows,
-    hypotheses: Sequence[str],
-) -> "tuple[list[TrackFindings], Mapping[int, Held | None]]":
-    """Return what the tracks tell, and by participants where hypotheses on them are supported."""
-    from analysis.power.track_diagnosands import held_of_tracks, track_findings
-
-    # Beside conditions, those on tracks are told in one place with the others.
-    own = () if len(study.conditions) > 1 else hypotheses
-    found, held = [], defaultdict[int, "Held | None"](lambda: None)
-    for design, (joined,) in ((each, _joined([own], rows)) for each, own in to_do.items()):
-        found.append(track_findings(study, design.participants, joined, own))
-        held[design.participants] = held_of_tracks(study, joined, hypotheses)
-    return found, held
+    return np.concatenate([rows[task] for task in own])
 
 
 def _kept(
@@ -218,18 +218,12 @@ def _print_tracks(found: "list[TrackFindings]") -> None:
     columns = "bias, dB|RMSE, dB|coverage|trials|beyond its levels|Weber fraction shown below"
     header = ["track", *columns.split("|")]
     for of in found:
-        rows = [
-            [
-                each.name,
-                told(each.bias_db),
-                told(each.rmse_db),
-                told(each.coverage, 3),
-                f"{each.trials.value:.1f}",
-                f"{100 * each.beyond.value:.1f}%",
-                f"{each.weber_limit:.3f}" if isfinite(each.weber_limit) else "-",
-            ]
-            for each in of.tracks
-        ]
+        rows = []
+        for it in of.tracks:
+            trials, beyond = f"{it.trials.value:.1f}", f"{100 * it.beyond.value:.1f}%"
+            limit = f"{it.weber_limit:.3f}" if isfinite(it.weber_limit) else "-"
+            errors = told(it.bias_db), told(it.rmse_db), told(it.coverage, 3)
+            rows.append([it.name, *errors, trials, beyond, limit])
         title = f"Thresholds: {of.participants} participants, {of.studies} studies"
         print_table(title, [header, *rows, [""] * len(header)])  # no footer
         for each in of.differences:

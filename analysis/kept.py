@@ -91,12 +91,11 @@ class Kept:
                 name = self._name(call.func, call.args, call.keywords)
             except NotKept:
                 continue
-            if name not in self._memory:
-                known = self._read(name, call.func)
-                if known is None:
-                    wanted[name] = call
-                else:
-                    self._remember(name, known)
+            known = self._memory.get(name) or self._read(name, call.func)
+            if known is None:
+                wanted[name] = call
+            else:
+                self._remember(name, known)
         work = [partial(_named, name, call) for name, call in wanted.items()]
         for name, value in done(work, processes) if work else ():
             self._remember(name, self._written(name, value))

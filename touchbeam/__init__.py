@@ -20,28 +20,16 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = [
-    "OpenRig",
-    "Study",
-    "__version__",
-    "fit",
-    "friction",
-    "load",
-    "open_rig",
-    "predict",
-    "track",
-]
+__all__ = ["OpenRig", "Study", "__version__", "fit", "friction", "load"]
+__all__ += ["open_rig", "predict", "track"]
 
-_HOME = {
-    "Study": "study",
-    "load": "study",
-    "friction": "model",
-    "predict": "model",
-    "fit": "model",
-    "OpenRig": "rig",
-    "open_rig": "rig",
-    "track": "tracks",
+_NAMES = {
+    "study": ("Study", "load"),
+    "model": ("friction", "predict", "fit"),
+    "rig": ("OpenRig", "open_rig"),
+    "tracks": ("track",),
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 
 
 def _require_own_packages() -> None:

@@ -173,14 +173,9 @@ class Study:
         All touches' samples, or those of one participant, trial (its `trial_index`), session or
         touch (from 0).
         """
-        chosen = {
-            "participant": participant,
-            "session": session,
-            "trial_index": trial,
-            "touch": touch,
-        }
+        columns = ("participant", "session", "trial_index", "touch")
         traces = self._frames.traces
-        for column, value in chosen.items():
+        for column, value in zip(columns, (participant, session, trial, touch), strict=True):
             if value is not None:
                 traces = traces[traces[column].eq(value)]
         return traces.reset_index(drop=True)
@@ -213,16 +208,14 @@ class Study:
         rig = default_rig(counted.lock, counted.kinds, self._rig)
         found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
         named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
-        predicted = named.assign(
-            touch_measured=found.measured,
-            **found.by_law,
-            measured_contrast=float("nan"),
-            measured_contrast_error=float("nan"),
-        )
+        felt: dict[str, Any] = {
+            "measured_contrast": float("nan"),
+            "measured_contrast_error": float("nan"),
+        }
         if counted.forces:
-            felt = measured_trials(self.file, counted.trials, counted.touches, counted.forces)
-            predicted["measured_contrast"] = felt.value
-            predicted["measured_contrast_error"] = felt.error
+            own = measured_trials(self.file, counted.trials, counted.touches, counted.forces)
+            felt = {"measured_contrast": own.value, "measured_contrast_error": own.error}
+        predicted = named.assign(touch_measured=found.measured, **found.by_law, **felt)
         return predicted.reset_index(drop=True)
 
     @property
@@ -255,25 +248,23 @@ class Study:
         from analysis.export.trial_table import plan_frame
         from protocol.plan.plan import plan
         from protocol.registration.registration import locked
-        from runner.journal.cohort import group_for, planned_trials, slot_for, states
-        from runner.journal.names import chain_name, existing_chain
-        from runner.journal.opening import read_journal
+        from runner.journal import cohort, names, opening
         from runner.study.registered import registration_of, require_registered
 
-        with read_journal(self.folder.existing_journal()) as journal:
-            named = existing_chain if self.rehearsals else chain_name
+        with opening.read_journal(self.folder.existing_journal()) as journal:
+            named = names.existing_chain if self.rehearsals else names.chain_name
             chain = named(journal, participant, session, rehearsal=False)
-            who = (states(journal), participant, "participant", chain)
+            who = (cohort.states(journal), participant, "participant", chain)
             if chain in journal.sessions():
                 if group is not None:
-                    group_for(self.file, *who, group, by="the argument group")
-                return plan_frame(planned_trials(journal, chain))
+                    cohort.group_for(self.file, *who, group, by="the argument group")
+                return plan_frame(cohort.planned_trials(journal, chain))
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
             # A registration's digest seeds the plan of the sessions that run under it.
             file = locked(self.file, registered.digest if registered else None)
-            group = group_for(file, *who, group, by="the argument group")
-            slot = slot_for(*who, group)
+            group = cohort.group_for(file, *who, group, by="the argument group")
+            slot = cohort.slot_for(*who, group)
         return plan_frame(plan(file.of_group(group), slot, session).trials)
 
     def report(

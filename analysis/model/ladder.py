@@ -95,19 +95,13 @@ def measured_ladder() -> tuple[LadderRow, ...]:
 
 def ladder_lines(rows: tuple[LadderRow, ...]) -> list[list[str]]:
     """Return a header and a row per rung; times are medians, with the lowest and highest."""
-    header = ["rung", "set-up, µs", "µs per 1,000", "max error", "rms error", "resonance, Hz"]
-    return [header, *map(_line, rows)]
-
-
-def _line(row: LadderRow) -> list[str]:
-    times = (row.setup_us, row.setup_us_range), (row.us_per_1000, row.us_per_1000_range)
-    return [
-        row.rung,
-        *(f"{middle:.0f} ({low:.0f} to {high:.0f})" for middle, (low, high) in times),
-        f"{row.max_error:.3f}",
-        f"{row.rms_error:.4f}",
-        f"{row.resonance_hz:.1f}",
-    ]
+    lines = [["rung", "set-up, µs", "µs per 1,000", "max error", "rms error", "resonance, Hz"]]
+    for row in rows:
+        times = (row.setup_us, row.setup_us_range), (row.us_per_1000, row.us_per_1000_range)
+        told = (f"{middle:.0f} ({low:.0f} to {high:.0f})" for middle, (low, high) in times)
+        errors = f"{row.max_error:.3f}", f"{row.rms_error:.4f}"
+        lines.append([row.rung, *told, *errors, f"{row.resonance_hz:.1f}"])
+    return lines
 
 
 def ladder_panel(rows: tuple[LadderRow, ...]) -> Panel:

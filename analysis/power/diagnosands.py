@@ -90,8 +90,8 @@ class EstimateQuality:
     """How an estimate errs; `ranks` are the truths' places in their posteriors, from 0 to 1.
 
     `truth` is known where there is one for all studies, else NaN. `power` is the share of intervals
-    without 0, `type_s` the share of those estimates with the
-    wrong sign, `type_m` their mean size relative to the truth's.
+    without 0, `type_s` that of those estimates with the wrong sign, `type_m` their mean size
+    relative to the truth's.
     """
 
     name: str
@@ -147,15 +147,10 @@ def findings(
     hypotheses: Sequence[str] = (),
     of_tracks: "Held | None" = None,
 ) -> Findings:
-    """Return the diagnosands of a design.
+    """Return the diagnosands of a design from `rows` of its studies, shape (studies, numbers).
 
-    Args:
-        design: the design.
-        asked: what the study asks.
-        rows: of the simulated studies, shape (studies, numbers).
-        null_rows: of null cohorts.
-        hypotheses: the registered ones, the primary one first.
-        of_tracks: in which of the same studies hypotheses on thresholds are supported.
+    `null_rows` are of null cohorts; `hypotheses` the registered ones, the primary one first;
+    `of_tracks` tells in which of the same studies those on thresholds are supported.
     """
     models = rows.shape[1] == len(columns(asked, models=True))
     table, null = _named(rows, asked, models=models), _named(null_rows, asked, models=False)
@@ -234,13 +229,11 @@ Held = Mapping[str, tuple[str, FloatArray]]
 
 def registered_power(held: Held, hypotheses: Sequence[str]) -> tuple[RegisteredPower, ...]:
     """Return the power for each hypothesis; all but the first count only together with it."""
-    nothing = "", np.full(1, np.nan)
-    _, first = held.get(hypotheses[0], nothing) if hypotheses else nothing
-    found = [(name, *held.get(name, nothing)) for name in hypotheses]
+    found = [(name, *held.get(name, ("", np.full(1, np.nan)))) for name in hypotheses]
     return tuple(
         # The primary one is tested alone and opens the way to the others, so that no correction is
         # due.
-        RegisteredPower(name=name, row=row, power=share(np.minimum(supported, first)))
+        RegisteredPower(name=name, row=row, power=share(np.minimum(supported, found[0][2])))
         for name, row, supported in found
     )
 

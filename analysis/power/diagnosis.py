@@ -218,7 +218,10 @@ def _rows(scores: FloatArray) -> FloatArray:
 
 def estimates_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
     """Return, for each cohort, what the sensitivity models estimate."""
-    return np.array([_estimated(cohort) for cohort in cohorts])
+    # A study without an estimate adds nothing to any sum.
+    empty = [0.0] * len(SUMS) + [float("nan")]
+    both = ({**_of_model("M2", cohort), **_of_model("M1", cohort)} for cohort in cohorts)
+    return np.array([list(chain(*(it.get(name, empty) for name in ESTIMATES))) for it in both])
 
 
 def _gains_p(scores: FloatArray) -> float:
@@ -232,13 +235,6 @@ def _gains_p(scores: FloatArray) -> float:
     if not isinstance(found, NotEstimable) and found.p <= 0.2:
         found = gain_heterogeneity(table, shuffles=999)
     return float("nan") if isinstance(found, NotEstimable) else found.p
-
-
-def _estimated(cohort: Cohort) -> list[float]:
-    found = {**_of_model("M2", cohort), **_of_model("M1", cohort)}
-    # A study without an estimate adds nothing to any sum.
-    empty = [0.0] * len(SUMS) + [float("nan")]
-    return [number for name in ESTIMATES for number in found.get(name, empty)]
 
 
 def _of_model(model: str, cohort: Cohort) -> dict[str, list[float]]:

@@ -41,19 +41,17 @@ class Chunks(Protocol):
         ...
 
 
+Results = Generator[tuple[Task, FloatArray], None, None]
+
+
 def completed(
     job: Job, wanted: Sequence[Task], chunks: Chunks, workers: int, scheduler: str | None = None
-) -> Generator[tuple[Task, FloatArray], None, None]:
+) -> Results:
     """Yield every task with its numbers as soon as they are there, kept ones first.
 
-    Each result is kept before it is yielded, so that a run that is interrupted goes on.
-
-    Args:
-        job: what is simulated.
-        wanted: the tasks.
-        chunks: where results are kept.
-        workers: processes on this machine.
-        scheduler: address of a Dask cluster that computes in their place.
+    Each result is kept in `chunks` before it is yielded, so that a run that is interrupted goes on.
+    What is not kept is computed by so many `workers` on this machine, or by the Dask cluster whose
+    `scheduler` has this address.
 
     Raises:
         BadInput: the address is none, or the package for clusters is missing.
@@ -71,7 +69,11 @@ def completed(
     try:
         with closing(_computed(job, left, workers, scheduler)) as results:
             for task, found in results:
-                chunks.save(task.name, _to_keep(job, task, found, chunks.key))
+                content = io.BytesIO()
+                # Nothing pickled is ever read back: that would execute what a stranger put there.
+                np.save(content, found, allow_pickle=False)
+                seal = _seal(job, task, content.getvalue(), chunks.key)
+                chunks.save(task.name, seal + content.getvalue())
                 yield task, found
     except (WorkFailed, OSError) as error:
         # Whoever sees this has often waited for hours.
@@ -79,19 +81,10 @@ def completed(
         raise
 
 
-def _to_keep(job: Job, task: Task, found: FloatArray, key: bytes) -> bytes:
-    """Return numbers as they are kept: behind their seal."""
-    content = io.BytesIO()
-    # Nothing pickled is ever read back, because that would execute what a stranger has put there.
-    np.save(content, found, allow_pickle=False)
-    return _seal(job, task, content.getvalue(), key) + content.getvalue()
-
-
 def kept(job: Job, task: Task, chunks: Chunks) -> FloatArray | None:
     """Return the kept numbers of a task; None if there are none, or if their seal is not right."""
-    content = chunks.load(task.name)
-    if content is None:
-        return None
+    # What is not there has no seal.
+    content = chunks.load(task.name) or b""
     # The SHA-256 seal has 32 bytes and stands first.
     if not compare_digest(_seal(job, task, content[32:], chunks.key), content[:32]):
         return None
@@ -105,9 +98,6 @@ def _seal(job: Job, task: Task, content: bytes, key: bytes) -> bytes:
     It tells damage, and results that somebody else put into a study, who can compute a digest.
     """
     return digest(key, f"{job.digest}/{task.name}\n".encode() + content, "sha256")
-
-
-Results = Generator[tuple[Task, FloatArray], None, None]
 
 
 def _computed(job: Job, left: Sequence[Task], workers: int, scheduler: str | None) -> Results:
@@ -155,24 +145,20 @@ def connected(scheduler: str) -> Iterator["Client"]:
     try:
         from distributed import Client
     except ImportError:
-        raise BadInput(
-            "--scheduler needs the package distributed; install touchbeam[cluster]"
-        ) from None
+        needed = "--scheduler needs the package distributed; install touchbeam[cluster]"
+        raise BadInput(needed) from None
     disable()  # it prints tracebacks of what is said here in one line
     try:
         if asyncio.run(_kind(scheduler)) != "Scheduler":
-            raise WorkFailed(
-                f"{scheduler}: no Dask scheduler answers there; start one with: dask scheduler"
-            )
+            how = "no Dask scheduler answers there; start one with: dask scheduler"
+            raise WorkFailed(f"{scheduler}: {how}")
         # Not the default, so that Dask of the caller's own keeps its client.
         with Client(scheduler, timeout=_ANSWER_WITHIN_S, set_as_default=False) as client:
             try:
                 client.wait_for_workers(1, timeout=_WORKERS_WITHIN_S)
             except TimeoutError:
-                raise WorkFailed(
-                    f"{scheduler}: the cluster has no workers; "
-                    f"start one with: dask worker {scheduler}"
-                ) from None
+                how = f"the cluster has no workers; start one with: dask worker {scheduler}"
+                raise WorkFailed(f"{scheduler}: {how}") from None
             yield client
     finally:
         disable(NOTSET)

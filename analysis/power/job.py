@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from analysis.estimates import FloatArray
 from analysis.power.diagnosis import Asked, asked_by, estimates_of_cohorts, rows_of_tables
 from analysis.power.people_cohorts import PeopleCohorts, without_effect
+from analysis.power.track_power import track_rows
 from device.friction.scenes import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
@@ -228,7 +229,8 @@ def numbers(job: Job, task: Task) -> FloatArray:
     with threadpool_limits(limits=1):
         simulate = simulation(job, task.design)
         if task.kind == "tracks":
-            return simulate.track_rows(keys)
+            people = simulate.population, simulate.rig, simulate.participants
+            return track_rows(simulate.study, *people, keys)
         tables = simulate.tables(keys)
         if task.kind == "null":
             tables = without_effect(tables, map(_stream, keys))

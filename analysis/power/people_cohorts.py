@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.power.track_power import track_rows
 from analysis.sensitivity.lines import Ratings
 from analysis.simulation.cohort import Cohort as SimulatedCohort
 from analysis.simulation.cohort import TrialKind
@@ -91,10 +90,6 @@ class PeopleCohorts:
     def tables(self, keys: Sequence[str]) -> Tables:
         """Return what the tests take of the studies of `keys`."""
         return self._simulation.tables(self.participants, keys)
-
-    def track_rows(self, keys: Sequence[str]) -> FloatArray:
-        """Return what the tracks of the studies of `keys` tell."""
-        return track_rows(self.study, self.population, self.rig, self.participants, keys)
 
     def cohort(self, key: str) -> Cohort:
         """Return the study of `key`.

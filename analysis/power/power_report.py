@@ -306,22 +306,18 @@ def _curves(found: Sequence[Findings]) -> list[Panel]:
         lines.setdefault(str(each.design).partition(" x ")[2], []).append(each)
 
     def curve(title: str, y_label: str, measured: Callable[[Findings], Measured]) -> Panel:
-        known = {name: list(map(measured, own)) for name, own in lines.items()}
+        series = []
+        for name, own in lines.items():
+            x = np.array([float(each.design.participants) for each in own])
+            known = [(each.value, 1.96 * each.error) for each in map(measured, own)]
+            y, error = np.array(known).T
+            series.append(Series(label=name, x=x, y=y, error=error, marked=len(own) == 1))
         return Panel(
             title=title,
             x_label="participants",
             y_label=y_label,
             of_shares=y_label.startswith("share"),
-            series=tuple(
-                Series(
-                    label=name,
-                    x=np.array([each.design.participants for each in own], dtype=np.float64),
-                    y=np.array([each.value for each in known[name]]),
-                    error=np.array([1.96 * each.error for each in known[name]]),
-                    marked=len(own) == 1,
-                )
-                for name, own in lines.items()
-            ),
+            series=tuple(series),
         )
 
     names = (OMNIBUS, GAINS, *(test.name for test in _of_design(found[0])))

@@ -10,9 +10,8 @@ import numpy as np
 
 from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.friction.recorded import decoded
-from analysis.report.drawing import Panel
 from analysis.sliding import rig_model
-from analysis.sliding.comparison import Extreme, Mismatch, extremes, figure_panels, mismatches
+from analysis.sliding.comparison import Extreme, Mismatch, extremes, mismatches
 from analysis.sliding.fit import RigFit, fitted_rig
 from device.friction.scenes import Structure
 from protocol.errors import BadInput
@@ -98,11 +97,6 @@ class SlidingFindings:
         return mismatches(self.curves, self.extremes, self.nominal, self.fit.rig)
 
     @property
-    def panels(self) -> tuple[Panel, ...]:
-        """Fig 16 redrawn."""
-        return figure_panels(self.curves, self.nominal, self.fit.rig)
-
-    @property
     def estimates(self) -> dict[str, Estimate | NotEstimable]:
         """Each property with its interval or the reason why it is not determined.
 
@@ -144,8 +138,17 @@ class SlidingFindings:
 
     def extreme_lines(self) -> list[list[str]]:
         """Return a header and a row per trough and peak."""
-        header = ["drive, Hz", "direction", "kind", "place, mm", "95% interval", "fitted, mm"]
-        return [header, *map(_extreme_row, self.extremes)]
+        rows = [["drive, Hz", "direction", "kind", "place, mm", "95% interval", "fitted, mm"]]
+        for one in self.extremes:
+            place, interval = "-", str(getattr(one.place_m, "reason", ""))
+            if isinstance(one.place_m, float) and one.interval_m:
+                low, high = (f"{1e3 * end:.2f}" for end in one.interval_m)
+                place, interval = f"{1e3 * one.place_m:.2f}", f"{low} to {high}"
+            drive, direction = f"{one.setting.frequency_hz:.0f}", one.setting.direction
+            rows.append(
+                [drive, direction, one.kind, place, interval, f"{1e3 * one.expected_m:.2f}"]
+            )
+        return rows
 
     def mismatch_lines(self) -> list[list[str]]:
         """Return a header and a row per law, rung and rig."""
@@ -155,17 +158,6 @@ class SlidingFindings:
             errors = f"{one.rmse:.4f}", f"{one.mean_absolute:.4f}", f"{1e3 * one.places_m:.2f}"
             rows.append([one.law, one.rung, rig, *errors])
         return rows
-
-
-def _extreme_row(one: Extreme) -> list[str]:
-    own = one.setting
-    if isinstance(one.place_m, NotEstimable) or one.interval_m is None:
-        place = "-", str(getattr(one.place_m, "reason", ""))
-    else:
-        low, high = (f"{1e3 * end:.2f}" for end in one.interval_m)
-        place = f"{1e3 * one.place_m:.2f}", f"{low} to {high}"
-    fitted = f"{1e3 * one.expected_m:.2f}"
-    return [f"{own.frequency_hz:.0f}", own.direction, one.kind, *place, fitted]
 
 
 def data_digest(passes: Sequence[rig_model.Pass]) -> str:

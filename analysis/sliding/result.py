@@ -12,7 +12,7 @@ from analysis.estimates import Estimate, NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.page import Masthead, rendered
 from analysis.sliding import experiment
-from analysis.sliding.comparison import Extreme
+from analysis.sliding.comparison import Extreme, figure_panels
 from analysis.sliding.rig_model import Curve
 from protocol.errors import BadInput
 
@@ -98,8 +98,9 @@ class SlidingResult:
 
     @cached_property
     def _figure(self) -> Figure:
-        table = _table("places", "Troughs and peaks", self.found.extreme_lines())
-        drawn = tuple(self.found.panels)
+        found = self.found
+        table = _table("places", "Troughs and peaks", found.extreme_lines())
+        drawn = figure_panels(found.curves, found.nominal, found.fit.rig)
         return Figure(name="friction", title="mu(x)", caption=_CAPTION, draw=drawn, table=table)
 
     @property

@@ -264,16 +264,6 @@ class Places:
         spread = np.array(spread_m)[of] if spread_m else np.zeros(of.size)
         return cls(settings=tuple(settings), of=of, x_m=np.concatenate(list(x_m)), spread_m=spread)
 
-    def about(self) -> "Places":
-        """Return the places over which means are taken, `NODES` to each, as plain places."""
-        x_m = (self.x_m[:, None] + self.spread_m[:, None] * NODES).ravel()
-        return replace(
-            self,
-            of=np.repeat(self.of, NODES.size),
-            x_m=np.clip(x_m, _LEAST_M, _STRUCTURE.beam.length_m),
-            spread_m=np.zeros(x_m.size),
-        )
-
 
 def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
     """Return μ' at the places for rigs that share patches, shape (rigs, places).
@@ -281,7 +271,14 @@ def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
     The motion is summed once for all rigs that differ in resonance or damping.
     """
     if places.spread_m.any():
-        return friction_along(places.about(), rigs).reshape(len(rigs), -1, NODES.size) @ _WEIGHTS
+        x_m = (places.x_m[:, None] + places.spread_m[:, None] * NODES).ravel()
+        about = Places(
+            settings=places.settings,
+            of=np.repeat(places.of, NODES.size),
+            x_m=np.clip(x_m, _LEAST_M, _STRUCTURE.beam.length_m),
+            spread_m=np.zeros(x_m.size),
+        )
+        return friction_along(about, rigs).reshape(len(rigs), -1, NODES.size) @ _WEIGHTS
     terms = _terms(places, rigs)
     numbers = [
         (it.body_height_m + HALF_THICKNESS_M, it.gain, it.friction_coefficient) for it in rigs

@@ -116,23 +116,21 @@ def backup(
 def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
     from protocol.registration.registration import locked
     from protocol.study_file.loading import text_digest
-    from runner.journal.amendments import accepted_digests
-    from runner.journal.cohort import states
-    from runner.journal.names import parsed_name
+    from runner.journal import amendments, cohort, names
     from runner.launch.locks import held_sessions
     from runner.study.progress import Progress
     from runner.study.registered import registration_of
 
-    sessions, file, accepted = states(journal), None, False
+    sessions, file, accepted = cohort.states(journal), None, False
     with suppress(BadInput):  # what is recorded is told all the same
         registered = registration_of(folder.path)
         file = locked(folder.study(), registered.digest if registered else None)
-        accepted = accepted_digests(journal)[-1:] == [text_digest(folder.text())]
+        accepted = amendments.accepted_digests(journal)[-1:] == [text_digest(folder.text())]
     return Progress(
         folder=folder.path,
         study=file,
         sessions=sessions,
-        running=held_sessions([parsed_name(chain).plain for chain in sessions], folder.path),
+        running=held_sessions([names.parsed_name(chain).plain for chain in sessions], folder.path),
         now=WallClock().utc(),
         program=program(),
         accepted=accepted,
@@ -236,28 +234,26 @@ def withdraw(
     Shows what will be erased and asks first. This cannot be undone. The journal keeps the number
     and times of the events, not their content.
     """
-    from runner.journal.amendments import sessions_of, unerased
-    from runner.journal.amendments import withdraw as erase
+    from runner.journal import amendments
     from runner.journal.names import chains_of, parsed_name, spoken_name
-    from runner.launch.locks import session_lock
-    from runner.launch.request import refused
+    from runner.launch import locks, request
     from runner.study.kept_files import forget
     from runner.study.old_results import old_results
 
     folder = options.study_folder(study)
     with options.study_journal(folder, to_write=True) as journal, ExitStack() as stack:
-        chains = sessions_of(journal, participant, rehearsal=rehearsal)
+        chains = amendments.sessions_of(journal, participant, rehearsal=rehearsal)
         for name in dict.fromkeys(parsed_name(chain).plain for chain in chains):
             # A session that is running would go on writing what is being erased.
-            stack.enter_context(session_lock(name, study))
+            stack.enter_context(locks.session_lock(name, study))
         names = {chain: spoken_name(journal, chain) for chain in chains}
-        left = unerased(journal, chains)
+        left = amendments.unerased(journal, chains)
         if left and not yes:
             told = "; ".join(f"{names[chain]}, {what}" for chain, what in left.items())
             # A program cannot answer a question: it is told the option.
-            ask = refused if as_json else require_confirmation
+            ask = request.refused if as_json else require_confirmation
             ask(f"this erases for good: {told}", "add --yes to erase without a question")
-        erase(journal, WallClock(), participant, rehearsal=rehearsal)
+        amendments.withdraw(journal, WallClock(), participant, rehearsal=rehearsal)
         # Kept results hold scores of the participant, too.
         if remaining := forget(journal):
             complain(f"{remaining}: kept results cannot be deleted; delete this folder")

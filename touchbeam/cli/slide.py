@@ -112,27 +112,25 @@ def write_result(
     from analysis.sliding.experiment import drawn_session
     from analysis.sliding.result import sliding_result
     from protocol.journal.events import SLIDE
-    from runner.journal.names import chains_of, existing_chain
-    from runner.journal.verification import readable_events
-    from runner.study.calibration import keep_fit
-    from runner.study.files import write_files
+    from runner.journal import names, verification
+    from runner.study import calibration, files
 
     if folder.study_file.is_file() and not folder.journal.is_file():
         raise _nothing_drawn(number or 1)
     with options.study_journal(folder) as journal:
-        rehearsal = rehearsal or not chains_of(journal, SLIDE, rehearsal=False)
+        rehearsal = rehearsal or not names.chains_of(journal, SLIDE, rehearsal=False)
         chosen = number or _last_session(folder, rehearsal=rehearsal)
-        chain = existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)
+        chain = names.existing_chain(journal, SLIDE, chosen, rehearsal=rehearsal)
         if chain not in journal.sessions():
             raise _nothing_drawn(chosen)
-        drawn = drawn_session(readable_events(journal, chain))
+        drawn = drawn_session(verification.readable_events(journal, chain))
     result = sliding_result(drawn)
     out = folder.path / "slide"
-    write_files(result.files(), out, study=folder.path)
+    files.write_files(result.files(), out, study=folder.path)
     kept = None
     if calibrate:
         fitted = {**result.found.calibration_record(), "rehearsal": drawn.rehearsal}
-        kept = keep_fit(folder.path, drawn.resonance, drawn.idn, fitted)
+        kept = calibration.keep_fit(folder.path, drawn.resonance, drawn.idn, fitted)
     if as_json:
         print_json(result.record())
         return

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.report.drawing import panels_files
+from analysis.sliding.comparison import figure_panels
 from analysis.sliding.experiment import SlidingFindings, data_digest, sliding_findings
 from device.friction.laws import LAWS
 from tests.analysis.sliding.rigs import Setting, default_plan, passes, rig
@@ -54,7 +55,8 @@ def test_the_law_and_rung_that_made_the_passes_fit_best() -> None:
 
 
 def test_the_figure_has_measured_friction_beside_each_law_and_rung() -> None:
-    panels = findings().panels
+    found = findings()
+    panels = figure_panels(found.curves, found.nominal, found.fit.rig)
     assert len(panels) == 2 + 1 + 8
     assert [line.label for line in panels[0].series] == ["measured", *LAWS]
     assert "23200 Hz" in panels[0].title

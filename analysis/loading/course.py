@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import lru_cache, singledispatchmethod
+from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -91,10 +91,10 @@ class Course:
 
     def read(self, events: Iterable[journal.StoredEvent]) -> None:
         """Add all events of the session; those without a handler say nothing about trials."""
-        take = self._take  # looking this method up takes longer than most of its work
         for stored in events:
-            self._stored = stored
-            take(stored.record)
+            if (take := _HANDLERS.get(stored.tag)) is not None:
+                self._stored = stored
+                take(self, stored.record)
         # Only now, because the operator may have taken an exclusion back in a later event.
         if self._session.exclusion is not None:
             self._exclude(self._session.exclusion)
@@ -107,11 +107,6 @@ class Course:
             for attempt in self._attempts.get(index, []):
                 attempt.inclusion = why
 
-    @singledispatchmethod
-    def _take(self, _: journal.Event) -> None:
-        pass
-
-    @_take.register
     def _scores_imported(self, event: journal.ScoresImported) -> None:
         """Add a trial for each condition; its course is unknown."""
         self._rows.sessions.append(
@@ -134,12 +129,10 @@ class Course:
                 )
             )
 
-    @_take.register
     def _session_opened(self, event: journal.SessionOpened) -> None:
         self._rows.sessions.append(SessionRow(session_kind=event.kind, **_named_alike(event)))
         self._under(event)
 
-    @_take.register
     def _session_resumed(self, event: journal.SessionResumed) -> None:
         told = self._session.versions = dict(self._session.versions)
         for name, now in event.versions.items():  # none by which a part was recorded goes untold
@@ -159,31 +152,25 @@ class Course:
             # One copy of the text, which most sessions share.
             self._study_text = self._rows.study_texts.setdefault(event.study_text, event.study_text)
 
-    @_take.register
     def _practice_renewed(self, event: journal.PracticeRenewed) -> None:
         for index in event.indices:  # as in the session's own state, the answers count no longer
             for attempt in self._attempts.get(index, []):
                 attempt.answered = False
         self._incident("practised again")
 
-    @_take.register
     def _device_armed(self, event: journal.DeviceArmed) -> None:
         self._session.device = event.idn
 
-    @_take.register
     def _rig_described(self, event: journal.RigDescribed) -> None:
         self._session.operator_noted = {**self._session.operator_noted, **event.answers}
         self._incident("rig", "; ".join(f"{name}: {said}" for name, said in event.answers.items()))
 
-    @_take.register
     def _beam_mounted(self, event: journal.BeamMounted) -> None:
         self._beam = event.beam
 
-    @_take.register
     def _resonance_measured(self, event: journal.ResonanceMeasured) -> None:
         self._resonance = event
 
-    @_take.register
     def _trial_started(self, event: journal.TrialStarted) -> None:
         planned, resonance = self._planned[event.index], self._resonance
         attempts = self._attempts.setdefault(event.index, [])
@@ -204,7 +191,6 @@ class Course:
         attempts.append(attempt)
         self._rows.attempts.append(attempt)
 
-    @_take.register
     def _touch_started(self, event: journal.TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
         self._rows.touches.append(
@@ -217,11 +203,9 @@ class Course:
             )
         )
 
-    @_take.register
     def _touch_recorded(self, event: journal.TouchRecorded) -> None:
         self._rows.forces[self._rows.touches.last_id] = reduced(event)
 
-    @_take.register
     def _touch_ended(self, event: journal.TouchEnded) -> None:
         touch = self._rows.touches.last
         touch.force_n = event.judged.force_n
@@ -236,7 +220,6 @@ class Course:
         self._rows.sampled += [self._rows.touches.last_id] * len(event.trace)
         self._rows.samples.extend(chain.from_iterable(event.trace))
 
-    @_take.register
     def _answered(self, event: journal.Answered) -> None:
         attempt = self._attempt
         attempt.answered = True
@@ -269,7 +252,6 @@ class Course:
         self._places[told.name] = track, after
         return len(after.turned_at) > len(before.turned_at)
 
-    @_take.register
     def _question_answered(self, event: journal.QuestionAnswered) -> None:
         row = self._at_desk.get(event.name)
         if row is not None:  # the operator corrects it
@@ -291,23 +273,19 @@ class Course:
         self._rows.answers.append(row)
         return row
 
-    @_take.register
     def _trial_aborted(self, event: journal.TrialAborted) -> None:
         self._attempt.abort_reason = event.why
         self._incident("trial aborted", event.why, event.index)
 
-    @_take.register
     def _trial_deferred(self, event: journal.TrialDeferred) -> None:
         why = f"not as instructed: {', '.join(event.missed)}"
         self._attempt.abort_reason = why
         self._incident("trial repeated", why, event.index)
 
-    @_take.register
     def _paused(self, _: journal.Paused) -> None:
         self._incident("paused")
 
-    @_take.register
-    def _note_taken(self, event: journal.NoteTaken) -> None:
+    def _note(self, event: journal.NoteTaken) -> None:
         """Add a note to the running or the last attempt, or else to the first one to come."""
         if self._attempts:
             told = self._attempt.notes
@@ -316,32 +294,26 @@ class Course:
             self._early_notes.append(event.text)
         self._incident("note", event.text)
 
-    @_take.register
     def _device_off(self, event: journal.DeviceOff) -> None:
         # To switch off is the normal end; only a voltage that may still be there is worth a note.
         if not event.confirmed:
             self._incident("device off, not confirmed", event.why)
 
-    @_take.register
     def _session_completed(self, _: journal.SessionCompleted) -> None:
         self._session.session_completed = True
 
-    @_take.register
     def _trial_excluded(self, event: journal.TrialExcluded) -> None:
         self._excluded[event.index] = event.reason
         self._included.pop(event.index, None)
 
-    @_take.register
     def _trial_included(self, event: journal.TrialIncluded) -> None:
         excluded = self._excluded.pop(event.index)
         self._included[event.index] = event.reason
         self._included_again(excluded, event.reason, event.index)
 
-    @_take.register
     def _session_excluded(self, event: journal.SessionExcluded) -> None:
         self._session.exclusion, self._session.inclusion = event.reason, None
 
-    @_take.register
     def _session_included(self, event: journal.SessionIncluded) -> None:
         self._included_again(self._session.exclusion or "", event.reason)
         self._session.exclusion, self._session.inclusion = None, event.reason
@@ -368,6 +340,14 @@ class Course:
         self._rows.exclusions.append(
             Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
         )
+
+
+_HANDLERS = {
+    tag: handler
+    for tag in journal.TAGS
+    if (handler := vars(Course).get(f"_{tag.replace('-', '_')}")) is not None
+}
+"""The methods that take events: each has the name of its event's tag."""
 
 
 def _plain(answer: Any) -> Any:

@@ -22,7 +22,7 @@ from protocol.study.touch import Touch
 # everywhere.
 
 T = TypeVar("T")
-Name = tuple[int, *tuple[object, ...]]
+StreamName = tuple[int, *tuple[object, ...]]
 """A seed, and the words that name one of its streams."""
 
 
@@ -225,7 +225,7 @@ class Blocks:
     max_run: int
 
 
-def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
+def block_orders(wanted: Blocks, name: StreamName, slot: int) -> Orders:
     """Return the order of the conditions, numbered from 0, in each block of one participant.
 
     For `williams`, slots take the sequences of a Williams design in cycles: if the design has s
@@ -245,14 +245,19 @@ def block_orders(wanted: Blocks, name: Name, slot: int) -> Orders:
         return tuple(block[slot % size] for block in cycle)
     stream = Stream(*name, "slot", slot)
     if wanted.order == "blocks":
-        return _blocks(wanted, stream)
+        blocks: list[tuple[int, ...]] = []
+        while len(blocks) < wanted.repeats:
+            block = tuple(stream.shuffled(range(wanted.conditions)))
+            if not blocks or wanted.max_run > 1 or blocks[-1][-1] != block[0]:
+                blocks.append(block)
+        return tuple(blocks)
     size = wanted.conditions
     drawn = shuffle(size, wanted.repeats, wanted.max_run, stream)
     return tuple(tuple(drawn[start : start + size]) for start in range(0, len(drawn), size))
 
 
 @lru_cache(maxsize=256)
-def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...]:
+def _williams_cycle(wanted: Blocks, name: StreamName, cycle: int) -> tuple[Orders, ...]:
     """Return the orders of one cycle of slots, one slot per sequence, block by block."""
     # One stream for the whole cycle: its slots must know of each other to be balanced together.
     stream = Stream(*name, "cycle", cycle)
@@ -266,15 +271,6 @@ def _williams_cycle(wanted: Blocks, name: Name, cycle: int) -> tuple[Orders, ...
         before = blocks[-1] if blocks and wanted.max_run == 1 else ()
         # The whole cycle is drawn anew, because a repair of one sequence would break the balance.
         if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
-            blocks.append(drawn)
-    return tuple(blocks)
-
-
-def _blocks(wanted: Blocks, stream: Stream) -> Orders:
-    blocks: list[tuple[int, ...]] = []
-    while len(blocks) < wanted.repeats:
-        drawn = tuple(stream.shuffled(range(wanted.conditions)))
-        if not blocks or wanted.max_run > 1 or blocks[-1][-1] != drawn[0]:
             blocks.append(drawn)
     return tuple(blocks)
 
@@ -364,7 +360,7 @@ MAX_GROUPS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class BeamGroup:
     """Conditions that need the same beams in the same order.
 
     `turns` says that some of their trials run in the opposite order and begin with the last beam.
@@ -391,7 +387,7 @@ class Group:
         return "" if self.turns else self.beams[-1]
 
 
-def beam_groups(study: Study) -> tuple[Group, ...]:
+def beam_groups(study: Study) -> tuple[BeamGroup, ...]:
     """Return the conditions grouped by the beams they need, in the order of the file."""
     members: dict[Beams, list[int]] = {}
     for number, condition in enumerate(study.condition):
@@ -402,7 +398,7 @@ def beam_groups(study: Study) -> tuple[Group, ...]:
         return study.design.opposite_repeats > 0 and opposite
 
     return tuple(
-        Group(members=tuple(numbers), beams=beams, turns=len(beams) > 1 and turns(numbers))
+        BeamGroup(members=tuple(numbers), beams=beams, turns=len(beams) > 1 and turns(numbers))
         for beams, numbers in members.items()
     )
 
@@ -421,7 +417,7 @@ def grouping(study: Study) -> Grouping:
 def most_swaps(study: Study, level: Grouping) -> int:
     """Return the most beam swaps that a session may need in any order that can be drawn."""
     groups, repeats, mounted = beam_groups(study), study.design.repeats, study.touch.beam
-    begin = opening_swaps(study) + _track_swaps(study)
+    begin = _swaps_apart(study)
     if not groups:
         return begin
     if level == "no":
@@ -438,27 +434,20 @@ def most_swaps(study: Study, level: Grouping) -> int:
     return begin + best_order(groups, mounted, 1)[0] + (repeats - 1) * later
 
 
-def opening_swaps(study: Study) -> int:
-    """Return the most swaps before the first block, which begins with the study's own beam."""
-    touches = [touch for opening in study.opening for touch in opening.touches]
-    beams = beams_of(touches, study.touch.beam)
-    practice = study.design.practice_trials * max(
-        (
-            swap_count((study.touch.beam, *group.beams, study.touch.beam))
-            for group in _practised(study)
-        ),
-        default=0,
-    )
-    return swap_count((*beams, study.touch.beam)) + practice
+def _swaps_apart(study: Study) -> int:
+    """Return the most swaps for openings and practice, after which the own beam is on, and tracks.
+
+    Each track is touched on one beam.
+    """
+    own = study.touch.beam
+    opening = beams_of([touch for it in study.opening for touch in it.touches], own)
+    practised = [swap_count((own, *group.beams, own)) for group in _practised(study)]
+    practice = study.design.practice_trials * max(practised, default=0)
+    tracks = [track.comparison.beam or own for track in study.track]
+    return swap_count((*opening, own)) + practice + len(tracks) * (set(tracks) != {own})
 
 
-def _track_swaps(study: Study) -> int:
-    """Return the most swaps that tracks need, each of which is touched on one beam."""
-    beams = [track.comparison.beam or study.touch.beam for track in study.track]
-    return len(beams) * (set(beams) != {study.touch.beam})
-
-
-def _practised(study: Study) -> list[Group]:
+def _practised(study: Study) -> list[BeamGroup]:
     groups = beam_groups(study)
     # Practice needs no swap where some condition is on the beam that is mounted already.
     return [group for group in groups if group.beams == (study.touch.beam,)] or list(groups)
@@ -470,7 +459,7 @@ def practice_pool(study: Study) -> list[int]:
 
 
 @lru_cache(maxsize=1024)
-def best_order(groups: tuple[Group, ...], mounted: str | None, repeats: int) -> tuple[int, int]:
+def best_order(groups: tuple[BeamGroup, ...], mounted: str | None, repeats: int) -> tuple[int, int]:
     """Return the fewest swaps to run all `groups`, and the number of orders that achieve it."""
     if not groups:
         return 0, 1
@@ -480,7 +469,7 @@ def best_order(groups: tuple[Group, ...], mounted: str | None, repeats: int) -> 
 
 
 def _cost(
-    groups: tuple[Group, ...], first: int, mounted: str | None, repeats: int
+    groups: tuple[BeamGroup, ...], first: int, mounted: str | None, repeats: int
 ) -> tuple[int, int]:
     group = groups[first]
     rest, ways = best_order(groups[:first] + groups[first + 1 :], group.last, repeats)
@@ -488,10 +477,10 @@ def _cost(
 
 
 def drawn_order(
-    groups: tuple[Group, ...], mounted: str | None, repeats: int, stream: Stream
-) -> list[Group]:
+    groups: tuple[BeamGroup, ...], mounted: str | None, repeats: int, stream: Stream
+) -> list[BeamGroup]:
     """Return one of the orders with the fewest swaps, each equally likely."""
-    drawn: list[Group] = []
+    drawn: list[BeamGroup] = []
     while groups:
         fewest, _ = best_order(groups, mounted, repeats)
         costs = [_cost(groups, number, mounted, repeats) for number in range(len(groups))]
@@ -504,8 +493,18 @@ def drawn_order(
 
 def ordered_conditions(study: Study, slot: int, session: int) -> list[tuple[int, int]]:
     """Return (block from 1, number of the condition) for every scored trial, in order."""
-    sections = _sections(study, slot, session)
-    orders = {group.members: list(_orders(study, group, slot, session)) for _, group in sections}
+    sections, design = _sections(study, slot, session), study.design
+    orders: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
+    for members in {group.members for _, group in sections}:
+        wanted = Blocks(
+            order=design.order,
+            conditions=len(members),
+            repeats=design.repeats,
+            max_run=design.max_alike_in_row,
+        )
+        # The members are part of the name, so that each group has a stream of its own.
+        name = (study.study.seed, "order", session, "/".join(map(str, members)))
+        orders[members] = [*block_orders(wanted, name, slot)]
     return [
         (block, group.members[place])
         for block, group in sections
@@ -513,22 +512,10 @@ def ordered_conditions(study: Study, slot: int, session: int) -> list[tuple[int,
     ]
 
 
-def _orders(study: Study, group: Group, slot: int, session: int) -> tuple[tuple[int, ...], ...]:
-    wanted = Blocks(
-        order=study.design.order,
-        conditions=len(group.members),
-        repeats=study.design.repeats,
-        max_run=study.design.max_alike_in_row,
-    )
-    # The members are part of the name, so that each group has a stream of its own.
-    members = "/".join(map(str, group.members))
-    return block_orders(wanted, (study.study.seed, "order", session, members), slot)
-
-
-def _sections(study: Study, slot: int, session: int) -> list[tuple[int, Group]]:
+def _sections(study: Study, slot: int, session: int) -> list[tuple[int, BeamGroup]]:
     """Return (block, group of conditions run together in it), in order."""
     level, repeats = grouping(study), study.design.repeats
-    everything = Group(members=tuple(range(len(study.condition))), beams=(None,))
+    everything = BeamGroup(members=tuple(range(len(study.condition))), beams=(None,))
     if level == "no":
         return [(block, everything) for block in range(1, repeats + 1)]
     stream = Stream(study.study.seed, "groups", session, slot)
@@ -536,7 +523,7 @@ def _sections(study: Study, slot: int, session: int) -> list[tuple[int, Group]]:
     if level == "session":
         order = drawn_order(groups, mounted, repeats, stream)
         return list(enumerate((group for group in order for _ in range(repeats)), start=1))
-    sections: list[tuple[int, Group]] = []
+    sections: list[tuple[int, BeamGroup]] = []
     for block in range(1, repeats + 1):
         order = drawn_order(groups, mounted, 1, stream)
         sections += [(block, group) for group in order]

@@ -160,7 +160,7 @@ def most_session_s(study: Study) -> float:
 
 
 def _no_conditions(study: Study) -> Iterator[Problem]:
-    for key in ("practice_trials", "catch_trials") if not study.condition else ():
+    for key in ("practice_trials", "catch_trials"):
         if wanted := getattr(study.design, key):
             hint = "a track has `catch` trials of its own" if key == "catch_trials" else ""
             yield Problem.of_key(f"design.{key}", "needs a [[condition]]", wanted, hint)

@@ -6,8 +6,8 @@ from itertools import groupby, islice, pairwise, product
 from typing import NamedTuple
 
 from protocol.plan.blocks import (
-    Name,
     Stream,
+    StreamName,
     arrivals,
     at_level,
     opposite,
@@ -23,27 +23,26 @@ from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Slide, SlidePass
 
 
-def level_draws(study: Study, name: Name) -> list[list[float]]:
-    """Return for each condition one level per repeat, in random order and all equally often."""
-    return [
-        Stream(*name, number).shuffled(
-            condition.levels * (study.design.repeats // len(condition.levels))
-        )
-        for number, condition in enumerate(study.condition)
-    ]
+def _draws(
+    study: Study, stream_name: Callable[[str], StreamName]
+) -> Iterator[list[tuple[float, bool]]]:
+    """Yield for each condition the level of each repeat, and whether it runs in the opposite order.
 
-
-def opposite_draws(study: Study, name: Name) -> list[list[bool]]:
-    """Return for each condition which of its repeats run in the opposite order."""
+    All levels come equally often; either is in random order.
+    """
     repeats, asked = study.design.repeats, study.design.opposite_repeats
-    turned = [asked if opposite_expected(condition) else 0 for condition in study.condition]
-    return [
-        Stream(*name, number).shuffled([True] * some + [False] * (repeats - some))
-        for number, some in enumerate(turned)
-    ]
+    for number, condition in enumerate(study.condition):
+        levels = condition.levels * (repeats // len(condition.levels))
+        turned = asked if opposite_expected(condition) else 0
+        opposites = [True] * turned + [False] * (repeats - turned)
+        drawn = (
+            Stream(*stream_name("levels"), number).shuffled(levels),
+            Stream(*stream_name("opposite"), number).shuffled(opposites),
+        )
+        yield [*zip(*drawn, strict=True)]
 
 
-def catch_places(study: Study, order: list[int], name: Name) -> dict[int, int]:
+def catch_places(study: Study, order: list[int], name: StreamName) -> dict[int, int]:
     """Return the condition of each catch trial by the number of scored trials before it.
 
     A catch trial follows a trial that needs only one beam and takes a condition on that beam, so
@@ -73,7 +72,7 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """
 
     # A stream for each purpose: a change of one part of the design leaves the others as they were.
-    def stream_name(purpose: str) -> Name:
+    def stream_name(purpose: str) -> StreamName:
         return (study.study.seed, purpose, session, slot)
 
     order = ordered_conditions(study, slot, session) if study.condition else []
@@ -100,7 +99,7 @@ def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
     return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
 
 
-def _practice(study: Study, name: Name) -> Iterator[Trial]:
+def _practice(study: Study, name: StreamName) -> Iterator[Trial]:
     """Yield trials of the conditions to practise: all in random order, again and again."""
     pool, wanted, stream = practice_pool(study), study.design.practice_trials, Stream(*name)
     drawn: list[int] = []
@@ -112,22 +111,17 @@ def _practice(study: Study, name: Name) -> Iterator[Trial]:
 
 
 def _main(
-    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], Name]
+    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], StreamName]
 ) -> Iterator[Trial]:
     """Yield the scored trials block by block, with catch trials after some of them."""
-    levels = level_draws(study, stream_name("levels"))
-    turned = opposite_draws(study, stream_name("opposite"))
+    draws = [*_draws(study, stream_name)]
     catches = catch_places(study, [number for _, number in order], stream_name("catch"))
     every, block_before = study.design.break_every_blocks, 1
     for place, (block, number) in enumerate(order, start=1):
         pauses = every > 0 and block != block_before and (block - 1) % every == 0
-        yield _trial(
-            study.condition[number],
-            levels[number].pop(),
-            turned=turned[number].pop(),
-            block=block,
-            break_s=study.design.break_s if pauses else 0.0,
-        )
+        level, turned = draws[number].pop()
+        break_s = study.design.break_s if pauses else 0.0
+        yield _trial(study.condition[number], level, turned=turned, block=block, break_s=break_s)
         if place in catches:
             condition = study.condition[catches[place]]
             # A catch trial has everything of its condition but the drive, so that nothing else

@@ -186,56 +186,32 @@ def _opening_problems(study: Study) -> Iterator[Problem]:
 def _key_problems(study: Study) -> Iterator[Problem]:
     """Yield keys that another key of the study, or a beam that a touch names, asks to be other."""
     rig, channel, wanted = study.rig, study.force_channel, study.as_instructed.practise_until
-    swapped = any(touch.beam for _, _, item in _items(study) for touch in item.touches)
-    rows: tuple[tuple[bool, str, str, object, str], ...] = (
-        (
-            wanted > 0 and not study.design.practice_trials,
-            "design.practice_trials",
-            f"must be above 0 where as_instructed.practise_until = {wanted}",
-            0,
-            "give practice_trials, or leave practise_until out",
-        ),
-        (
-            study.touch.beam is None and swapped,
-            "touch.beam",
-            "must be given when a touch names a beam",
-            "nothing",
-            f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]",
-        ),
-        # A generator is set in volts before the amplifier: without its gain nothing is driven.
-        (
-            rig.dialect != "board" and rig.amplifier_gain is None,
-            "rig.amplifier_gain",
-            f"must be given where rig.dialect = {rig.dialect!r}",
-            "nothing",
-            "volts at the beam per volt of the generator",
-        ),
-        (
-            channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None,
-            "force_channel.rate_hz",
-            f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing",
-            channel.rate_hz,
-            "give the address of a gauge as force_channel.gauge",
-        ),
-        # Both may be simulated: a simulated gauge has a line of its own.
-        (
-            channel.gauge != SIMULATED and channel.gauge == rig.device,
-            "force_channel.gauge",
-            "must have a port of its own, other than rig.device",
-            repr(channel.gauge),
-            "a board that measures forces itself needs no gauge",
-        ),
-        (
-            channel.rate_hz is not None and channel.gauge == SIMULATED != rig.device,
-            "force_channel.gauge",
-            "is simulated, and that is for a simulated device only",
-            f"rig.device = {rig.device!r}",
-            "the address of a gauge; run --device sim simulates both",
-        ),
-    )
-    for wrong, key, rule, value, hint in rows:
-        if wrong:
-            yield Problem.of_key(key, rule, value, hint)
+    told = Problem.of_key
+    if wanted and not study.design.practice_trials:
+        rule = f"must be above 0 where as_instructed.practise_until = {wanted}"
+        hint = "give practice_trials, or leave practise_until out"
+        yield told("design.practice_trials", rule, 0, hint)
+    if study.touch.beam is None and _names_a_beam(study):
+        hint = f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]"
+        yield told("touch.beam", "must be given when a touch names a beam", "nothing", hint)
+    # A generator is set in volts before the amplifier: without its gain nothing is driven.
+    if rig.dialect != "board" and rig.amplifier_gain is None:
+        rule = f"must be given where rig.dialect = {rig.dialect!r}"
+        hint = "volts at the beam per volt of the generator"
+        yield told("rig.amplifier_gain", rule, "nothing", hint)
+    if channel.rate_hz is not None and rig.dialect != "board" and channel.gauge is None:
+        rule = f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing"
+        hint = "give the address of a gauge as force_channel.gauge"
+        yield told("force_channel.rate_hz", rule, channel.rate_hz, hint)
+    # Both may be simulated: a simulated gauge has a line of its own.
+    if channel.gauge != SIMULATED and channel.gauge == rig.device:
+        rule = "must have a port of its own, other than rig.device"
+        hint = "a board that measures forces itself needs no gauge"
+        yield told("force_channel.gauge", rule, repr(channel.gauge), hint)
+    if channel.rate_hz is not None and channel.gauge == SIMULATED and rig.device != SIMULATED:
+        rule, value = "is simulated, and that is for a simulated device only", f"{rig.device!r}"
+        hint = "the address of a gauge; run --device sim simulates both"
+        yield told("force_channel.gauge", rule, f"rig.device = {value}", hint)
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
@@ -310,6 +286,10 @@ def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
         yield f"opening {opening.kind}", ("opening", number), opening
     for condition in study.condition:
         yield f"condition {condition.name}", ("condition", condition.written), condition
+
+
+def _names_a_beam(study: Study) -> bool:
+    return any(touch.beam for *_, item in _items(study) for touch in item.touches)
 
 
 def _of_factor(study: Study, item: Item, problem: Problem) -> Problem:

@@ -10,7 +10,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from functools import singledispatch
 from math import isfinite
 from typing import Any
 
@@ -31,7 +30,7 @@ from protocol.journal.events import (
     event_of,
     terms_in,
 )
-from protocol.journal.records import CHANNELS
+from protocol.journal.records import CHANNELS, InstructionResponse
 from protocol.journal.state import NotAllowed, folded
 from protocol.pseudonyms import pseudonym
 
@@ -142,34 +141,18 @@ def _out_of_range(event: Event) -> str:
     return ""
 
 
-@singledispatch
 def _shared(event: Event) -> Event | None:
     """Return what leaves the study of `event`; None if nothing does."""
+    match event:
+        case NoteTaken() | WatchdogTested():
+            return None
+        case SessionOpened() | SessionResumed():
+            return replace(event, consent=None)
+        case TouchStarted(instruction=InstructionResponse() as response):
+            return replace(event, instruction=replace(response, trace=None))
+        case Answered():
+            questions = tuple(replace(given, trace=None) for given in event.questions)
+            return replace(event, traces=(), questions=questions)
+        case QuestionAnswered():
+            return replace(event, trace=None)
     return event
-
-
-@_shared.register
-def _nothing(_: NoteTaken | WatchdogTested) -> None:
-    return None
-
-
-@_shared.register
-def _without_consent(event: SessionOpened | SessionResumed) -> Event:
-    return replace(event, consent=None)
-
-
-@_shared.register
-def _without_response(event: TouchStarted) -> Event:
-    response = event.instruction and replace(event.instruction, trace=None)
-    return replace(event, instruction=response)
-
-
-@_shared.register
-def _without_traces(event: Answered) -> Event:
-    questions = tuple(replace(given, trace=None) for given in event.questions)
-    return replace(event, traces=(), questions=questions)
-
-
-@_shared.register
-def _without_trace(event: QuestionAnswered) -> Event:
-    return replace(event, trace=None)

@@ -186,10 +186,8 @@ def confounded(contrasts: Contrasts) -> bool:
 
 def squared_spread(contrasts: Sequence[float]) -> float:
     """Return the sum of squared deviations from the mean."""
-    if not contrasts:
-        return 0.0
-    mean = sum(contrasts) / len(contrasts)
-    return sum((contrast - mean) ** 2 for contrast in contrasts)
+    mean = sum(contrasts) / max(len(contrasts), 1)
+    return sum(((contrast - mean) ** 2 for contrast in contrasts), 0.0)
 
 
 def t_quantile(probability: float, df: int) -> float:
@@ -396,13 +394,9 @@ def _balance_record(carryover: CarryOver) -> dict[str, Any]:
 
 
 def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, Any]:
+    planned = ("index", "block", "kind", "condition", "opposite", "level")
     return {
-        "index": trial.index,
-        "block": trial.block,
-        "kind": trial.kind,
-        "condition": trial.condition,
-        "opposite": trial.opposite,
-        "level": trial.level,
+        **{key: getattr(trial, key) for key in planned},
         "levels": levels(trial.touches),
         "expected": trial.expected,
         "touches": len(trial.touches),
@@ -413,14 +407,11 @@ def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, An
 
 def levels(touches: Sequence[Touch]) -> dict[str, list[Any]]:
     """Return the settings of the touches in order; a pair is [start, end] of a touch."""
+    constant = ("frequency_hz", "press", "sliding_speed_m_s", "direction", "beam")
     return {
         "voltage_v": [_course(touch.voltage_v, touch.end_voltage_v) for touch in touches],
         "frequency": [_course(touch.frequency, touch.end_frequency) for touch in touches],
-        "frequency_hz": [touch.frequency_hz for touch in touches],
-        "press": [touch.press for touch in touches],
-        "sliding_speed_m_s": [touch.sliding_speed_m_s for touch in touches],
-        "direction": [touch.direction for touch in touches],
-        "beam": [touch.beam for touch in touches],
+        **{key: [getattr(touch, key) for touch in touches] for key in constant},
     }
 
 
@@ -429,16 +420,15 @@ def _course(start: float, end: float) -> float | list[float]:
 
 
 def _precision_record(precision: Precision) -> dict[str, Any]:
+    widths = {
+        "half_width": precision.half_width,
+        "gain_half_width": precision.gain_half_width,
+        "relative_half_width": precision.relative,
+    }
     return {
         "repeats": precision.repeats,
         "trials": precision.trials,
         "duration_s": round(precision.duration_s, 1),
         "whole": precision.whole,
-        "half_width": _finite(precision.half_width),
-        "gain_half_width": _finite(precision.gain_half_width),
-        "relative_half_width": _finite(precision.relative),
+        **{name: round(width, 4) if width < inf else None for name, width in widths.items()},
     }
-
-
-def _finite(width: float) -> float | None:
-    return round(width, 4) if width < float("inf") else None

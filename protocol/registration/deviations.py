@@ -81,10 +81,8 @@ def _of_files(registered: Registration, conduct: Conduct) -> Iterator[Deviation]
     if conduct.broken_file:
         yield Deviation("registration", conduct.broken_file)
     for change in conduct.amendments:
-        yield Deviation(
-            "study file",
-            f"amended at {change.utc:%Y-%m-%d %H:%M} UTC, which broke the lock: {change.reason}",
-        )
+        text = f"amended at {change.utc:%Y-%m-%d %H:%M} UTC, which broke the lock: {change.reason}"
+        yield Deviation("study file", text)
     # The file may have changed without an amendment, or an amended one back again.
     if conduct.study_sha256 != registered.study_sha256:
         yield Deviation("study file", "the present study file is not the registered one")
@@ -92,35 +90,30 @@ def _of_files(registered: Registration, conduct: Conduct) -> Iterator[Deviation]
 
 def _of_sessions(registered: Registration, sessions: Sequence[SessionRun]) -> Iterator[Deviation]:
     digest, rig = registered.digest, str(registered.calibration.get("origin", ""))
-
-    yield from _named(
-        ("registration", "sessions without it or under another one"),
-        [run.name for run in sessions if run.registration != digest],
-    )
-    yield from _named(
-        ("study file", "sessions under another study file"),
-        [run.name for run in sessions if run.study_sha256 != registered.study_sha256],
-    )
-    yield from _named(
-        ("version", f"sessions by a touchbeam other than {registered.touchbeam}"),
-        [run.name for run in sessions if run.touchbeam != registered.touchbeam],
-    )
+    version, many = registered.touchbeam, registered.sessions
+    named = [
+        ("registration", "sessions without it or under another one", "registration", digest),
+        (
+            "study file",
+            "sessions under another study file",
+            "study_sha256",
+            registered.study_sha256,
+        ),
+        ("version", f"sessions by a touchbeam other than {version}", "touchbeam", version),
+    ]
+    runs = [
+        (kind, text, [run.name for run in sessions if getattr(run, key) != value])
+        for kind, text, key, value in named
+    ]
     # One line for each calibration, in the order in which they were in force.
     for other in dict.fromkeys(run.calibration for run in sessions if run.calibration != rig):
-        yield from _named(
-            ("calibration", f"registered: {rig or PAPER}; in force: {other or PAPER}, in sessions"),
-            [run.name for run in sessions if run.calibration == other],
-        )
-    yield from _named(
-        ("sessions", f"more than the {registered.sessions} registered for each"),
-        [run.name for run in sessions if run.number > registered.sessions],
-    )
-
-
-def _named(deviation: tuple[str, str], sessions: Sequence[str]) -> Iterator[Deviation]:
-    kind, text = deviation
-    if sessions:
-        yield Deviation(kind, f"{text}: {', '.join(sessions)}")
+        text = f"registered: {rig or PAPER}; in force: {other or PAPER}, in sessions"
+        runs += [("calibration", text, [run.name for run in sessions if run.calibration == other])]
+    text = f"more than the {many} registered for each"
+    runs += [("sessions", text, [run.name for run in sessions if run.number > many])]
+    for kind, text, names in runs:
+        if names:
+            yield Deviation(kind, f"{text}: {', '.join(names)}")
 
 
 def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
@@ -144,20 +137,17 @@ def _of_numbers(registered: Registration, conduct: Conduct) -> Iterator[Deviatio
 
 def _of_analysis(registered: Registration, conduct: Conduct) -> Iterator[Deviation]:
     if (conduct.law, conduct.rung) != (registered.law, registered.rung):
-        yield Deviation(
-            "prediction",
-            f"law {conduct.law} on rung {conduct.rung}; registered: {registered.law} on "
-            f"{registered.rung}",
-        )
+        settled = f"{registered.law} on {registered.rung}"
+        text = f"law {conduct.law} on rung {conduct.rung}; registered: {settled}"
+        yield Deviation("prediction", text)
     if conduct.touchbeam != registered.touchbeam:
-        yield Deviation(
-            "version", f"reported by touchbeam {conduct.touchbeam}, not {registered.touchbeam}"
-        )
+        text = f"reported by touchbeam {conduct.touchbeam}, not {registered.touchbeam}"
+        yield Deviation("version", text)
     # Settings of either side: one that was added or dropped is a deviation, too.
     for name in sorted({*registered.analysis, *conduct.analysis}):
-        settled, used = registered.analysis.get(name), conduct.analysis.get(name)
-        if settled != used:
-            yield Deviation("analysis", f"{name}: {used}; registered: {settled}")
+        before, used = registered.analysis.get(name), conduct.analysis.get(name)
+        if before != used:
+            yield Deviation("analysis", f"{name}: {used}; registered: {before}")
     if conduct.later:
         yield Deviation(
             "calibration",

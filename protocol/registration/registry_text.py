@@ -1,6 +1,6 @@
 """The text of a registration to paste into a registry, under the headings that registries use."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 
 from protocol.registration.registration import Registration, hypotheses_of
@@ -31,58 +31,46 @@ def registry_text(study: Study, registered: Registration) -> str:
     """Return the text, in plain English."""
     blind, sessions = study.session.blind_operator, registered.sessions
     seen = f"The operator sees {'neither condition nor' if blind else 'condition and'}"
-    parts = [
-        ("Title", [study.publication.title or registered.study]),
+    parts: dict[str, Iterable[str]] = {
+        "Title": [study.publication.title or registered.study],
         # What the study file does not say is left to its author and never invented.
-        ("Authors", [", ".join(study.publication.authors) or "(to be filled in)"]),
-        ("Hypotheses", _hypotheses(study, registered)),
-        ("Study type", _study_type(study)),
-        (
-            "Blinding",
-            [
-                "Participants are not told what the device does in a trial or what is expected. "
-                f"{seen} drive during a session."
-            ],
-        ),
-        ("Study design", _design(study)),
-        (
-            "Randomization",
-            [
-                "Orders, levels, catch and practice trials are drawn from random streams that are "
-                "seeded by the digest of this registration. The data therefore prove that the plan "
-                "came first.",
-                f"Seed: the digest {registered.digest}.",
-                f"The seed {study.study.seed} of the study file is not used.",
-            ],
-        ),
+        "Authors": [", ".join(study.publication.authors) or "(to be filled in)"],
+        "Hypotheses": _hypotheses(study, registered),
+        "Study type": _study_type(study),
+        "Blinding": [
+            "Participants are not told what the device does in a trial or what is expected. "
+            f"{seen} drive during a session."
+        ],
+        "Study design": _design(study),
+        "Randomization": [
+            "Orders, levels, catch and practice trials are drawn from random streams that are "
+            "seeded by the digest of this registration. The data therefore prove that the plan "
+            "came first.",
+            f"Seed: the digest {registered.digest}.",
+            f"The seed {study.study.seed} of the study file is not used.",
+        ],
         # True by itself: `register` refuses a study that has had a session.
-        ("Existing data", ["Registration took place before the first session with a participant."]),
-        (
-            "Sample size and stopping rule",
-            [
-                f"Data collection ends when {registered.participants} participants have completed "
-                f"{sessions} session{'s' * (sessions != 1)} each. A participant who drops out is "
-                "replaced."
-            ],
-        ),
-        ("Sample size rationale", _power(registered)),
-        ("Manipulated variables", _conditions(study)),
-        ("Measured variables", _measured(study)),
-        ("Statistical models and predictions", _prediction(registered)),
-        ("Inference criteria", _inference(registered)),
-        ("Data exclusion", registered.exclusions or ["No data are excluded."]),
-        ("Missing data", ["A score that is not given is missing, not zero; nobody is dropped."]),
-        (
-            "Digests",
-            [
-                f"Registration: {registered.digest}",
-                f"Study file: {registered.study_sha256}",
-                f"Analysis settings: {registered.analysis_sha256}",
-                f"Software: touchbeam {registered.touchbeam}",
-            ],
-        ),
-    ]
-    return "\n".join("\n  ".join([heading, *lines]) + "\n" for heading, lines in parts)
+        "Existing data": ["Registration took place before the first session with a participant."],
+        "Sample size and stopping rule": [
+            f"Data collection ends when {registered.participants} participants have completed "
+            f"{sessions} session{'s' * (sessions != 1)} each. A participant who drops out is "
+            "replaced."
+        ],
+        "Sample size rationale": _power(registered),
+        "Manipulated variables": _conditions(study),
+        "Measured variables": _measured(study),
+        "Statistical models and predictions": _prediction(registered),
+        "Inference criteria": _inference(registered),
+        "Data exclusion": registered.exclusions or ["No data are excluded."],
+        "Missing data": ["A score that is not given is missing, not zero; nobody is dropped."],
+        "Digests": [
+            f"Registration: {registered.digest}",
+            f"Study file: {registered.study_sha256}",
+            f"Analysis settings: {registered.analysis_sha256}",
+            f"Software: touchbeam {registered.touchbeam}",
+        ],
+    }
+    return "\n".join("\n  ".join([heading, *lines]) + "\n" for heading, lines in parts.items())
 
 
 def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:

@@ -39,12 +39,12 @@ def require_printable(text: str) -> str:
     return text
 
 
-def spelled(pattern: str, as_what: str) -> AfterValidator:
-    """Return what refuses a text unlike the pattern, and says what it must be."""
+def required(holds: Callable[[str], object], rule: str) -> AfterValidator:
+    """Return what refuses a text of which something does not hold, and says the rule."""
 
     def fitting(text: str) -> str:
-        if re.fullmatch(pattern, text) is None:
-            raise ValueError(f"must be {as_what}")
+        if not holds(text):
+            raise ValueError(rule)
         return text
 
     return AfterValidator(fitting)

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from protocol.address import ADDRESS_RULE, is_address
-from protocol.study.fields import Line, Positive, Record, Whole, known_as, setting
+from protocol.study.fields import Line, Positive, Record, Whole, known_as, required, setting
 
 # The name of a driver, of which there may be more than this package knows: the context lists them.
 _Spoken = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
@@ -15,13 +15,7 @@ Dialect = Annotated[_Spoken, known_as("dialects")]
 GaugeDialect = Annotated[_Spoken, known_as("gauge dialects")]
 
 
-def _address(text: str) -> str:
-    if not is_address(text):
-        raise ValueError(ADDRESS_RULE)
-    return text
-
-
-Address = Annotated[Line, AfterValidator(_address)]
+Address = Annotated[Line, required(is_address, ADDRESS_RULE)]
 _ADDRESSES = (
     "`sim`, a serial port (`/dev/ttyUSB0`, `COM3`), `socket://host:5025` or "
     "`rfc2217://host:5025`, without options"

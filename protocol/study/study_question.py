@@ -22,6 +22,7 @@ from protocol.study.fields import (
     Record,
     Whole,
     require_printable,
+    required,
     setting,
 )
 from protocol.study.languages import KnownCode
@@ -111,15 +112,11 @@ ANALOGUE = (0.0, 100.0, 0.1)
 """Ends and resolution of an analogue scale."""
 
 
-def _identifier(name: str) -> str:
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise ValueError("must begin with a small letter and hold only a to z, 0 to 9 and _")
-    return name
-
-
-Identifier = Annotated[
-    str, Field(min_length=1, max_length=LONGEST_IDENTIFIER), AfterValidator(_identifier)
-]
+_OF_A_NAME = required(
+    re.compile("[a-z][a-z0-9_]*").fullmatch,
+    "must begin with a small letter and hold only a to z, 0 to 9 and _",
+)
+Identifier = Annotated[str, Field(min_length=1, max_length=LONGEST_IDENTIFIER), _OF_A_NAME]
 Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
 """On a scale."""
 LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]
@@ -132,13 +129,10 @@ def is_picture_name(name: str) -> bool:
     return _PICTURE.fullmatch(name) is not None
 
 
-def _picture(name: str) -> str:
-    if not is_picture_name(name):
-        raise ValueError("must name a .png or .jpg file in the study's folder, such as beam.png")
-    return name
-
-
-Filename = Annotated[Line, AfterValidator(_picture)]
+_OF_A_PICTURE = required(
+    is_picture_name, "must name a .png or .jpg file in the study's folder, such as beam.png"
+)
+Filename = Annotated[Line, _OF_A_PICTURE]
 _Shown = Annotated[Line, AfterValidator(require_printable)]
 
 

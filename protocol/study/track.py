@@ -1,5 +1,6 @@
 """A track: a question that is asked again and again, at levels that a method chooses."""
 
+import re
 from math import log10
 from typing import Annotated, Any, Literal
 
@@ -13,8 +14,8 @@ from protocol.study.fields import (
     Record,
     Share,
     Whole,
+    required,
     setting,
-    spelled,
 )
 from protocol.study.touch import OnBeam, Touch
 
@@ -101,8 +102,9 @@ class Stop(Record):
 Steps = tuple[Positive, ...]
 Range = tuple[NotNegative, NotNegative]
 Slope = Annotated[Positive, Field(le=1e6)]
-_OF_A_RULE = spelled(
-    r"[1-9] down [1-9] up", '"N down M up", each from 1 to 9, such as "3 down 1 up"'
+_OF_A_RULE = required(
+    re.compile("[1-9] down [1-9] up").fullmatch,
+    'must be "N down M up", each from 1 to 9, such as "3 down 1 up"',
 )
 
 

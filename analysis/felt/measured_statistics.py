@@ -175,14 +175,13 @@ def measured_trials(
     scored = known & trials["trial_kind"].eq("trial").to_numpy()
     if scored.any():
         chosen = trials[scored]
-        borrowed = borrowed_contrasts(
+        best[scored], best_error[scored] = borrowed_contrasts(
             pd.factorize(chosen["participant"])[0],
             pd.factorize(chosen["condition"])[0],
             chosen["level"].to_numpy(),
             value[scored],
             error[scored],
         )
-        best[scored], best_error[scored] = borrowed.values, borrowed.errors
     undriven = known & trials["trial_kind"].eq("catch").to_numpy()
     best[undriven], best_error[undriven] = 0.0, 0.0
     return MeasuredTrials(

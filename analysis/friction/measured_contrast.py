@@ -249,22 +249,16 @@ SKIN_SD = 0.5
 """Prior SD of the factors of people, wide against what is known of skin."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BorrowedContrasts:
-    """The best estimate of each trial's contrast and its standard error, shape (trials,)."""
-
-    values: FloatArray
-    errors: FloatArray
-
-
 def borrowed_contrasts(
     subject: IntArray,
     condition: IntArray,
     level: FloatArray,
     measured: FloatArray,
     errors: FloatArray,
-) -> BorrowedContrasts:
-    """Return the posterior of each contrast by regression calibration (Carroll et al. 2006, ch. 4).
+) -> tuple[FloatArray, FloatArray]:
+    """Return the best estimate of each trial's contrast and its standard error, (trials,) each.
+
+    It is the posterior by regression calibration (Carroll et al. 2006, ch. 4).
 
     true = s_i a_c + η, measured = true + e, with a factor s of each person (skin), the mean
     contrast a of each condition at each level, η of an SD for each condition (no two touches are
@@ -294,10 +288,8 @@ def borrowed_contrasts(
     spread = scatter[condition]
     kept = spread / (spread + noise)
     of_factors = mean[cell] ** 2 / skin_known[subject] + skin[subject] ** 2 / mean_known[cell]
-    return BorrowedContrasts(
-        values=expected + kept * (measured - expected),
-        errors=np.sqrt(kept * noise + (1 - kept) ** 2 * of_factors),
-    )
+    errors = np.sqrt(kept * noise + (1 - kept) ** 2 * of_factors)
+    return expected + kept * (measured - expected), errors
 
 
 def _factors(

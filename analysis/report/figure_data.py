@@ -15,7 +15,7 @@ from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveStatistic
 from analysis.trials.contrasts import ScoredTrials
-from analysis.trials.track_fits import geometric_mean
+from analysis.trials.track_fits import mean_over_people
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
 
@@ -209,7 +209,7 @@ def thresholds_of(found: Findings) -> dict[str, tuple[float, Interval | NotEstim
     by_track: dict[str, list[float | None]] = {}
     for each in found.thresholds.people if found.thresholds else ():
         by_track.setdefault(each.track, []).append(each.contrast)
-    means = {track: geometric_mean(of) for track, of in by_track.items() if None not in of}
+    means = {track: mean_over_people(of) for track, of in by_track.items() if None not in of}
     return {
         track: (value, ends)
         for track, (value, ends) in means.items()

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,13 +150,11 @@ def counted(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     return rows, counts.astype(np.float64)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Slopes:
+class Slopes(NamedTuple):
     """First and negative second derivatives of a likelihood by shared and own parameters.
 
-    The last axis of each is that of the points: `shared_gradient` (G, points), `own_gradient` (2,
-    subjects, points), `cross` (2, subjects, G, points), `whole` (G, G, points). The own parameters'
-    second derivatives are the columns of the population's line in `cross`.
+    Shapes are (G, points), (2, subjects, points), (2, subjects, G, points) and (G, G, points). The
+    own parameters' second derivatives are the columns of the population's line in `cross`.
     """
 
     shared_gradient: FloatArray
@@ -216,9 +214,7 @@ class DerivativeSums:
         shared_gradient[self._line] = own_gradient.sum(axis=1)
         whole[self._line] = cross.sum(axis=1)
         whole[:, self._line] = np.swapaxes(whole[self._line], 0, 1)
-        return Slopes(
-            shared_gradient=shared_gradient, own_gradient=own_gradient, cross=cross, whole=whole
-        )
+        return Slopes(shared_gradient, own_gradient, cross, whole)
 
 
 def _sparse(blocks: Sequence[Iterable[tuple[FloatArray, SmallInts]]], height: int) -> csr_array:

@@ -116,16 +116,14 @@ def two_groups(a: str, b: str, of_a: FloatArray, of_b: FloatArray) -> TwoGroups 
     if not n or not m:
         return NotEstimable(f"nobody of {a if not n else b} has a value")
     ranks = doubled_midranks(np.concatenate([of_a, of_b]))
-    total = int(ranks[:n].sum())
+    total, p, error = int(ranks[:n].sum()), 1.0, 0.0
     if n + m > LARGEST_EXACT:
-        centred = (ranks - ranks.mean())[:, None]
-        tested = permuted(centred, np.repeat([0, 1], sizes))
+        tested = permuted((ranks - ranks.mean())[:, None], np.repeat([0, 1], sizes))
         p, error = tested.p, tested.error
     else:
         ways = _ways_by_sum(ranks, n)
         distance = np.abs(np.arange(len(ways)) * (n + m) - n * int(ranks.sum()))
-        far = ways[distance >= distance[total]].sum() / ways.sum()
-        p, error = float(min(1.0, far)), 0.0
+        p = float(min(1.0, ways[distance >= distance[total]].sum() / ways.sum()))
     u = (total - n * (n + 1)) / 2
     apart = of_a[:, None] - of_b
     return TwoGroups(
@@ -346,6 +344,7 @@ def group_statistics(
     gain = compared(gains, groups, names)
     profiles = interaction(scores, groups)
     asked = {SCORE: mean, GAIN: gain, INTERACTION: profiles}
+    corrected_p = zip(asked, holm_of([*asked.values()]), strict=True)
     found = [compared(own, groups, names) for own in scores.T]
     # All pairs in all conditions are one family.
     pairs = iter(corrected([it for own in found if isinstance(own, Compared) for it in own.pairs]))
@@ -359,11 +358,7 @@ def group_statistics(
             else own
             for name, own in zip(conditions, found, strict=True)
         },
-        p_holm={
-            name: p
-            for name, p in zip(asked, holm_of([*asked.values()]), strict=True)
-            if not isinstance(p, NotEstimable)
-        },
+        p_holm={name: p for name, p in corrected_p if not isinstance(p, NotEstimable)},
     )
 
 

@@ -98,15 +98,13 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
     # Rows with few arrangements come last, when there are most sums to combine them with.
     values = [tuple(row) for row in np.sort(doubled_ranks, axis=1).tolist()]
     rows = sorted(values, key=lambda row: len(_arrangements(row)), reverse=True)
-    sums, chances = np.zeros((1, doubled_ranks.shape[1]), dtype=np.int64), np.ones(1)
     for count, row in enumerate(rows):
+        sums, chances = _summed(tuple(rows[:count]), len(row))
         if len(sums) * len(_arrangements(row)) > LARGEST_STEP:
             return NotEstimable(
                 f"the exact p is computed for small studies only: with {len(rows)} "
                 f"subjects, there are too many rank sums to list after {count} of them"
             )
-        if count < len(rows) - 1:
-            sums, chances = _summed(tuple(rows[: count + 1]))
     last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
     # (16), by (18)
@@ -123,20 +121,15 @@ def _arrangements(row: tuple[int, ...]) -> IntArray:
 
 # Rows without ties are all alike: each reading of a large table begins with the same ones.
 @lru_cache(maxsize=32)
-def _summed(rows: tuple[tuple[int, ...], ...]) -> tuple[IntArray, FloatArray]:
-    """Return the different sums of shuffled rows, each sorted, and their chances."""
-    *before, last = rows
-    if not before:
-        return _add_row(np.zeros((1, len(last)), dtype=np.int64), np.ones(1), _arrangements(last))
-    return _add_row(*_summed(tuple(before)), _arrangements(last))
-
-
-def _add_row(sums: IntArray, chances: FloatArray, row: IntArray) -> tuple[IntArray, FloatArray]:
-    # (17)
-    reached = np.sort((sums[:, None, :] + row).reshape(-1, row.shape[1]), axis=1)
+def _summed(rows: tuple[tuple[int, ...], ...], columns: int) -> tuple[IntArray, FloatArray]:
+    """Return the different sums of shuffled rows, each sorted, and their chances, (17)."""
+    if not rows:
+        return np.zeros((1, columns), dtype=np.int64), np.ones(1)
+    (sums, chances), row = _summed(rows[:-1], columns), _arrangements(rows[-1])
+    reached = np.sort((sums[:, None, :] + row).reshape(-1, columns), axis=1)
     base = int(reached.max()) + 1
     # The total is fixed, so all sums but one identify the set.
-    keys = reached[:, 1:] @ (base ** np.arange(row.shape[1] - 1, dtype=np.int64))
+    keys = reached[:, 1:] @ (base ** np.arange(columns - 1, dtype=np.int64))
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)
     weights = np.repeat(chances / len(row), len(row))
     return reached[first], np.bincount(which, weights=weights).astype(np.float64)
@@ -192,17 +185,16 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     within = int(((ranks - middle) ** 2).sum())
     if within == 0:
         return NotEstimable("every subject gave all conditions the same score")
-    chi2, exact = (conditions - 1) * between / within, exact_p(ranks)  # (12)
+    chi2, exact, shuffled = (conditions - 1) * between / within, exact_p(ranks), None  # (12)
+    if isinstance(exact, NotEstimable):
+        centred = (ranks - middle).astype(np.float64)
+        shuffled = monte_carlo_p(centred, table.given, lambda sums: (sums**2).sum(axis=1))
     return Friedman(
         chi2=chi2,
         df=conditions - 1,
         p=float(chdtrc(conditions - 1, chi2)),
         p_exact=exact,
-        monte_carlo=monte_carlo_p(
-            (ranks - middle).astype(np.float64), table.given, lambda sums: (sums**2).sum(axis=1)
-        )
-        if isinstance(exact, NotEstimable)
-        else None,
+        monte_carlo=shuffled,
         kendall_w=chi2 / (subjects * (conditions - 1)),
         kendall_w_interval=concordance_interval((ranks - middle) / 2),
         rank_sums=tuple(float(total) / 2 for total in ranks.sum(axis=0)),

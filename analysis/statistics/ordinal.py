@@ -438,10 +438,10 @@ class OrdinalEffects:
 
 
 def ordinal_effects_of_trials(
-    *,
     scores: FloatArray,
     subject: IntArray,
     condition: IntArray,
+    *,
     conditions: tuple[str, ...],
     link: Link,
 ) -> OrdinalEffects | NotEstimable:

@@ -125,10 +125,13 @@ def _is_of(question: StudyQuestion, row: _Row) -> bool:
 
 def _answers(study: Study, question: StudyQuestion, rows: Sequence[_Row]) -> Answers:
     given: dict[str, list[Any]] = {name: [] for name in (*study.conditions, CATCH)}
+    said = []
     for row in rows:
-        if row.group is not None:
-            given.setdefault(row.group, []).append(row.answer)
-    texts = [row for row in rows if question.kind == "text" and row.answer is not None]
+        if row.group is None:
+            continue
+        given.setdefault(row.group, []).append(row.answer)
+        if question.kind == "text" and row.answer is not None:
+            said.append((row.participant, row.session, row.group, str(row.answer)))
     return Answers(
         question=question,
         groups=tuple(
@@ -140,9 +143,5 @@ def _answers(study: Study, question: StudyQuestion, rows: Sequence[_Row]) -> Ans
             for name, answers in given.items()
             if answers
         ),
-        said=tuple(
-            (row.participant, row.session, row.group, str(row.answer))
-            for row in texts
-            if row.group is not None
-        ),
+        said=tuple(said),
     )

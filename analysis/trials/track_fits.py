@@ -13,7 +13,6 @@ from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.statistics.detection import Detection, detection
-from analysis.statistics.intervals import mean_interval
 from analysis.thresholds.curve_posterior import Curve
 from analysis.thresholds.person_effects import Mixed, mixed
 from analysis.thresholds.psychometric import CHANCE, Threshold, fitted
@@ -23,6 +22,8 @@ from analysis.trials.track_readings import (
     Reading,
     cohort_readings,
     felt_in,
+    geometric_mean,
+    logarithms,
     readings,
 )
 from device.friction.changes import friction_difference
@@ -81,17 +82,17 @@ class PersonThreshold:
     unit: str
     threshold: float
     threshold_interval: Interval
-    db: float | None
-    db_interval: Interval | None
-    contrast: float | None
-    contrast_interval: Interval | None
-    weber: float | None
-    weber_interval: Interval | None
+    db: float | None = None
+    db_interval: Interval | None = None
+    contrast: float | None = None
+    contrast_interval: Interval | None = None
+    weber: float | None = None
+    weber_interval: Interval | None = None
     felt: Felt | None
-    measured: float | None
-    measured_interval: Interval | None
-    measured_weber: float | None
-    measured_weber_interval: Interval | None
+    measured: float | None = None
+    measured_interval: Interval | None = None
+    measured_weber: float | None = None
+    measured_weber_interval: Interval | None = None
     reversals: int
     reversal_mean: float | None
     fit: Threshold
@@ -197,39 +198,35 @@ def _person(
     first, last = made.threshold_ci
     chosen = trials[trials["track_role"].eq("level")]
     turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
-    mean = None
-    if track.turns:
-        mean = reversal_mean(track, tuple(chosen["level"][turned].astype(int)))
-    voltage = track.axis == "voltage"
-    against = track.reference or 1.0
+    turns = tuple(chosen["level"][turned].astype(int))
+    mean = reversal_mean(track, turns) if track.turns else None
     ends = (first, last) if side > 0 else (last, first)
     contrasts = [felt(level) for level in (made.threshold, *ends)]
     known = all(each is not None for each in contrasts)
-    weber: Any = _weber_fractions(contrasts[0], contrasts[1:]) if known else (None, None)
-    signed = partial(felt, signed=True)
-    follows = felt_in(track, trials, touches, friction, lambda level: signed(track.values[level]))
-    measured: Any = (None, None)
-    measured_weber: Any = (None, None)
+    follows = felt_in(
+        track, trials, touches, friction, lambda level: felt(track.values[level], signed=True)
+    )
+    values: dict[str, Any] = {}
+    if track.axis == "voltage":
+        db, low, high = (
+            _decibels(each / (track.reference or 1.0)) for each in (made.threshold, first, last)
+        )
+        values["db"] = db, (low, high)
+    if known:
+        values["contrast"] = contrasts[0], (contrasts[1], contrasts[2])
+        values["weber"] = _weber_fractions(*values["contrast"])
     if follows is not None and contrasts[0]:
-        measured = follows.contrast(contrasts[0], (contrasts[1], contrasts[2]))
-        measured_weber = _weber_fractions(*measured)
+        values["measured"] = follows.contrast(contrasts[0], (contrasts[1], contrasts[2]))
+        values["measured_weber"] = _weber_fractions(*values["measured"])
     return PersonThreshold(
         participant=who,
         track=track.name,
         unit=AXIS_UNITS[track.axis],
         threshold=made.threshold,
         threshold_interval=(first, last),
-        db=_decibels(made.threshold / against) if voltage else None,
-        db_interval=(_decibels(first / against), _decibels(last / against)) if voltage else None,
-        contrast=contrasts[0] if known else None,
-        contrast_interval=(contrasts[1], contrasts[2]) if known else None,
-        weber=weber[0],
-        weber_interval=weber[1],
+        **{name: value for name, (value, _) in values.items()},
+        **{f"{name}_interval": interval for name, (_, interval) in values.items()},
         felt=follows,
-        measured=measured[0],
-        measured_interval=measured[1],
-        measured_weber=measured_weber[0],
-        measured_weber_interval=measured_weber[1],
         reversals=int(turned.sum()),
         reversal_mean=mean,
         fit=fit,
@@ -329,10 +326,10 @@ def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterato
 
 def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     own = [each for each in people if each.track == track.name]
-    threshold, ends = geometric_mean([each.threshold for each in own])
+    threshold, ends = mean_over_people([each.threshold for each in own])
     measured = bool(own) and all(each.measured_weber is not None for each in own)
     name = "measured_weber" if measured else "weber"
-    weber, weber_ends = geometric_mean([getattr(each, name) for each in own])
+    weber, weber_ends = mean_over_people([getattr(each, name) for each in own])
     return CohortThreshold(
         track=track.name,
         unit=AXIS_UNITS[track.axis],
@@ -349,25 +346,22 @@ def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     )
 
 
-def geometric_mean(
+def mean_over_people(
     values: Sequence[float | None],
 ) -> tuple[float | NotEstimable, Interval | NotEstimable]:
     """Return the geometric mean of what is known of people, with its t interval."""
-    logs = np.log([value for value in values if value is not None and value > 0])
-    if not len(logs):
-        none = NotEstimable("nobody's threshold could be estimated")
-        return none, none
-    ends = mean_interval(logs)
-    if not isinstance(ends, NotEstimable):
-        ends = (float(np.exp(ends[0])), float(np.exp(ends[1])))
-    return float(np.exp(logs.mean())), ends
+    if len(logs := logarithms(values)):
+        return geometric_mean(logs)
+    none = NotEstimable("nobody's threshold could be estimated")
+    return none, none
 
 
 def _mixed(track: Track, own: Sequence[PersonThreshold]) -> Mixed | NotEstimable:
     """Return the cohort's threshold by a model with person effects, in the unit of the axis."""
-    if track.reference or len(own) < 2:
-        why = "the model is of levels from 0" if track.reference else "of one person"
-        return NotEstimable(why)
+    if track.reference:
+        return NotEstimable("the model is of levels from 0")
+    if len(own) < 2:
+        return NotEstimable("of one person")
     grid = lattice(track, fine=True)
     thresholds, place = np.unique(grid.threshold, return_inverse=True)
     likelihood = [np.bincount(place, grid.weights(each.answers)) for each in own]

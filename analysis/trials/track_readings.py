@@ -148,18 +148,29 @@ def cohort_readings(
             ):
                 found.setdefault((axis, choice), []).append(told)
     for (axis, choice), values in sorted(found.items(), key=lambda each: each[0][0] != track.axis):
-        known = np.log([value for value in values if value is not None and value > 0])
-        if len(known) < len(values):
+        logs = logarithms(values)
+        if len(logs) < len(values):
             continue
-        ends = mean_interval(known)
+        threshold, ends = geometric_mean(logs)
         yield Reading(
             track=track.name,
             axis=axis,
             choice=choice,
-            people=len(known),
-            threshold=float(np.exp(known.mean())),
-            threshold_interval=ends
-            if isinstance(ends, NotEstimable)
-            else (float(np.exp(ends[0])), float(np.exp(ends[1]))),
-            sd_db=decibels(exp(known.std(ddof=1))) if len(known) > 1 else None,
+            people=len(logs),
+            threshold=threshold,
+            threshold_interval=ends,
+            sd_db=decibels(exp(logs.std(ddof=1))) if len(logs) > 1 else None,
         )
+
+
+def logarithms(values: Iterable[float | None]) -> FloatArray:
+    """Return the logarithms of the values that are known and above 0."""
+    return np.log([value for value in values if value is not None and value > 0])
+
+
+def geometric_mean(logs: FloatArray) -> tuple[float, Interval | NotEstimable]:
+    """Return the geometric mean of values, given their logarithms, with its t interval."""
+    ends = mean_interval(logs)
+    if not isinstance(ends, NotEstimable):
+        ends = float(np.exp(ends[0])), float(np.exp(ends[1]))
+    return float(np.exp(logs.mean())), ends

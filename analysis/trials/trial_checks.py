@@ -65,10 +65,10 @@ def drift(ratings: Ratings, position: IntArray) -> Drift | NotEstimable:
 
     `position` has shape (trials,): the place in the session, 1 for a subject's first trial.
     """
-    scored = ~np.isnan(ratings.rating)
-    if not scored.any():
+    rated = ratings.given
+    if not len(rated.rating):
         return NotEstimable("no trial was rated")
-    slopes = _slopes(ratings.where(scored), position[scored].astype(np.float64))
+    slopes = _slopes(rated, position[~np.isnan(ratings.rating)].astype(np.float64))
     if isinstance(slopes, NotEstimable):
         return slopes
     df = len(slopes) - 1
@@ -130,20 +130,22 @@ def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     `previous` has shape (trials,): the position of the preceding trial's condition, -1 for trials
     without a preceding one, which are left out.
     """
-    followed = ~np.isnan(ratings.rating) & (previous >= 0)
-    if not followed.any():
+    if not (~np.isnan(ratings.rating) & (previous >= 0)).any():
         return NotEstimable("no rated trial follows another")
-    rated = ratings.where(followed)
-    return _test_of(rated, _dummies(rated.condition), _dummies(previous[followed]))
+    return _test_of_factor(ratings.where(previous >= 0), previous[previous >= 0])
 
 
 def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
     """Return the test of the trial's position, as a factor, or why it is not possible."""
-    scored = ~np.isnan(ratings.rating)
-    if not scored.any():
+    return _test_of_factor(ratings, position)
+
+
+def _test_of_factor(ratings: Ratings, level: IntArray) -> FTest | NotEstimable:
+    rated = ratings.given
+    if not len(rated.rating):
         return NotEstimable("no trial was rated")
-    rated = ratings.where(scored)
-    return _test_of(rated, _dummies(rated.condition), _dummies(position[scored]))
+    added = _dummies(level[~np.isnan(ratings.rating)])
+    return _test_of(rated, _dummies(rated.condition), added)
 
 
 def proportion(count: int, trials: int) -> Proportion | NotEstimable:
@@ -188,13 +190,6 @@ def discrimination(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Fit:
-    squares: float
-    rank: int
-    df: int
-
-
 def gain_differences(ratings: Ratings) -> FTest | NotEstimable:
     """Return the test of slopes of the subjects' own on the contrast, beyond a common one.
 
@@ -210,14 +205,15 @@ def gain_differences(ratings: Ratings) -> FTest | NotEstimable:
 
 def _test_of(trials: Ratings, common: FloatArray, added: FloatArray) -> FTest | NotEstimable:
     """Return the test of the columns `added` to those `common` to both fits, within subjects."""
-    without, with_effect = _fit(trials, common), _fit(trials, np.column_stack([common, added]))
-    df = (with_effect.rank - without.rank, with_effect.df)
+    without, rank, _ = _residual(trials, common)
+    squares, whole_rank, left = _residual(trials, np.column_stack([common, added]))
+    df = (whole_rank - rank, left)
     if df[0] < 1:
         return NotEstimable("subject and condition determine the effect, so it cannot be separated")
     # A fit that is perfect leaves squares that are rounding alone.
-    if df[1] < 1 or with_effect.squares <= 1e-20 * max(1.0, without.squares):
+    if df[1] < 1 or squares <= 1e-20 * max(1.0, without):
         return NotEstimable("there is no residual to test the effect against")
-    f = (without.squares - with_effect.squares) / df[0] / (with_effect.squares / df[1])
+    f = (without - squares) / df[0] / (squares / df[1])
     # Rounding can make the difference of two equal sums negative.
     return FTest(f=f, df=df, p=float(fdtrc(*df, max(f, 0.0))))
 
@@ -226,15 +222,11 @@ def _dummies(group: IntArray) -> FloatArray:
     return np.asarray(group[:, None] == np.unique(group), dtype=np.float64)
 
 
-def _fit(trials: Ratings, design: FloatArray) -> _Fit:
-    """Return the least-squares fit of the design within subjects."""
+def _residual(trials: Ratings, design: FloatArray) -> tuple[float, int, int]:
+    """Return squares left by a least-squares fit within subjects, its rank and what is free."""
     within, person = _within(np.column_stack([design, trials.rating]), trials)
     columns, y = within[:, :-1], within[:, -1]
     solution, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-10)
     residual = y - columns @ solution
-    return _Fit(
-        squares=float(residual @ residual),
-        rank=int(rank),
-        # Each subject's level, taken off before the fit, was estimated, too.
-        df=len(y) - int(rank) - len(np.unique(person)),
-    )
+    # Each subject's level, taken off before the fit, was estimated, too.
+    return float(residual @ residual), int(rank), len(y) - int(rank) - len(np.unique(person))

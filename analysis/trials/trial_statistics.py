@@ -44,10 +44,7 @@ from analysis.trials.contrasts import (
     trial_contrasts,
 )
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
-from analysis.trials.trial_checks import (
-    Discrimination,
-    discrimination,
-)
+from analysis.trials.trial_checks import Discrimination, discrimination
 from device.friction.changes import AT_A_PLACE, Change
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.factor import CONDITION
@@ -313,11 +310,10 @@ class TrialStatistics(SensitivityModels):
         ratings, contrasts = self.scored.ratings, self.scored.contrasts
         found = law_scores(self.data, ratings, contrasts, scale, self.keep)
         ranking = _papers_ranking(self.data)
-        if ranking is None:
-            return found
         # The page shows a reason wherever it shows no number.
         nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
-        return (*found, _law_score(PAPERS_RANKING, ranking, nobody, self.keep))
+        own = [_law_score(PAPERS_RANKING, ranking, nobody, self.keep)] if ranking else []
+        return (*found, *own)
 
     @cached_property
     def orders(self) -> Mapping[str, LawOrder | NotEstimable]:
@@ -395,11 +391,10 @@ def cell_scores(
     place = {name: number for number, name in enumerate(_cells(study, data)[0])}
     given = data.scored.dropna(subset=["score"])
     given = given[given["condition"].isin(list(place))]
-    cell = np.array([place[name] for name in given["condition"]], np.int64)
+    cell = np.array(given["condition"].map(place), np.int64)
     if SESSION in wide.factors:
         numbered = {int(number): at for at, number in enumerate(wide.factors[SESSION])}
-        last = np.array([numbered[number] for number in given["session"]], np.int64)
-        cell = cell * len(numbered) + last
+        cell = cell * len(numbered) + np.array(given["session"].map(numbered), np.int64)
     subject = np.array(pd.factorize(given["participant"])[0], np.int64)
     return np.array(given["score"], np.float64), subject, cell, wide.factors
 
@@ -417,11 +412,7 @@ def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensiti
 def ordinal_effects(given: Ratings, link: Link) -> OrdinalEffects | NotEstimable:
     """Return effects of conditions on these ratings, all of them given."""
     return ordinal_effects_of_trials(
-        scores=given.rating,
-        subject=given.subject,
-        condition=given.condition,
-        conditions=given.conditions,
-        link=link,
+        given.rating, given.subject, given.condition, conditions=given.conditions, link=link
     )
 
 
@@ -451,13 +442,11 @@ def mean_contrasts(
 ) -> dict[str, MeanContrasts]:
     """Return the means of contrasts of these trials, by law."""
     counts = np.bincount(ratings.condition, minlength=len(data.table.conditions))
-    by_law = {}
-    for law, values in contrasts.items():
-        sums = np.bincount(ratings.condition, weights=values, minlength=len(counts))
-        means = np.full(len(counts), np.nan)
-        np.divide(sums, counts, out=means, where=counts > 0)
-        by_law[law] = _of_conditions(data, means)
-    return by_law
+    some = np.where(counts > 0, counts, np.nan)
+    return {
+        law: _of_conditions(data, np.bincount(ratings.condition, values, len(counts)) / some)
+        for law, values in contrasts.items()
+    }
 
 
 def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:

@@ -30,7 +30,7 @@ from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample, 
 from protocol.study.touch import Touch
 from protocol.study.track import Track, TrackTouch
 from protocol.study_file.loading import StudyError, parsed_study
-from protocol.tracks.procedure import Place, moved, start
+from protocol.tracks.procedure import TrackPlace, moved, start
 
 _SESSION_COLUMNS = frozenset(entry.name for entry in fields(SessionRow))
 
@@ -78,7 +78,7 @@ class Course:
         self._study_sha256: str | None = None
         self._study_text: str | None = None
         self._rig: Calibration | None = None
-        self._places: dict[str, tuple[Track, Place] | None] = {}
+        self._places: dict[str, tuple[Track, TrackPlace] | None] = {}
 
     @property
     def _session(self) -> SessionRow:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from device.beam.modes import FloatArray
 from device.tracks.posterior import choices, correct_share, lattice, slopes
 from protocol.study.track import Track
-from protocol.tracks.procedure import Place, constant_order, moved, start
+from protocol.tracks.procedure import TrackPlace, constant_order, moved, start
 
 OBSERVERS, SEED = 200, 1
 _INNER = (0.1, 0.9)
@@ -91,7 +91,7 @@ def counted_answers(track: Track, right: FloatArray, u: FloatArray, first: int =
     return counted
 
 
-def _ended(track: Track, places: Sequence[Place], counted: FloatArray) -> NDArray[np.bool_]:
+def _ended(track: Track, places: Sequence[TrackPlace], counted: FloatArray) -> NDArray[np.bool_]:
     """Return for which observers a stop is reached."""
     ended = np.zeros(len(places), dtype=bool)
     if track.stop is not None and track.stop.reversals is not None:

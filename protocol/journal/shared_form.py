@@ -14,22 +14,8 @@ from math import isfinite
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import (
-    Answered,
-    Event,
-    NoteTaken,
-    QuestionAnswered,
-    ResonanceMeasured,
-    ScoresImported,
-    SessionOpened,
-    SessionResumed,
-    StoredEvent,
-    TouchRecorded,
-    TouchStarted,
-    WatchdogTested,
-    event_of,
-    terms_in,
-)
+from protocol.journal import events
+from protocol.journal.events import Event, Opening, StoredEvent
 from protocol.journal.records import CHANNELS, InstructionResponse
 from protocol.journal.state import NotAllowed, folded
 from protocol.pseudonyms import pseudonym
@@ -61,17 +47,17 @@ class SharedSession:
 
     place: int
     events: tuple[StoredEvent, ...]
-    opened: SessionOpened | ScoresImported
+    opened: Opening
 
 
-def shared_text(place: int, events: Sequence[StoredEvent]) -> str:
+def shared_text(place: int, chain: Sequence[StoredEvent]) -> str:
     """Return a session, which is the one at `place` in the study, counted from 0."""
     lines: list[object] = [{"place": place}]
-    for stored in events:
+    for stored in chain:
         event = _shared(stored.record)
         if event is not None:
             # Relative to the opening: the time of day stays behind.
-            since_s = (stored.utc - events[0].utc).total_seconds()
+            since_s = (stored.utc - chain[0].utc).total_seconds()
             lines.append([event.TAG, since_s, stored.monotonic_s, event.to_json()])
     return "".join(f"{json.dumps(line, ensure_ascii=False, allow_nan=False)}\n" for line in lines)
 
@@ -82,18 +68,18 @@ def shared_session(source: str, text: str) -> SharedSession:
     first, *lines = text.split("\n")[:-1] or [""]
     try:
         place = int(json.loads(first)["place"])
-        events = tuple(_stored(seq, *json.loads(line)) for seq, line in enumerate(lines))
-        opened = folded(events).opened
+        chain = tuple(_stored(seq, *json.loads(line)) for seq, line in enumerate(lines))
+        opened = folded(chain).opened
     except _WRONG as error:
         raise BadInput(f"{source}: cannot be read as a session of touchbeam ({error})") from error
     if opened is None:
         raise BadInput(f"{source}: must begin with the opening of a session")
-    known = isinstance(opened, ScoresImported) or opened.kind in _KINDS
+    known = isinstance(opened, events.ScoresImported) or opened.kind in _KINDS
     # Only sessions of people leave a study: a sliding experiment has no participant.
     if not known or not 1 <= opened.session <= _MOST_SESSIONS:
         told = f"{opened.kind!r}, {opened.session}"
         raise BadInput(f"{source}: must be a numbered session of a participant, got {told}")
-    for trial in (trial for terms in terms_in(events) for trial in terms.trials):
+    for trial in (trial for terms in events.terms_in(chain) for trial in terms.trials):
         if trial.kind in _SCORED and trial.condition not in opened.conditions:
             told = f"trial {trial.index}, {trial.condition!r}"
             raise BadInput(f"{source}: a trial must be of one of the session's conditions, {told}")
@@ -102,13 +88,13 @@ def shared_session(source: str, text: str) -> SharedSession:
         pseudonym(opened.participant)
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
-    return SharedSession(place=place, events=events, opened=opened)
+    return SharedSession(place=place, events=chain, opened=opened)
 
 
 def _stored(
     seq: int, tag: str, since_s: float, monotonic_s: float, given: Mapping[str, Any]
 ) -> StoredEvent:
-    event = event_of(tag, given)
+    event = events.event_of(tag, given)
     # Judged once, here: everything behind it takes the journal's values as they are.
     if wrong := event.misfit() or _out_of_range(event):
         raise ValueError(f"{tag}, {wrong[:_LONGEST_QUOTE]}")
@@ -128,11 +114,11 @@ def _stored(
 def _out_of_range(event: Event) -> str:
     """Return a key whose value nobody can have measured, with the value; else nothing."""
     match event:
-        case ResonanceMeasured(frequency_hz=hz) if hz <= 0:
+        case events.ResonanceMeasured(frequency_hz=hz) if hz <= 0:
             return f"frequency_hz: {hz}"
-        case TouchRecorded(rate_hz=hz) if hz <= 0:
+        case events.TouchRecorded(rate_hz=hz) if hz <= 0:
             return f"rate_hz: {hz}"
-        case TouchRecorded(scale=scale, moved_s=moved_s, tare_n=tare_n) if (
+        case events.TouchRecorded(scale=scale, moved_s=moved_s, tare_n=tare_n) if (
             len(scale),
             len(moved_s),
             len(tare_n or (0.0, 0.0)),
@@ -144,15 +130,15 @@ def _out_of_range(event: Event) -> str:
 def _shared(event: Event) -> Event | None:
     """Return what leaves the study of `event`; None if nothing does."""
     match event:
-        case NoteTaken() | WatchdogTested():
+        case events.NoteTaken() | events.WatchdogTested():
             return None
-        case SessionOpened() | SessionResumed():
+        case events.SessionOpened() | events.SessionResumed():
             return replace(event, consent=None)
-        case TouchStarted(instruction=InstructionResponse() as response):
+        case events.TouchStarted(instruction=InstructionResponse() as response):
             return replace(event, instruction=replace(response, trace=None))
-        case Answered():
+        case events.Answered():
             questions = tuple(replace(given, trace=None) for given in event.questions)
             return replace(event, traces=(), questions=questions)
-        case QuestionAnswered():
+        case events.QuestionAnswered():
             return replace(event, trace=None)
     return event

@@ -10,7 +10,7 @@ from math import comb, gcd
 from typing import Literal, TypeVar
 
 from protocol.plan.trials import Beams, beams_of, swap_count
-from protocol.study.rules import Grouping, Order
+from protocol.study.rules import Design, Grouping
 from protocol.study.study import Condition, Study
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
@@ -215,60 +215,51 @@ def williams_sequences(n: int) -> Orders:
     return square + tuple(sequence[::-1] for sequence in square)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """The number of blocks and conditions, and how they are ordered (see `Design`)."""
-
-    order: Order
-    conditions: int
-    repeats: int
-    max_run: int
-
-
-def block_orders(wanted: Blocks, name: StreamName, slot: int) -> Orders:
+def block_orders(design: Design, conditions: int, name: StreamName, slot: int) -> Orders:
     """Return the order of the conditions, numbered from 0, in each block of one participant.
 
-    For `williams`, slots take the sequences of a Williams design in cycles: if the design has s
-    sequences, slots k s to (k + 1) s - 1 use each of them once per block, with the conditions
-    relabelled at random for every block. A cohort of whole cycles is therefore balanced, and the
-    order of a single slot is uniform over all orders.
+    For `williams`, slots take the sequences of a Williams design in cycles
+    (docs/mathematics/orders.md). A cohort of whole cycles is therefore balanced, and the order of
+    a single slot is uniform over all orders.
 
-    No condition comes more than `max_run` times in a row, also across the end of a block; the
-    caller must check this for a single condition.
+    No condition comes more than `max_alike_in_row` times in a row, also across the end of a block;
+    the caller must check this for a single condition.
     """
     # Nothing is drawn, so that no stream is used.
-    if wanted.order == "fixed" or wanted.conditions == 1:
-        return (tuple(range(wanted.conditions)),) * wanted.repeats
-    if wanted.order == "williams":
-        size = len(williams_sequences(wanted.conditions))
-        cycle = _williams_cycle(wanted, name, slot // size)
+    if design.order == "fixed" or conditions == 1:
+        return (tuple(range(conditions)),) * design.repeats
+    if design.order == "williams":
+        size = len(williams_sequences(conditions))
+        cycle = _williams_cycle(design, conditions, name, slot // size)
         return tuple(block[slot % size] for block in cycle)
     stream = Stream(*name, "slot", slot)
-    if wanted.order == "blocks":
+    if design.order == "blocks":
         blocks: list[tuple[int, ...]] = []
-        while len(blocks) < wanted.repeats:
-            block = tuple(stream.shuffled(range(wanted.conditions)))
-            if not blocks or wanted.max_run > 1 or blocks[-1][-1] != block[0]:
+        while len(blocks) < design.repeats:
+            block = tuple(stream.shuffled(range(conditions)))
+            if not blocks or design.max_alike_in_row > 1 or blocks[-1][-1] != block[0]:
                 blocks.append(block)
         return tuple(blocks)
-    size = wanted.conditions
-    drawn = shuffle(size, wanted.repeats, wanted.max_run, stream)
-    return tuple(tuple(drawn[start : start + size]) for start in range(0, len(drawn), size))
+    drawn = shuffle(conditions, design.repeats, design.max_alike_in_row, stream)
+    starts = range(0, len(drawn), conditions)
+    return tuple(tuple(drawn[start : start + conditions]) for start in starts)
 
 
 @lru_cache(maxsize=256)
-def _williams_cycle(wanted: Blocks, name: StreamName, cycle: int) -> tuple[Orders, ...]:
+def _williams_cycle(
+    design: Design, conditions: int, name: StreamName, cycle: int
+) -> tuple[Orders, ...]:
     """Return the orders of one cycle of slots, one slot per sequence, block by block."""
     # One stream for the whole cycle: its slots must know of each other to be balanced together.
     stream = Stream(*name, "cycle", cycle)
     blocks: list[Orders] = []
-    while len(blocks) < wanted.repeats:
-        labels = stream.shuffled(range(wanted.conditions))
-        sequences = stream.shuffled(williams_sequences(wanted.conditions))
+    while len(blocks) < design.repeats:
+        labels = stream.shuffled(range(conditions))
+        sequences = stream.shuffled(williams_sequences(conditions))
         drawn = tuple(tuple(labels[number] for number in sequence) for sequence in sequences)
         # A condition stands once in a block, so that only ends of blocks can break the rule on
         # runs.
-        before = blocks[-1] if blocks and wanted.max_run == 1 else ()
+        before = blocks[-1] if blocks and design.max_alike_in_row == 1 else ()
         # The whole cycle is drawn anew, because a repair of one sequence would break the balance.
         if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
             blocks.append(drawn)
@@ -354,7 +345,7 @@ def _courses(touches: tuple[Touch, ...]) -> list[Touch]:
     ]
 
 
-LEVELS: tuple[Grouping, ...] = ("no", "block", "session")
+_GROUPINGS: tuple[Grouping, ...] = ("no", "block", "session")
 MAX_GROUPS = 8
 """Most sets of beams that are put in order: the search grows as 2 to the power of their number."""
 
@@ -405,13 +396,13 @@ def beam_groups(study: Study) -> tuple[BeamGroup, ...]:
 
 def grouping(study: Study) -> Grouping:
     """Return how trials are grouped: as configured, or more if `max_beam_swaps` requires it."""
-    asked = LEVELS.index(study.design.group_by_beam)
+    asked = _GROUPINGS.index(study.design.group_by_beam)
     # A fixed order is the author's: it is refused if it needs too many swaps, and never regrouped.
     allowed = study.design.max_beam_swaps if study.design.order != "fixed" else None
-    for level in LEVELS[asked:]:
+    for level in _GROUPINGS[asked:]:
         if allowed is None or most_swaps(study, level) <= allowed:
             return level
-    return LEVELS[-1]
+    return _GROUPINGS[-1]
 
 
 def most_swaps(study: Study, level: Grouping) -> int:
@@ -493,18 +484,12 @@ def drawn_order(
 
 def ordered_conditions(study: Study, slot: int, session: int) -> list[tuple[int, int]]:
     """Return (block from 1, number of the condition) for every scored trial, in order."""
-    sections, design = _sections(study, slot, session), study.design
+    sections = _sections(study, slot, session)
     orders: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
     for members in {group.members for _, group in sections}:
-        wanted = Blocks(
-            order=design.order,
-            conditions=len(members),
-            repeats=design.repeats,
-            max_run=design.max_alike_in_row,
-        )
         # The members are part of the name, so that each group has a stream of its own.
         name = (study.study.seed, "order", session, "/".join(map(str, members)))
-        orders[members] = [*block_orders(wanted, name, slot)]
+        orders[members] = [*block_orders(study.design, len(members), name, slot)]
     return [
         (block, group.members[place])
         for block, group in sections

@@ -6,14 +6,7 @@ The checks count instead of trying orders: a constraint is refused if a single o
 from collections.abc import Iterator
 
 from protocol.errors import Problem
-from protocol.plan.blocks import (
-    MAX_GROUPS,
-    at_level,
-    beam_groups,
-    grouping,
-    most_swaps,
-    opposite_expected,
-)
+from protocol.plan import blocks
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import beams_of, between_trials_s, touches_s, trial_s
 from protocol.study.study import Study
@@ -42,7 +35,7 @@ def _levels(study: Study) -> Iterator[Problem]:
 def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
     asked_both_ways = [question for question, entry in QUESTIONS.items() if entry.less]
-    if asked and not any(map(opposite_expected, study.condition)):
+    if asked and not any(map(blocks.opposite_expected, study.condition)):
         rule, about = "must be 0 if no condition has an opposite", " or ".join(asked_both_ways)
         hint = f"an opposite needs a question about {about} and touches that differ"
         yield Problem.of_key("design.opposite_repeats", rule, asked, hint)
@@ -65,9 +58,7 @@ def most_catches(study: Study) -> int:
     one after the other, which leaves the fewest places.
     """
     design = study.design
-    on_one = [
-        len(beams_of(condition.touches, study.touch.beam)) == 1 for condition in study.condition
-    ]
+    on_one = [len(beams_of(each.touches, study.touch.beam)) == 1 for each in study.condition]
     if design.order != "fixed":
         places = design.repeats * sum(on_one)
         return (places - 1) // design.catch_apart + 1 if places else 0
@@ -88,12 +79,14 @@ def _min_trials(study: Study) -> Iterator[Problem]:
 
 
 def _groups(study: Study) -> Iterator[Problem]:
-    design, number = study.design, len(beam_groups(study))
+    design, number = study.design, len(blocks.beam_groups(study))
     if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
         rule, hint = "must be 'no' if order = 'fixed'", "list the conditions in the order you want"
         yield Problem.of_key("design.group_by_beam", rule, repr(design.group_by_beam), hint)
-    if number > MAX_GROUPS and (design.group_by_beam != "no" or design.max_beam_swaps is not None):
-        rule = f"at most {MAX_GROUPS} sets of beams can be grouped"
+    if number > blocks.MAX_GROUPS and (
+        design.group_by_beam != "no" or design.max_beam_swaps is not None
+    ):
+        rule = f"at most {blocks.MAX_GROUPS} sets of beams can be grouped"
         yield Problem.of_key("design.group_by_beam", rule, number)
 
 
@@ -101,8 +94,8 @@ def _swaps(study: Study) -> Iterator[Problem]:
     design = study.design
     if design.max_beam_swaps is None:
         return
-    level = grouping(study)
-    needed = most_swaps(study, level)
+    level = blocks.grouping(study)
+    needed = blocks.most_swaps(study, level)
     if needed > design.max_beam_swaps:
         rule = f"a session may need {needed} beam swaps, grouped by beam: {level}"
         hint = "allow more swaps, use fewer repeats, or use fewer beams in a trial"
@@ -113,10 +106,10 @@ def _runs(study: Study) -> Iterator[Problem]:
     design = study.design
     if not study.condition:
         return
-    level = grouping(study)
+    level = blocks.grouping(study)
     sizes = [len(study.condition)]
     if level != "no":
-        sizes = [len(group.members) for group in beam_groups(study)]
+        sizes = [len(group.members) for group in blocks.beam_groups(study)]
     if min(sizes) > 1 or design.repeats == 1:
         return
     # Alone in its group, a condition ends one block and may begin the next.
@@ -140,7 +133,7 @@ def most_session_s(study: Study) -> float:
     """Return an upper bound, s, on the duration of every plan of the study."""
     design = study.design
     trials_s = [
-        _asked_s(study, at_level(condition.touches, max(condition.levels)), scored=True)
+        _asked_s(study, blocks.at_level(condition.touches, max(condition.levels)), scored=True)
         + study.timing.answer_s * len(study.questions_after(condition.name))
         for condition in study.condition
     ]
@@ -151,11 +144,13 @@ def most_session_s(study: Study) -> float:
     tracks = track_trials(study, 1, (study.study.seed,))
     tracks_s = sum(trial_s(study, trial) - trial.break_s for trial in tracks)
     # Grouped over the session, each group has blocks of its own.
-    blocks = design.repeats * (len(beam_groups(study)) if grouping(study) == "session" else 1)
-    blocks = blocks * bool(study.condition) + -(-len(tracks) // design.track_block)
-    breaks = (blocks - 1) // design.break_every_blocks if design.break_every_blocks else 0
-    swaps_s = most_swaps(study, grouping(study)) * study.timing.beam_swap_s
-    once_s = breaks * design.break_s + swaps_s + between_trials_s(study, 1, blocks)
+    many = design.repeats * (
+        len(blocks.beam_groups(study)) if blocks.grouping(study) == "session" else 1
+    )
+    many = many * bool(study.condition) + -(-len(tracks) // design.track_block)
+    breaks = (many - 1) // design.break_every_blocks if design.break_every_blocks else 0
+    swaps_s = blocks.most_swaps(study, blocks.grouping(study)) * study.timing.beam_swap_s
+    once_s = breaks * design.break_s + swaps_s + between_trials_s(study, 1, many)
     return opening_s + extra_s + design.repeats * sum(trials_s) + tracks_s + once_s
 
 
@@ -167,6 +162,5 @@ def _no_conditions(study: Study) -> Iterator[Problem]:
 
 
 def _asked_s(study: Study, touches: tuple[Touch, ...], *, scored: bool) -> float:
-    timing = study.timing
-    asked_s = timing.answer_s + timing.score_s * scored
-    return timing.inter_trial_s + touches_s(study, touches) + asked_s
+    asked_s = study.timing.answer_s + study.timing.score_s * scored
+    return study.timing.inter_trial_s + touches_s(study, touches) + asked_s

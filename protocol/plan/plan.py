@@ -5,17 +5,7 @@ from dataclasses import replace
 from itertools import groupby, islice, pairwise, product
 from typing import NamedTuple
 
-from protocol.plan.blocks import (
-    Stream,
-    StreamName,
-    arrivals,
-    at_level,
-    opposite,
-    opposite_expected,
-    ordered_conditions,
-    practice_pool,
-    spaced_places,
-)
+from protocol.plan import blocks
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Study
@@ -24,7 +14,7 @@ from protocol.study.touch import Slide, SlidePass
 
 
 def _draws(
-    study: Study, stream_name: Callable[[str], StreamName]
+    study: Study, stream_name: Callable[[str], blocks.StreamName]
 ) -> Iterator[list[tuple[float, bool]]]:
     """Yield for each condition the level of each repeat, and whether it runs in the opposite order.
 
@@ -33,16 +23,16 @@ def _draws(
     repeats, asked = study.design.repeats, study.design.opposite_repeats
     for number, condition in enumerate(study.condition):
         levels = condition.levels * (repeats // len(condition.levels))
-        turned = asked if opposite_expected(condition) else 0
+        turned = asked if blocks.opposite_expected(condition) else 0
         opposites = [True] * turned + [False] * (repeats - turned)
         drawn = (
-            Stream(*stream_name("levels"), number).shuffled(levels),
-            Stream(*stream_name("opposite"), number).shuffled(opposites),
+            blocks.Stream(*stream_name("levels"), number).shuffled(levels),
+            blocks.Stream(*stream_name("opposite"), number).shuffled(opposites),
         )
         yield [*zip(*drawn, strict=True)]
 
 
-def catch_places(study: Study, order: list[int], name: StreamName) -> dict[int, int]:
+def catch_places(study: Study, order: list[int], name: blocks.StreamName) -> dict[int, int]:
     """Return the condition of each catch trial by the number of scored trials before it.
 
     A catch trial follows a trial that needs only one beam and takes a condition on that beam, so
@@ -53,8 +43,10 @@ def catch_places(study: Study, order: list[int], name: StreamName) -> dict[int, 
     beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
     # A catch trial takes the beam of the trial before it, so that it gives nobody away by a swap.
     allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
-    stream = Stream(*name)
-    places = spaced_places(allowed, study.design.catch_trials, study.design.catch_apart, stream)
+    stream = blocks.Stream(*name)
+    places = blocks.spaced_places(
+        allowed, study.design.catch_trials, study.design.catch_apart, stream
+    )
     return {
         place: stream.one_of(
             [number for number, needed in enumerate(beams) if needed == beams[order[place - 1]]]
@@ -72,18 +64,18 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """
 
     # A stream for each purpose: a change of one part of the design leaves the others as they were.
-    def stream_name(purpose: str) -> StreamName:
+    def stream_name(purpose: str) -> blocks.StreamName:
         return (study.study.seed, purpose, session, slot)
 
-    order = ordered_conditions(study, slot, session) if study.condition else []
+    order = blocks.ordered_conditions(study, slot, session) if study.condition else []
     practice = _practice(study, stream_name("practice"))
     opening = (
         Trial(kind=item.kind, question=item.question, expected=item.expected, touches=item.touches)
         for item in study.opening
     )
     trials = [*opening, *practice, *_main(study, order, stream_name)]
-    blocks = order[-1][0] if order else 0
-    trials += track_trials(study, blocks + 1, stream_name("tracks"))
+    first = order[-1][0] + 1 if order else 1
+    trials += track_trials(study, first, stream_name("tracks"))
     return Plan(
         slot=slot,
         session=session,
@@ -94,14 +86,18 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
 
 def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
     """Return the plans of the first sessions of a cohort, in the order of arrival."""
-    places = islice(arrivals(study, "participant"), participants) if study.group else ()
+    places = islice(blocks.arrivals(study, "participant"), participants) if study.group else ()
     grouped = (replace(plan(study.of_group(name), slot), group=name) for name, slot in places)
     return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
 
 
-def _practice(study: Study, name: StreamName) -> Iterator[Trial]:
+def _practice(study: Study, name: blocks.StreamName) -> Iterator[Trial]:
     """Yield trials of the conditions to practise: all in random order, again and again."""
-    pool, wanted, stream = practice_pool(study), study.design.practice_trials, Stream(*name)
+    pool, wanted, stream = (
+        blocks.practice_pool(study),
+        study.design.practice_trials,
+        blocks.Stream(*name),
+    )
     drawn: list[int] = []
     while len(drawn) < wanted:
         drawn += stream.shuffled(pool)
@@ -111,7 +107,7 @@ def _practice(study: Study, name: StreamName) -> Iterator[Trial]:
 
 
 def _main(
-    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], StreamName]
+    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], blocks.StreamName]
 ) -> Iterator[Trial]:
     """Yield the scored trials block by block, with catch trials after some of them."""
     draws = [*_draws(study, stream_name)]
@@ -135,15 +131,15 @@ def _main(
 def _trial(
     condition: Condition, level: float, *, turned: bool, block: int = 0, break_s: float = 0.0
 ) -> Trial:
-    touches = at_level(condition.touches, level)
+    touches = blocks.at_level(condition.touches, level)
     return Trial(
         block=block,
         kind="trial",
         condition=condition.name,
         question=condition.question,
-        expected=opposite_expected(condition) if turned else condition.expected,
+        expected=blocks.opposite_expected(condition) if turned else condition.expected,
         scored=True,
-        touches=opposite(touches) if turned else touches,
+        touches=blocks.opposite(touches) if turned else touches,
         level=level,
         opposite=turned,
         break_s=break_s,
@@ -171,7 +167,7 @@ def _place(order: Sequence[Trial], index: int) -> int:
 
 
 def deferral(
-    study: Study, order: Sequence[Trial], trial: Trial, mounted: str | None, stream: Stream
+    study: Study, order: Sequence[Trial], trial: Trial, mounted: str | None, stream: blocks.Stream
 ) -> Deferral:
     """Return after which trial of its block `trial` comes again.
 
@@ -262,14 +258,14 @@ def slide_plan(study: Study, session: int = 1) -> Plan:
     driven = [
         replace(trial, block=repeat)
         for repeat in range(1, slide.repeats + 1)
-        for trial in Stream(*name, repeat).shuffled(driven_once)
+        for trial in blocks.Stream(*name, repeat).shuffled(driven_once)
     ]
     gaps = max(slide.references - 1, 1)
     before = [round(number * len(driven) / gaps) for number in range(slide.references)]
     order: list[Trial] = []
     for place in range(len(driven) + 1):
         for number in (number for number, at in enumerate(before) if at == place):
-            references = Stream(*name, "reference", number).shuffled(_passes(slide, rest))
+            references = blocks.Stream(*name, "reference", number).shuffled(_passes(slide, rest))
             block = driven[min(place, len(driven) - 1)].block
             order += [replace(trial, block=block) for trial in references]
         order += driven[place : place + 1]

@@ -120,9 +120,7 @@ def cohort(participants: int, forecast: Forecast, rating: Rating) -> Cohort:
     return Cohort(
         # Nothing can be said of the spread between people from one of them.
         participants=participants if participants > 1 else PAPERS_PARTICIPANTS,
-        residual_sd=points * forecast.residual_sd,
-        off_the_line_sd=points * forecast.off_the_line_sd,
-        gain_sd=points * forecast.gain_sd,
+        **{name: points * sd for name, sd in forecast},
     )
 
 

@@ -83,7 +83,7 @@ def _courses(ends: Iterable[tuple[str, str]]) -> str:
     return shown[0] if len(set(shown)) == 1 else "/".join(shown)
 
 
-def _table(rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
+def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
     cells = list(rows)
     widths = [max(_columns(row[place]) for row in cells) for place in range(len(cells[0]))]
     for row in cells:
@@ -153,14 +153,9 @@ def _session_lines(shown: preview.Preview) -> Iterator[str]:
     yield f"Amplitude   up to {shown.max_voltage_v:g} V (peak); limit {rig.max_voltage_v:g} V"
     follows = isfinite(shown.max_resonance_hz)  # else each drive is in Hz
     there = f" if the resonance is at {rig.nominal_resonance_hz:g} Hz" * follows
-    yield (
-        f"Drive       up to {shown.max_frequency_hz:.0f} Hz{there}; "
-        f"limit {rig.max_frequency_hz:g} Hz"
-    )
-    yield (
-        f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; "
-        f"limit {rig.max_slew_v_per_us:g} V/us"
-    )
+    limits = (f"limit {rig.max_frequency_hz:g} Hz", f"limit {rig.max_slew_v_per_us:g} V/us")
+    yield f"Drive       up to {shown.max_frequency_hz:.0f} Hz{there}; {limits[0]}"
+    yield f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; {limits[1]}"
     ends = f"above {shown.max_resonance_hz:.0f} Hz a limit would end the session"
     told = ends if follows else "no drive follows it"
     yield f"Resonance   measured before the first touch; {told}"
@@ -264,7 +259,7 @@ def _carryover_lines(shown: preview.Preview) -> Iterator[str]:
         (name, *("" if a == b and not count else str(count) for b, count in enumerate(row)))
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
     ]
-    yield from _table(iter([header, *rows]))
+    yield from _table([header, *rows])
 
 
 def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
@@ -272,12 +267,9 @@ def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Itera
     yield "Precision by session length: half-widths of the 95% intervals that the report gives"
     yield f"each of {people.participants} participants, in points per unit of predicted change."
     yield "Relative gain: the participant's sensitivity less the group's mean."
-    rows: list[tuple[str, ...]] = [
-        ("repeats", "trials", "minutes", "relative gain", "of the scale", "gain")
-    ]
     options = preview.precision_by_length(shown, model)
-    rows += [_precision_row(shown, option) for option in options]
-    yield from _table(iter(rows))
+    header = ("repeats", "trials", "minutes", "relative gain", "of the scale", "gain")
+    yield from _table([header, *(_precision_row(shown, option) for option in options)])
     if not all(option.whole for option in options):
         yield "*: not allowed by the study as it is; levels, catch trials, opposite repeats or"
         yield "max_session_s would have to change with design.repeats."
@@ -295,15 +287,7 @@ def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Itera
 
 def _precision_row(shown: preview.Preview, option: preview.Precision) -> tuple[str, ...]:
     here = " <" if option.repeats == shown.study.design.repeats else " *" * (not option.whole)
-    return (
-        f"{option.repeats}{here}",
-        str(option.trials),
-        f"{option.duration_s / 60:.1f}",
-        _width(option.half_width),
-        f"{option.relative:.0%}" if option.relative < inf else "",
-        _width(option.gain_half_width),
-    )
-
-
-def _width(half: float) -> str:
-    return f"{half:.2f}" if half < inf else "not determined"
+    widths = (option.half_width, option.gain_half_width)
+    relative, gain = (f"{half:.2f}" if half < inf else "not determined" for half in widths)
+    share, minutes = f"{option.relative:.0%}" * (option.relative < inf), option.duration_s / 60
+    return (f"{option.repeats}{here}", str(option.trials), f"{minutes:.1f}", relative, share, gain)

@@ -11,7 +11,7 @@ from protocol.proof.trial_checks import Violations, limit_violations
 from protocol.study.study import Study
 from protocol.study.touch import SlidePass
 
-Kind = tuple[float, tuple[float, float], float, str]
+PassKind = tuple[float, tuple[float, float], float, str]
 """Drive (relative, or in Hz), ends of the way, m, its duration, s, and direction of a pass."""
 
 
@@ -54,7 +54,7 @@ def _as_asked(study: Study, trial: Trial) -> bool:
     )
 
 
-def _kind(trial: Trial) -> Kind:
+def _kind(trial: Trial) -> PassKind:
     made = trial.touches[0]
     drive, way = made.frequency_hz or made.frequency, made.own_path_m or (0.0, 0.0)
     return drive, way, made.duration_s or 0.0, made.direction
@@ -64,7 +64,7 @@ def _is_driven(trial: Trial) -> bool:
     return any(touch.peak_voltage_v for touch in trial.touches)
 
 
-def _wanted(study: Study, drives: Sequence[float]) -> set[Kind]:
+def _wanted(study: Study, drives: Sequence[float]) -> set[PassKind]:
     slide = study.slide
     return {
         (drive, (left_m, right_m), round((right_m - left_m) / speed_m_s, 9), direction)

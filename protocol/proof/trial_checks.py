@@ -33,12 +33,9 @@ def limit_violations(study: Study, plan: Plan) -> Violations:
             if value > limit * _ROUNDING:
                 yield f"{rule} must not exceed {limit:.12g}", f"{value:.12g} in {place}"
     yield from _beams(study, plan)
-    duration_s = plan_s(study, plan)
-    if duration_s > study.timing.max_session_s * _ROUNDING:
-        yield (
-            f"a session must not take more than {study.timing.max_session_s:g} s",
-            f"{duration_s:.0f} s",
-        )
+    duration_s, limit_s = plan_s(study, plan), study.timing.max_session_s
+    if duration_s > limit_s * _ROUNDING:
+        yield f"a session must not take more than {limit_s:g} s", f"{duration_s:.0f} s"
 
 
 def _measures(study: Study, touch: Touch) -> Iterator[tuple[str, float, float]]:
@@ -187,11 +184,8 @@ def _opposites(study: Study, plan: Plan) -> Violations:
         there = [_course(touch, 1.0, backwards=False) for touch in condition.touches]
         back = [_course(touch, 1.0, backwards=True) for touch in reversed(condition.touches)]
         wanted = study.design.opposite_repeats if possible and there != back else 0
-        if turned[condition.name] != wanted:
-            yield (
-                f"{condition.name} must come in the opposite order {wanted} times",
-                str(turned[condition.name]),
-            )
+        if (came := turned[condition.name]) != wanted:
+            yield f"{condition.name} must come in the opposite order {wanted} times", str(came)
 
 
 def plan_problems(study: Study, plan: Plan) -> list[Problem]:
@@ -298,10 +292,8 @@ def order_violations(study: Study, trials: Sequence[Trial]) -> Violations:
     catches = [place for place, trial in enumerate(trials) if trial.kind == "catch"]
     for place, later in pairwise(catches):
         if later - place - 1 < apart:
-            yield (
-                f"at least {apart} other trials must separate catch trials",
-                f"trials {trials[place].index} and {trials[later].index}",
-            )
+            rule = f"at least {apart} other trials must separate catch trials"
+            yield rule, f"trials {trials[place].index} and {trials[later].index}"
     for place in catches:
         before, trial = trials[place - 1] if place else None, trials[place]
         if before is None or before.kind == "practice" or before.block != trial.block:
@@ -317,10 +309,8 @@ def _breaks(study: Study, plan: Plan) -> Violations:
         opens = trial.block > block_before
         due = opens and every > 0 and (trial.block - 1) % every == 0
         if trial.break_s != (wanted_s if due else 0.0):
-            yield (
-                f"breaks must come every {every} blocks and nowhere else",
-                f"{trial.break_s:g} s before trial {trial.index}",
-            )
+            rule = f"breaks must come every {every} blocks and nowhere else"
+            yield rule, f"{trial.break_s:g} s before trial {trial.index}"
         block_before = max(block_before, trial.block)
 
 
@@ -365,9 +355,8 @@ def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list
         pairs, names = _pairs(plans, within_blocks=True), study.conditions
         counts = {(a, b): pairs[a, b] for a in names for b in names if a != b}
         if len(set(counts.values())) > 1:
-            problems.append(
-                _problem("every condition must follow every other equally often", counts)
-            )
+            rule = "every condition must follow every other equally often"
+            problems.append(_problem(rule, counts))
     return problems
 
 
@@ -433,15 +422,14 @@ class CarryOver:
 
 def carry_over(study: Study, plans: Sequence[Plan]) -> CarryOver:
     """Return the carry-over of `plans`, conditions in the order of the file."""
-    return CarryOver(
-        counts=_counts(study.conditions, _pairs(plans, within_blocks=True)),
-        across_blocks=_counts(study.conditions, _pairs(plans, within_blocks=False)),
-        guaranteed=all(balance_guaranteed(study, len(own)) for own in by_group(plans).values()),
+    within, across = (
+        tuple(
+            tuple(pairs[before, after] for after in study.conditions) for before in study.conditions
+        )
+        for pairs in (_pairs(plans, within_blocks=True), _pairs(plans, within_blocks=False))
     )
-
-
-def _counts(names: Sequence[str], pairs: Pairs) -> Counts:
-    return tuple(tuple(pairs[before, after] for after in names) for before in names)
+    guaranteed = all(balance_guaranteed(study, len(own)) for own in by_group(plans).values())
+    return CarryOver(counts=within, across_blocks=across, guaranteed=guaranteed)
 
 
 def balance_guaranteed(study: Study, participants: int) -> bool:

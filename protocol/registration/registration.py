@@ -250,13 +250,11 @@ def hypotheses_of(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
 
     `named` are some that may have a number of their own, such as the limit of a Weber fraction.
     """
-    found = {}
-    if study.condition:
-        catch_trials = study.design.catch_trials
-        found = hypotheses(
-            study.conditions, study.groups, factors_of(study), catch_trials=catch_trials
-        )
-    return found | hypotheses_of_tracks(study.track, named)
+    of_tracks, catch_trials = hypotheses_of_tracks(study.track, named), study.design.catch_trials
+    if not study.condition:
+        return of_tracks
+    of_conditions = study.conditions, study.groups, factors_of(study)
+    return hypotheses(*of_conditions, catch_trials=catch_trials) | of_tracks
 
 
 def hypotheses_of_tracks(tracks: Iterable[Track], named: Iterable[str] = ()) -> dict[str, str]:

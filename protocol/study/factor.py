@@ -94,12 +94,9 @@ class Factor(Record):
     def set_in(self, touches: Sequence[Touch], value: float | str) -> tuple[Touch, ...]:
         """Return a condition's touches with this value."""
         chosen = self.numbers(len(touches))
+        update = {str(self.varies): value if isinstance(value, str) else float(value)}
         return tuple(
-            touch.model_copy(
-                update={self.varies: value if isinstance(value, str) else float(value)}
-            )
-            if number in chosen
-            else touch
+            touch.model_copy(update=update if number in chosen else {})
             for number, touch in enumerate(touches)
         )
 
@@ -121,8 +118,7 @@ def cells(factors: Sequence[Factor]) -> Iterator[tuple[tuple[int, ...], tuple[st
 
     The last factor varies fastest.
     """
-    places = product(*(range(len(factor.values)) for factor in factors))
-    for at in places:
+    for at in product(*(range(len(factor.values)) for factor in factors)):
         yield at, tuple(factor.named[place] for factor, place in zip(factors, at, strict=True))
 
 

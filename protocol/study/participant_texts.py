@@ -53,10 +53,8 @@ def study_wording(study: Study, code: str) -> Wording:
             texts[key] = own[older]
         elif key not in texts:
             texts[key] = read.texts.get(older, languages.reference_texts()[key])
-    fingers = {
-        "hand": texts[f"hand.{study.session.hand}"],
-        "finger": texts[f"finger.{study.session.finger}"],
-    }
+    parts = {"hand": study.session.hand, "finger": study.session.finger}
+    fingers = {part: texts[f"{part}.{which}"] for part, which in parts.items()}
     # Only these texts: the fields of others are filled where they are shown.
     for key in finger_texts():
         if key in texts:

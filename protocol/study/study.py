@@ -176,12 +176,8 @@ class Study(Record):
         if not self.factor or condition.cell or many > MOST_CONDITIONS:
             yield condition
             return
-        several = len(self.condition) > 1
-        twice = [
-            (number, factor.varies)
-            for factor in self.factor
-            for number in factor.given_twice(condition.touches)
-        ]
+        several, given = len(self.condition) > 1, condition.touches
+        twice = [(at, each.varies) for each in self.factor for at in each.given_twice(given)]
         for places, named in cells(self.factor):
             name = ", ".join([condition.name] * several + [*named])
             touches = condition.touches

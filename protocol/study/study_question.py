@@ -4,7 +4,7 @@ A built-in question is an instance: what changed is a choice of one label, the s
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -117,7 +117,7 @@ _OF_A_NAME = required(
     "must begin with a small letter and hold only a to z, 0 to 9 and _",
 )
 Identifier = Annotated[str, Field(min_length=1, max_length=LONGEST_IDENTIFIER), _OF_A_NAME]
-Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
+ScalePlace = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
 """On a scale."""
 LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]
 # No part begins with a point, so that no name leads out of the folder.
@@ -145,7 +145,7 @@ class Label(Record):
     ] = Field(init=False)
 
     value: Name | None = setting(None, "what is recorded, for `choice` and `several`")
-    at: Place | None = setting(None, "the place, for `scale` and `analogue` (0 or 100)")
+    at: ScalePlace | None = setting(None, "the place, for `scale` and `analogue` (0 or 100)")
 
     @property
     def names(self) -> dict[str, str]:
@@ -164,8 +164,8 @@ class AskedIf(Record):
     """a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, `no`),
     `agrees` (`yes`, `no`) or `score`"""
     answers: tuple[Name, ...] = setting((), "answers after which it is asked", alias="is")
-    at_least: Place | None = setting(None, "smallest number after which it is asked")
-    at_most: Place | None = setting(None, "largest number after which it is asked")
+    at_least: ScalePlace | None = setting(None, "smallest number after which it is asked")
+    at_most: ScalePlace | None = setting(None, "largest number after which it is asked")
 
     def met_by(self, given: Mapping[str, Answer]) -> bool:
         """Return whether these answers, by question, ask for it; one that was skipped never does.
@@ -212,8 +212,8 @@ class StudyQuestion(Record):
     text: dict[KnownCode, _Shown] = Field(default_factory=dict)
     """the question, by the language's code"""
     labels: tuple[Label, ...] = setting((), "answers, or labels of a scale; a table each")
-    minimum: Place | None = setting(None, "lowest place on a `scale`, or smallest `number`")
-    maximum: Place | None = setting(None, "highest place on a `scale`, or largest `number`")
+    minimum: ScalePlace | None = setting(None, "lowest place on a `scale`, or smallest `number`")
+    maximum: ScalePlace | None = setting(None, "highest place on a `scale`, or largest `number`")
     step: Positive | None = setting(None, le=1e6)
     """distance between places of a `scale`; by default 1"""
     ticks: Literal["all", "labels", "ends"] = setting("all", "which places are marked on a `scale`")
@@ -438,11 +438,15 @@ class InstructionPage(Record):
     picture: Filename | None = setting(None, "a PNG or JPEG file in the study's folder")
 
 
+def _choice_of(name: str, values: Iterable[str]) -> StudyQuestion:
+    labels = tuple(Label(value=value) for value in values)
+    return StudyQuestion(name=name, kind="choice", labels=labels)
+
+
 @cache
 def change_question(question: Question) -> StudyQuestion:
     """Return a built-in question about the change; its texts are those of the language."""
-    labels = tuple(Label(value=answer) for answer in ANSWERS[question])
-    return StudyQuestion(name=question, kind="choice", labels=labels)
+    return _choice_of(question, ANSWERS[question])
 
 
 @cache
@@ -455,10 +459,9 @@ def track_question(found: str, intervals: int) -> StudyQuestion:
     >>> track_question("different", 3).name, track_question("smoother", 2).values
     ('which_different', ('first', 'second'))
     """
-    values = INTERVALS[:intervals] if intervals > 1 else ("yes", "no")
-    labels = tuple(Label(value=value) for value in values)
-    asked = "which" if intervals > 1 else "is"
-    return StudyQuestion(name=f"{asked}_{found}", kind="choice", labels=labels)
+    if intervals > 1:
+        return _choice_of(f"which_{found}", INTERVALS[:intervals])
+    return _choice_of(f"is_{found}", ("yes", "no"))
 
 
 def score_question(rating: Rating) -> StudyQuestion:
@@ -479,8 +482,7 @@ def trial_facts(rating: Rating) -> Iterator[StudyQuestion]:
     """Yield what is known of every answered trial, as questions that others may depend on."""
     changes = dict.fromkeys(answer for answers in ANSWERS.values() for answer in answers)
     for name, values in (("change", changes), ("noticed", _YES_NO), ("agrees", _YES_NO)):
-        labels = tuple(Label(value=value) for value in values)
-        yield StudyQuestion(name=name, kind="choice", labels=labels)
+        yield _choice_of(name, values)
     yield score_question(rating)
 
 

@@ -216,7 +216,7 @@ PICTURE_RULE = (
 TAKEN = frozenset(_COLUMNS.split())
 """Names of the columns that every export has, and of the built-in questions."""
 
-_OF_TRACKS = {"track", "track_role", "level_value", "interval", "correct", "reversal"}
+_TRACK_COLUMNS = {"track", "track_role", "level_value", "interval", "correct", "reversal"}
 
 _Found = Iterator[tuple[str | int, str, str, str]]
 """Key, rule, value and hint of each problem."""
@@ -266,7 +266,7 @@ def _name_problems(study: Study) -> Iterator[Problem]:
     taken = {*TAKEN, *(each.name for each in trial_facts(study.rating))}
     # Only where there are groups has an export that column.
     taken |= {"group"} if study.group else set()
-    taken |= _OF_TRACKS if study.track else set()
+    taken |= _TRACK_COLUMNS if study.track else set()
     for number, question in enumerate(study.question):
         name = question.name
         # A question fills two columns, and either may be taken.

@@ -1,6 +1,6 @@
 """Where a staircase settles: the share correct at which it moves neither way."""
 
-from protocol.tracks.procedure import Place, Staircase
+from protocol.tracks.procedure import Staircase, TrackPlace
 
 
 def converges_at(rule: Staircase) -> float:
@@ -63,7 +63,7 @@ def _chain(
         if state in chain:
             continue
         # A reversal before, so that no beginning counts.
-        here = Place(1, *state, 0, (1,))
+        here = TrackPlace(1, *state, 0, (1,))
         after = [rule.moved(here, correct) for correct in (True, False)]
         right, wrong = ((place.right, place.wrong) for place in after)
         chain[state] = right, wrong

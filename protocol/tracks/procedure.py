@@ -20,7 +20,7 @@ class Answer(NamedTuple):
     correct: bool
 
 
-class Place(NamedTuple):
+class TrackPlace(NamedTuple):
     """Where a track is: its next level, and what its rule remembers.
 
     `heading` is -1 towards harder levels, 1 towards easier ones, 0 before the first step.
@@ -46,7 +46,7 @@ class Staircase:
     one_by_one: bool
     levels: int
 
-    def moved(self, place: Place, correct: bool) -> Place:
+    def moved(self, place: TrackPlace, correct: bool) -> TrackPlace:
         """Return the place after an answer."""
         right = place.right + 1 if correct else place.right * self.cumulative
         wrong = 0 if correct else place.wrong + 1
@@ -63,7 +63,7 @@ class Staircase:
         steps = self.down_steps if heading < 0 else self.up_steps
         step = steps[min(len(turned_at), len(steps) - 1)]
         level = min(max(place.level + heading * step, 0), self.levels - 1)
-        return Place(level, right, wrong, heading, turned_at)
+        return TrackPlace(level, right, wrong, heading, turned_at)
 
 
 def counts(rule: str) -> tuple[int, int]:
@@ -103,12 +103,12 @@ def staircase(track: Track) -> Staircase:
     )
 
 
-def start(track: Track) -> Place:
+def start(track: Track) -> TrackPlace:
     """Return where a staircase or a series of limits begins."""
     values = track.values
     first = len(values) - 1 if track.start is None else nearest(values, track.start)
     # The first series of limits descends, so that a participant knows what is to be felt.
-    return Place(first, heading=-1 if track.method == "limits" else 0)
+    return TrackPlace(first, heading=-1 if track.method == "limits" else 0)
 
 
 def nearest(values: Iterable[float], wanted: float) -> int:
@@ -117,7 +117,7 @@ def nearest(values: Iterable[float], wanted: float) -> int:
     return distances.index(min(distances))
 
 
-def moved(track: Track, place: Place, correct: bool) -> Place:
+def moved(track: Track, place: TrackPlace, correct: bool) -> TrackPlace:
     """Return the place of a staircase or of a series of limits after an answer.
 
     A series goes on level by level until the answer changes, or at an end of the levels; the next
@@ -131,10 +131,10 @@ def moved(track: Track, place: Place, correct: bool) -> Place:
     if not changed and 0 <= following <= top:
         return place._replace(level=following)
     turned_at = (*place.turned_at, place.level) if changed else place.turned_at
-    return Place(0 if heading < 0 else top, heading=-heading, turned_at=turned_at)
+    return TrackPlace(0 if heading < 0 else top, heading=-heading, turned_at=turned_at)
 
 
-def place_after(track: Track, answers: Iterable[Answer]) -> Place:
+def place_after(track: Track, answers: Iterable[Answer]) -> TrackPlace:
     """Return where a staircase or a series of limits is after these answers.
 
     The level that was asked counts, also where it is not the one that the rule would have named.

@@ -1,4 +1,7 @@
-"""Recordings of touches as forces in newtons: averages of short blocks, on the session's clock."""
+"""Recordings of touches as forces in newtons: averages of short blocks, on the session's clock.
+
+Numbers of equations are those of docs/mathematics/measured-contrast.md.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -60,12 +63,12 @@ class TouchForces:
 
     @property
     def noise(self) -> FloatArray:
-        """Variance that the sensor's noise gives `friction`, by block."""
+        """Variance that the sensor's noise gives `friction`, by block: (1)."""
         return np.asarray(self.noise_n2 / self.tangential_n**2)
 
     @property
     def tare(self) -> FloatArray:
-        """What a tangential zero one SD too low adds to `friction`, by block."""
+        """What a tangential zero one SD too low adds to `friction`, by block: (1)."""
         return np.asarray(np.sqrt(self.tare_n2) / self.tangential_n)
 
     def with_drift(self, drift_n_per_s: float) -> "TouchForces":
@@ -200,12 +203,11 @@ class Jitter:
     autocovariances: FloatArray
 
     def covariance(self, weights: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the covariance of weighted sums of a touch's blocks.
+        """Return the covariance of weighted sums of a touch's blocks: (2), but for the zero.
 
         `weights` has shape (sums, blocks), and `noise` (blocks,) the variance of each block by the
         sensor's noise.
         """
-        # (2), mathematics/measured-contrast
         spread = weights * (self.autocovariances[0] + noise)
         for lag, value in enumerate(self.autocovariances[1 : weights.shape[1]], start=1):
             spread[:, lag:] += value * weights[:, :-lag]
@@ -232,7 +234,7 @@ def jitter_of(held: Iterable[TouchForces]) -> Jitter | NotEstimable:
     found = sums / np.maximum(counts, 1)
     length = float(np.mean(blocks))
     share = np.where(np.arange(LAGS + 1) > 0, 2.0, 1.0) * (1 - np.arange(LAGS + 1) / length)
-    hidden = 0.0  # (3), mathematics/measured-contrast
+    hidden = 0.0  # (3)
     for _ in range(ROUNDS):
         hidden = max(float(share @ (found + hidden)) / length, 0.0)
     covariances = found + hidden

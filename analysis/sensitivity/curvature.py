@@ -252,8 +252,7 @@ class Curvature:
     def _own_size(self) -> FloatArray:
         """Determinants of `own_precision`, (subjects, points)."""
         a, b, d = self.own_precision
-        # (24), mathematics/sensitivity.
-        # With I + Q in place of the precision: 1 + tr Q + |Q|, each of which is positive.
+        # (24), mathematics/sensitivity: each term is positive.
         return np.asarray(1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0))
 
     @cached_property
@@ -294,7 +293,7 @@ class Curvature:
 
     @cached_property
     def log_determinant(self) -> FloatArray:
-        """Logarithm of the determinant of the whole curvature, (points,); NaN if it is lost."""
+        """Logarithm of the determinant of the whole curvature, (23), (points,); NaN if lost."""
         scaled, scale = self._scaled
         sign, size = np.linalg.slogdet(scaled)
         shared = np.where(sign > 0, size, np.nan) + 2 * np.log(scale).sum(axis=1)
@@ -319,7 +318,7 @@ class Curvature:
 
     @cached_property
     def own_covariance(self) -> FloatArray:
-        """Covariance of each subject's own parameters, given the shared ones."""
+        """Covariance of each subject's own parameters, given the shared ones: (24)."""
         a, b, d = self.own_precision / self._own_size
         inverse = np.array([[d, -b], [-b, a]]).transpose(3, 2, 0, 1)
         root = self.root.transpose(2, 0, 1)[:, None]
@@ -336,7 +335,7 @@ class Curvature:
 
     @cached_property
     def shared_covariance(self) -> FloatArray:
-        """Covariance of the shared parameters, (points, G, G)."""
+        """Covariance of the shared parameters, (23), (points, G, G)."""
         scaled, scale = self._scaled
         return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
 

@@ -15,6 +15,7 @@ from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, 
 # Maps points of shape (count, dimensions) to log densities of shape (count,).
 LogDensity: TypeAlias = Callable[[FloatArray], FloatArray]
 
+# Tails heavier than those of any density here, so that no weight is unbounded.
 PROPOSAL_DF = 5.0
 PILOT, LEAST_EFFECTIVE = 100, 200.0
 REACH, STEEPNESS = 6.0, 20.0
@@ -174,12 +175,16 @@ def weighted_points(
         known = log_density(points)
         log_weights = known - log_proposal
         weights = _normalised(log_weights)
-        effective = float(1 / (weights**2).sum())
+        effective = float(1 / (weights**2).sum())  # (28), mathematics/sensitivity
         # At a share so far from what is needed four times as many hardly do: such fits take the
         # longest, and all that were tried were refused in the end.
         if number >= count and not least / 10 <= effective < least:
             break
-        centre, covariance = _adapted(points, weights, effective, covariance)
+        # Few effective points change the covariance little.
+        centre, size = weights @ points, points.shape[1]
+        away = points - centre
+        found = effective * (weights * away.T) @ away
+        covariance = (found + size * covariance) / (effective + size)
     some = weights > NEGLIGIBLE
     halves = (
         weights * (np.arange(number) < number // 2),
@@ -201,15 +206,6 @@ def weighted_points(
 def _normalised(log_weights: FloatArray) -> FloatArray:
     """Return weights that sum to 1; the least are those that still are numbers."""
     return np.asarray(np.exp(np.maximum(log_weights - logsumexp(log_weights), -300.0)))
-
-
-def _adapted(
-    points: FloatArray, weights: FloatArray, known: float, covariance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of the points; few effective ones change the covariance little."""
-    mean, size = weights @ points, points.shape[1]
-    away = points - mean
-    return mean, (known * (weights * away.T) @ away + size * covariance) / (known + size)
 
 
 def _within_reach(log_density: LogDensity) -> LogDensity:
@@ -383,6 +379,7 @@ class Marginals:
 
     @cached_property
     def _ends(self) -> tuple[FloatArray, FloatArray]:
+        # Beyond 9 SDs a normal distribution has 1e-19, less than any quantile asked for.
         means, far = self.means, 9 * self.sds
         return (means - far).min(axis=0), (means + far).max(axis=0)
 
@@ -418,8 +415,7 @@ class Marginals:
         means, sds = self.means, self.sds
         if self.skews is None:
             return lambda value: ((value - means) / sds, 1 / sds)
-        # A shifted log-normal variable (exp(s y - s²/2) - 1) / k, k² = exp(s²) - 1, has the
-        # skewness k³ + 3k: (17) to (19) of docs/mathematics/marginals.md.
+        # A shifted log-normal variable: (17) to (19) of docs/mathematics/marginals.md.
         skewed = np.where(np.abs(self.skews) < LEAST_SKEW, LEAST_SKEW, self.skews)
         k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
         s = np.sign(k) * np.sqrt(np.log1p(k * k))

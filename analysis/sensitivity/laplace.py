@@ -10,6 +10,7 @@ import numpy as np
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.sensitivity.curvature import Curvature, DerivativeSums, LatentTrials, edge_slopes
 
+# After so many steps a point counts as unknown.
 STEPS = 200
 # Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
 # keeps them finite if the answers do not overlap.
@@ -41,7 +42,7 @@ class Components:
         return Components(**{part.name: getattr(self, part.name)[points] for part in fields(self)})
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LatentModes:
     """At each point the mode of the latent parameters, its log posterior and curvature.
 
@@ -134,10 +135,10 @@ class LatentField:
             current = LatentModes.joined([(points, current), (lost, again)])
         found, length = [], np.ones(len(points))
         shared, z, rise = _newton(current)
-        for _ in range(STEPS):
+        for left in reversed(range(STEPS + 1)):
             near = self._near(shared, z, rise, components.at(points))
             # A rise that is no number has not converged either: such a point stays unknown.
-            active = ~near & (rise > 0) & (length > SHORTEST)
+            active = ~near & (rise > 0) & (length > SHORTEST) & (left > 0)
             over = ~active
             if over.any():
                 found.append((points[over], _known(current, (shared, z, rise), near).at(over)))
@@ -151,6 +152,7 @@ class LatentField:
                 components.at(points),
             )
             risen = moved.value > current.value
+            # A short enough step rises, as the log posterior is concave: factors cost time alone.
             length = np.where(risen, np.minimum(2 * length, 1.0), length / 4)
             if risen.all():
                 current = moved
@@ -158,9 +160,6 @@ class LatentField:
                 every, up = np.arange(len(points)), np.flatnonzero(risen)
                 current = LatentModes.joined([(every, current), (up, moved.at(up))])
             shared, z, rise = _newton(current)
-        else:
-            near = self._near(shared, z, rise, components.at(points))
-            found.append((points, _known(current, (shared, z, rise), near)))
         return LatentModes.joined(found)
 
     def _near(
@@ -187,7 +186,8 @@ class LatentField:
         slopes = edge_slopes(lower, upper)
         likelihood = self._sums.of(slopes, components.residual_sd)
         away = shared - self.trials.shared_start
-        precision = self._shared_prior(components)
+        precision = np.full(shared.shape, WIDE**-2)
+        precision[:, self.trials.line_columns.stop :] = components.discrepancy_sd[:, None] ** -2
         # (22)
         squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
         value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
@@ -196,16 +196,7 @@ class LatentField:
         )
         value = np.where(in_order, value, -np.inf)
         unknown = np.full(len(value), np.nan)
-        return LatentModes(
-            shared=shared, z=z, value=value, log_evidence=unknown, curvature=curvature
-        )
-
-    def _shared_prior(self, components: Components) -> FloatArray:
-        """Return the prior precision of each shared parameter about its initial value."""
-        shape = len(components.residual_sd), len(self.trials.shared_start)
-        prior = np.full(shape, WIDE**-2)
-        prior[:, self.trials.line_columns.stop :] = components.discrepancy_sd[:, None] ** -2
-        return prior
+        return LatentModes(shared, z, value, unknown, curvature)
 
 
 def _known(

@@ -121,9 +121,7 @@ def without_noise(sums: LineSums) -> NotEstimable | None:
 def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray) -> LinePosterior:
     """Return likelihood and lines at given variance components.
 
-    y = Z (β + u_s) + ε, u_s ~ N(0, T), ε ~ N(0, σ²), β flat. With A = Z'Z/σ² and c = Z'y/σ²:
-    Z'V⁻¹Z = A (I + T A)⁻¹, Z'V⁻¹y = (I + A T)⁻¹ c and y'V⁻¹y = y'y/σ² - c' (I + T A)⁻¹ T c
-    (Woodbury; (5) to (8) of docs/mathematics/sensitivity.md), so that each subject costs a few
+    By Woodbury's identity, (5) to (7) of docs/mathematics/sensitivity.md, each subject costs a few
     products of 2 x 2 matrices.
 
     Parameters:
@@ -156,10 +154,7 @@ def line_posterior(sums: LineSums, residual_sd: FloatArray, between: FloatArray)
 
 
 def _kept(t: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (I + T A)⁻¹ of 2 x 2 covariances, and the logarithm of the determinant of I + T A.
-
-    The determinant is 1 + tr T A + |T| |A|, whose terms are positive, so that nothing cancels.
-    """
+    """Return (8), (I + T A)⁻¹ of 2 x 2 covariances, and the log determinant of I + T A."""
     product = t @ a
     traces = product[..., 0, 0] + product[..., 1, 1]
     sizes = [m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0] for m in (t, a)]
@@ -290,7 +285,7 @@ def _lines_at(
 def _relative_gains(
     known: LinePosterior, rated: BoolArray, unit: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and SD of each subject's gain less the mean gain of the subjects that `rated`."""
+    """Return mean and SD, (9), of each subject's gain less the mean of those who `rated`."""
     mean = rated / rated.sum()
     slopes, kept = known.means[..., 1], known.kept[:, :, 1]
     kept = kept - np.einsum("s,psi->pi", mean, kept)[:, None]

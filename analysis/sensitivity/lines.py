@@ -1,4 +1,7 @@
-"""Bias and gain of each subject with intervals, the result of every sensitivity model."""
+"""Bias and gain of each subject with intervals, the result of every sensitivity model.
+
+Numbers of equations are those of docs/mathematics/sensitivity.md.
+"""
 
 import math
 from collections.abc import Callable
@@ -170,7 +173,7 @@ def axes_of(trials: Ratings) -> Axes | NotEstimable:
 
 
 def roots_of_covariances(points: FloatArray) -> FloatArray:
-    """Return L of T = L L' at points (log τ_bias, log τ_gain, artanh ρ), shape (points, 2, 2)."""
+    """Return (2), L of T = L L' at points (log τ_bias, log τ_gain, artanh ρ), (points, 2, 2)."""
     bias, gain = np.exp(points[:, :2]).T
     rows = [[bias, 0 * bias], [gain * np.tanh(points[:, 2]), gain / np.cosh(points[:, 2])]]
     return np.moveaxis(np.array(rows), -1, 0)
@@ -210,7 +213,7 @@ class LineMixture:
 
     @cached_property
     def equal_gains(self) -> float:
-        """Posterior probability that all gains are equal, which is 1/2 before the study.
+        """Posterior probability that all gains are equal, (4), which is 1/2 before the study.
 
         The first look takes a second integral, which nobody needs who asks for lines alone.
         """
@@ -235,12 +238,11 @@ class LineMixture:
 
 
 def turn_of(axes: Axes) -> FloatArray:
-    """Return the matrix that maps (intercept, slope) in standard units to (bias, gain).
+    """Return (1), the matrix that maps (intercept, slope) in standard units to (bias, gain).
 
     Bias is the line's value at contrast 0, less the mean rating; the intercept is its value at the
     mean contrast.
     """
-    # (1), mathematics/sensitivity
     turn = np.array([[1.0, -axes.x_mean / axes.x_sd], [0.0, 1 / axes.x_sd]])
     return turn * axes.y_sd
 
@@ -344,7 +346,7 @@ def _jnd(known: LineMixture) -> Medians:
 def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
     """Return the log prior density of the logarithm of a standard deviation between subjects.
 
-    The density of s is s / (1 + s²)^(3/2), in standard units. It is flat in the variance where
+    (3): the density of s is s / (1 + s²)^(3/2), in standard units. It is flat in the variance where
     this is small relative to that of the ratings, so that intervals of single subjects have their
     nominal coverage (Morris and Tang, Statistical Science 26, 2011, 271-287), and proper because
     it falls off beyond.

@@ -12,7 +12,8 @@ from analysis.sensitivity.curvature import Curvature, EdgeSlopes, LatentTrials, 
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.laplace import LatentModes
 
-# Skewness varies little between points, so that it is computed at a few and interpolated.
+# Skewness varies little between points, so that it is computed at a few and interpolated: at as
+# many as make 8,000 points times trials, and at least 16, as (16) has up to six coefficients.
 FEWEST_SKEW_POINTS, MOST_SKEW_POINTS = 16, 64
 SKEW_EVALUATIONS = 8_000
 # Limits beyond which a first-order correction means nothing; rounding may reach them where almost
@@ -123,11 +124,7 @@ def standard_deviations(curvature: Curvature, combinations: Combinations) -> Flo
 
 
 def _reach(curvature: Curvature, combinations: Combinations) -> FloatArray:
-    """Return how the combinations depend on the shared parameters, (points, quantities, G).
-
-    By (1) the own parameters follow the shared ones, but for departures that are independent.
-    """
-    # (3)
+    """Return (3), how combinations depend on the shared parameters, (points, quantities, G)."""
     response = curvature.response
     mean = np.einsum("s,psig->pig", combinations.mean, response)
     reach = combinations.shared - combinations.common @ mean

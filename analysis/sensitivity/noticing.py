@@ -55,7 +55,7 @@ class NoticingTrials(LatentTrials):
 
     @cached_property
     def signs(self) -> tuple[FloatArray, FloatArray]:
-        """Sign of the criterion at upper and lower edge of each trial; 0 if that is infinite."""
+        """(s_u, s_l) of (16), of upper and lower edge of each trial; 0 if that is infinite."""
         upper = np.select([self.answer == EXPECTED, self.answer == SAME], [0.0, 1.0], -1.0)
         below = np.where(self.two_sided, -1.0, 0.0)
         lower = np.select([self.answer == EXPECTED, self.answer == SAME], [1.0, below], 0.0)

@@ -167,7 +167,7 @@ def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:
     """Return the trials with what is felt on average by those who notice the change.
 
     Somebody who scores only what exceeds the criterion κ felt more of a weak change than there was:
-    c + σ / R on average, with Mills' ratio R at (κ - c) / σ (Heckman, Econometrica 47, 1979). σ and
+    (21) of mathematics/sensitivity on average (Heckman, Econometrica 47, 1979), in which noise and
     κ are each subject's medians of the first stage.
     """
     d_prime, criterion = np.array([[e.d_prime, e.criterion] for e in first.detection]).T

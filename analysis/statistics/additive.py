@@ -122,21 +122,13 @@ def gain_heterogeneity(
     """Return the test of equal slopes on the condition effects, or why it is not possible.
 
     The model adds to the additive fit each subject's slope on the fitted condition effects
-    (Mandel's bundle of straight lines, Technometrics 3, 1961; after Tukey's one degree of freedom).
-    F compares the extra sum of squares Q, given subjects and conditions, so that cells may be
-    missing. τ² = (Q - df σ²) / trace of the slopes' information (Henderson's method III).
-
-    p is not the tail of F, which supposes that everybody's scores scatter alike. It shuffles within
-    subjects, so each keeps their own scatter, and the statistic is Q's share of the residuals with
-    subjects weighted by 1 / variance. It is the larger of two: of the scores shuffled, which is
-    exact where no condition has an effect, and of the residuals shuffled and added back (Freedman
-    and Lane, Journal of Business and Economic Statistics 1, 1983), right where effects are large.
-    The shufflings are drawn from a fixed seed.
-
-    At 5% equal slopes are rejected in at most .06 of simulated tables of 9 x 4 to 12 x 12 scores,
-    without effects or with small to large ones, where subjects' SDs are alike, differ by a factor
-    of 2 or 4, or one is four times the others', and in at most .065 where half have a quarter of
-    the others' SD (the tail of F: .05 to .88). A ceiling that effects reach makes slopes differ.
+    (Mandel's bundle of straight lines, Technometrics 3, 1961); F and τ² follow from (10) of
+    mathematics/ordinal, where cells may be missing. p is that of (11), because the tail of F
+    supposes that everybody's scores scatter alike. It is the larger of two: of the scores shuffled
+    within subjects, which is exact where no condition has an effect, and of the residuals shuffled
+    and added back (Freedman and Lane, Journal of Business and Economic Statistics 1, 1983), right
+    where effects are large. The shufflings are drawn from a fixed seed. How often equal slopes are
+    rejected is on that page; a ceiling that effects reach makes slopes differ.
 
     Args:
         table: the scores.
@@ -187,12 +179,9 @@ class _Slopes:
 
 
 def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
-    """Return the slopes by least squares, adjusted for subjects and conditions.
+    """Return the slopes by least squares, adjusted for subjects and conditions: (10).
 
-    Let E be the condition effects centred on each subject's mean over the cells given, and L the
-    conditions' information. The slopes' information is G = diag(E E') - E L⁺ E', or I - U U' in
-    units of √diag(E E'). U has only as many singular values as there are conditions, and they
-    solve the system; a value of 1 is a direction confounded with the conditions' levels.
+    `own` are E and `scaled` U, which has only as many singular values as there are conditions.
     """
     given = fit.table.given
     effects = np.where(given, fit.columns, 0.0)
@@ -205,7 +194,6 @@ def _slopes(fit: TwoWay) -> _Slopes | NotEstimable:
     residuals = np.where(given, fit.residuals, 0.0)[rows]
     products = (own * residuals).sum(axis=1) / lengths
     scaled = own / lengths[:, None] @ _root_of_inverse(given)
-    # (10), mathematics/ordinal
     turned, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
     left = 1 - sizes**2
     absorbed = left < 1e-9

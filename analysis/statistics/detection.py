@@ -73,14 +73,16 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
     # (5): the two rates of a cohort go together as those of its people do.
     w = together * _Z[:, None] + np.sqrt(1 - together**2) * _Z
     y = np.interp(w, _WIDE, _z_of_rate(a[1], b[1], _WIDE))
+    ends = betaincinv(a[:, None], b[:, None], ENDS).tolist()
     rates = [
         Rate(
             reported=int(told),
             trials=int(trials),
             share=float(told / trials),
-            share_interval=_share_interval(int(told), int(trials), a[row], b[row]),
+            # It holds a share of 0 or 1 (Brown, Cai and DasGupta 2001, section 4.1.1).
+            share_interval=(0.0 if told == 0 else low, 1.0 if told == trials else high),
         )
-        for row, (told, trials) in enumerate(counts)
+        for (told, trials), (low, high) in zip(counts, ends, strict=True)
     ]
     return Detection(
         people=people,
@@ -92,12 +94,6 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
         criterion_interval=central(-(x + y) / 2),
         p=float(noticed_p(hits[None], alarms[None])[0]),
     )
-
-
-def _share_interval(told: int, trials: int, a: float, b: float) -> Interval:
-    low, high = betaincinv(a, b, ENDS).tolist()
-    # A share of 0 or 1 lies within its interval (Brown, Cai and DasGupta 2001, section 4.1.1).
-    return 0.0 if told == 0 else low, 1.0 if told == trials else high
 
 
 def _spread(each: IntArray, counts: FloatArray) -> tuple[FloatArray, FloatArray, float]:

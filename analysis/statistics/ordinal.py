@@ -6,7 +6,7 @@ Numbers of equations are those of docs/mathematics/ordinal.md.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
@@ -362,15 +362,14 @@ def _farthest(
     towards = np.append(np.zeros(len(start) - 1), -side)
 
     @cache
-    def above(packed: bytes) -> tuple[float, FloatArray]:
-        value, gradient = log_likelihood(np.frombuffer(packed), data, nodes)
-        return value - least, gradient
+    def likelihood(packed: bytes) -> tuple[float, FloatArray]:
+        return log_likelihood(np.frombuffer(packed), data, nodes)
 
     def rise(packed: FloatArray) -> float:
-        return above(packed.tobytes())[0]
+        return likelihood(packed.tobytes())[0] - least
 
     def slope(packed: FloatArray) -> FloatArray:
-        return above(packed.tobytes())[1]
+        return likelihood(packed.tobytes())[1]
 
     def shorter(packed: FloatArray) -> tuple[float, FloatArray]:
         return float(towards @ packed), towards
@@ -468,18 +467,13 @@ def ordinal_effects_of_trials(
     fit = fitted_levels(data)
     if isinstance(fit, NotEstimable):
         return fit
-    best, covariance = fit
-    fitted = unpacked(best.packed, data)
     return OrdinalEffects(
         link=link,
         reference=conditions[0],
-        effects=_named(conditions, fitted.effects[1:]),
-        standard_errors=_named(conditions, _standard_errors(covariance, data)),
-        thresholds=tuple(fitted.thresholds.tolist()),
+        thresholds=tuple(unpacked(fit[0].packed, data).thresholds.tolist()),
         categories=tuple(np.unique(np.round(scores, DECIMALS)).tolist()),
-        subject_sd=abs(float(fitted.sds[0])),
-        log_likelihood=best.value,
-        interaction=_interaction(best, covariance, data, conditions),
+        **_effects(fit, data, conditions),
+        interaction=_interaction(fit, data, conditions),
     )
 
 
@@ -503,12 +497,16 @@ def fitted_levels(data: ScoreCounts) -> Fitted | NotEstimable:
     return replace(best, packed=best.packed + covariance @ slope), covariance
 
 
-def _named(conditions: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(conditions[1:], values.tolist(), strict=True))
-
-
-def _standard_errors(covariance: FloatArray, data: ScoreCounts) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(covariance))[data.coefficients])
+def _effects(found: Fitted, data: ScoreCounts, conditions: tuple[str, ...]) -> dict[str, Any]:
+    """Return the fields that say the same of a fit with and without levels of cells."""
+    best, covariance = found
+    fitted, errors = unpacked(best.packed, data), np.sqrt(np.diag(covariance))[data.coefficients]
+    return {
+        "effects": dict(zip(conditions[1:], fitted.effects[1:].tolist(), strict=True)),
+        "standard_errors": dict(zip(conditions[1:], errors.tolist(), strict=True)),
+        "subject_sd": abs(float(fitted.sds[0])),
+        "log_likelihood": best.value,
+    }
 
 
 def score_counts(
@@ -549,24 +547,20 @@ def fitted_cells(
 
 
 def _interaction(
-    without: Maximum, covariance: FloatArray, data: ScoreCounts, conditions: tuple[str, ...]
+    without: Fitted, data: ScoreCounts, conditions: tuple[str, ...]
 ) -> Interaction | NotEstimable:
-    found = fitted_cells(without, covariance, data)
+    found = fitted_cells(*without, data)
     if isinstance(found, NotEstimable):
         return found
     best, covariance = found
-    ratio = 2 * (best.value - without.value)
+    ratio = 2 * (best.value - without[0].value)
     spread = float(np.sqrt(covariance[-1, -1])) if ratio else 0.0
-    fitted = unpacked(best.packed, data)
     return Interaction(
-        sd=abs(float(fitted.sds[1])),
+        sd=abs(float(best.packed[-1])),
         sd_interval=_interval(best, ratio, spread, data),
         likelihood_ratio=ratio,
         p=float(chdtrc(1, ratio)) / 2 if ratio else 1.0,
-        effects=_named(conditions, fitted.effects[1:]),
-        standard_errors=_named(conditions, _standard_errors(covariance, data)),
-        subject_sd=abs(float(fitted.sds[0])),
-        log_likelihood=best.value,
+        **_effects(found, data, conditions),
     )
 
 

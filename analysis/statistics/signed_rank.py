@@ -128,7 +128,7 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for multiple tests, in the order given (Holm 1979).
+    """Return p-values corrected for multiple tests, in the order given (Holm 1979), (15).
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]

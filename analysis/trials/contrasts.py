@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from math import isfinite
 from typing import Any
 
@@ -100,16 +101,14 @@ Felt = tuple[Change | None, Calibration]
 
 def contrasts_by_law(felt: tuple[Felt, ...], rung: str) -> dict[str, FloatArray]:
     """Return the contrasts of changes, shape (changes,), by law; NaN where none is predicted."""
-    return {
-        law: np.array(
-            [
-                np.nan if change is None else predicted_contrast(change, law, rung, rig)
-                for change, rig in felt
-            ],
-            float,
-        )
-        for law in LAWS
-    }
+
+    def contrasts(law: str) -> list[float]:
+        return [
+            np.nan if change is None else predicted_contrast(change, law, rung, rig)
+            for change, rig in felt
+        ]
+
+    return {law: np.array(contrasts(law), float) for law in LAWS}
 
 
 _ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]
@@ -335,12 +334,8 @@ class ContrastRange:
     @property
     def ends(self) -> Interval:
         """The smallest and the largest value under the same law."""
-        values = [
-            value
-            for known in (self.by_rung, self.by_damping, self.by_speed)
-            for value in known.values()
-            if not math.isnan(value)
-        ]
+        every = chain(*(it.values() for it in (self.by_rung, self.by_damping, self.by_speed)))
+        values = [value for value in every if not math.isnan(value)]
         return min(values, default=self.value), max(values, default=self.value)
 
 
@@ -389,9 +384,5 @@ def _faster(change: Change, factor: float) -> Change:
 
 def at_places(ratings: Ratings, changes: Mapping[str, Change]) -> Ratings:
     """Return the ratings of the conditions whose contrast is that at a place."""
-    chosen = [
-        place
-        for place, name in enumerate(ratings.conditions)
-        if name in changes and changes[name].kind == AT_A_PLACE
-    ]
-    return ratings.where(np.isin(ratings.condition, chosen))
+    places = [name in changes and changes[name].kind == AT_A_PLACE for name in ratings.conditions]
+    return ratings.where(np.array(places, dtype=np.bool_)[ratings.condition])

@@ -61,18 +61,19 @@ def include(
 ) -> None:
     """Take back the exclusion of a session or one of its trials, or raise `BadInput`."""
     log = _log(journal, clock, session)
-    trials = ", ".join(map(str, log.state.excluded))
-    if trial is not None:
-        if trial not in log.state.excluded:
-            raise BadInput(
-                f"trial {trial} of {session} is not excluded; excluded trials: {trials or 'none'}"
-            )
+    excluded = log.state.excluded
+    trials = ", ".join(map(str, excluded))
+    if trial is None:
+        if not log.state.is_excluded:
+            hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
+            raise BadInput(f"{session} is {_state(log)}, not excluded{hint}")
+        _append(log, session, events.SessionIncluded(reason=reason))
+    elif trial not in excluded:
+        raise BadInput(
+            f"trial {trial} of {session} is not excluded; excluded trials: {trials or 'none'}"
+        )
+    else:
         _append(log, session, events.TrialIncluded(index=trial, reason=reason))
-        return
-    if not log.state.is_excluded:
-        hint = f"; its excluded trials are {trials}: name one with --trial" if trials else ""
-        raise BadInput(f"{session} is {_state(log)}, not excluded{hint}")
-    _append(log, session, events.SessionIncluded(reason=reason))
 
 
 def amend(

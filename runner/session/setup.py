@@ -1,17 +1,16 @@
 """Session setup: arm the device, ask the operator, mount the beam, measure its resonance."""
 
-import sys
-from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from random import Random
-from statistics import fmean
+
+import numpy as np
 
 from device.force_channel.recording import Samples
 from protocol.errors import BadInput
 from protocol.journal import events
-from protocol.journal.records import BYTES_PER_COUNT, CHANNELS, LIFTED_N
+from protocol.journal.records import CHANNELS, LIFTED_N
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import KINDS, Answer, Label, StudyQuestion, answer_text
@@ -106,20 +105,17 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
 
     Begin and end are `within_s` on the session's clock; without them everything counts.
     """
-    # Counts come least byte first, which the array reads as this computer orders bytes.
-    counts = array("h", samples.counts)
-    if sys.byteorder == "big":
-        counts.byteswap()
-    count = len(samples.counts) // (BYTES_PER_COUNT * len(CHANNELS))
+    counts = np.frombuffer(samples.counts, "<i2").reshape(len(CHANNELS), -1)
     first_s = samples.first_s + samples.clock_offset_s
     places = [round((moment_s - first_s) * samples.rate_hz) for moment_s in within_s]
+    count = counts.shape[1]
     # The touch may reach beyond what was recorded.
     low, high = (min(max(place, 0), count) for place in (places or (0, count)))
     if low >= high:
         return None
     tangential, normal = (
-        size * fmean(counts[channel * count + low : channel * count + high])
-        for channel, size in enumerate(samples.scale[:2])
+        size * float(channel[low:high].mean())
+        for size, channel in zip(samples.scale[:2], counts[:2], strict=True)
     )
     return tangential, normal
 

@@ -48,8 +48,11 @@ def beam_x(position_m: float) -> float:
     return _LEFT + _LENGTH * position_m / BEAM_M
 
 
-def sketch(way: screens.FingerPath) -> Page:
-    """Return the beam and the touch: an arrow along it, or marks that point at places."""
+def sketch(way: screens.FingerPath, texts: Mapping[str, str]) -> Page:
+    """Return the beam and the touch: an arrow along it, or marks that point at places.
+
+    Below it stands what the clamp is, and on which side of the beam the participant sits.
+    """
     clamp = Box(x=_LEFT - 20, y=BEAM_Y, width=40, height=110)
     beam = Box(x=_LEFT + _LENGTH / 2, y=BEAM_Y, width=_LENGTH, height=_BEAM_HEIGHT)
     marks = [_arrow(way)]
@@ -59,14 +62,8 @@ def sketch(way: screens.FingerPath) -> Page:
         Outline(points=clamp.corners, fill=FAINT),
         Outline(points=beam.corners, fill=PALE, edge=INK),
         *chain.from_iterable(marks),
-    )
-
-
-def labels(texts: Mapping[str, str]) -> Page:
-    """Return what the clamp is, and on which side of the beam the participant sits."""
-    places = (("beam.clamp", _LEFT - 20, 150.0), ("beam.you", _LEFT + _LENGTH / 2, 300.0))
-    return tuple(
-        _small(texts[key], Box(x=x, y=_LABEL_Y, width=width, height=24)) for key, x, width in places
+        _small(texts["beam.clamp"], Box(x=_LEFT - 20, y=_LABEL_Y, width=150.0, height=24)),
+        _small(texts["beam.you"], Box(x=_LEFT + _LENGTH / 2, y=_LABEL_Y, width=300.0, height=24)),
     )
 
 
@@ -220,7 +217,7 @@ def _instruction(
     if screen.picture is not None:
         box, drawn = _ABOVE, (Picture(name=screen.picture, box=_PICTURE),)
     if screen.touch is not None:
-        box, drawn = parts.TITLE, (*sketch(screen.touch), *labels(texts))
+        box, drawn = parts.TITLE, sketch(screen.touch, texts)
     if view.passed_s < screen.after_s:
         left_s = ceil(screen.after_s - view.passed_s)
         time = f"{left_s // 60}:{left_s % 60:02}"
@@ -235,7 +232,7 @@ def _touch(
     """Return the page whose mark rests, then moves; it hides how long to hold a place."""
     title = Text(text=texts[screen.text], box=parts.TITLE, size=parts.TITLE_SIZE)
     own = () if view.finger is None else own_finger(view.finger, texts)
-    beam = (title, *sketch(screen), *labels(texts))
+    beam = (title, *sketch(screen, texts))
     if isinstance(screen, screens.LeadIn):
         return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts), *own)
     # The mark stays at its end until the session shows the next page.

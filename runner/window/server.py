@@ -10,7 +10,7 @@ import random
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -34,31 +34,24 @@ LATE = 1.5
 """A frame counts as dropped if its interval exceeds this many refresh intervals."""
 
 
-@dataclass
-class FrameTimes:
-    """Times of the frames of one screen, seconds on the session's monotonic clock."""
+def frame_record(shown_s: Sequence[float], interval_s: float) -> dict[str, Any]:
+    """Return statistics of the intervals between frames, ms, and each dropped frame.
 
-    interval_s: float
-    shown_s: list[float] = field(default_factory=list, init=False)
-
-    def record(self) -> dict[str, Any]:
-        """Return the intervals' statistics in milliseconds and each dropped frame, for the journal.
-
-        A dropped frame is given as its time since the first frame, s, and its interval, ms.
-        """
-        intervals = [later - earlier for earlier, later in pairwise(self.shown_s)]
-        dropped = [
-            [round(end - self.shown_s[0], 4), round(interval * 1000, 2)]
-            for end, interval in zip(self.shown_s[1:], intervals, strict=True)
-            if interval > LATE * self.interval_s
-        ]
-        frames = {"frames": len(self.shown_s), "dropped": dropped}
-        if not intervals:
-            return frames
-        ordered = sorted(intervals)
-        p99 = ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)]
-        times = {"median_ms": median(ordered), "p99_ms": p99, "max_ms": ordered[-1]}
-        return {**frames, **{name: round(1000 * time, 2) for name, time in times.items()}}
+    A dropped frame is given as its time since the first frame, s, and its interval, ms.
+    """
+    intervals = [later - earlier for earlier, later in pairwise(shown_s)]
+    dropped = [
+        [round(end - shown_s[0], 4), round(interval * 1000, 2)]
+        for end, interval in zip(shown_s[1:], intervals, strict=True)
+        if interval > LATE * interval_s
+    ]
+    frames = {"frames": len(shown_s), "dropped": dropped}
+    if not intervals:
+        return frames
+    ordered = sorted(intervals)
+    p99 = ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)]
+    times = {"median_ms": median(ordered), "p99_ms": p99, "max_ms": ordered[-1]}
+    return {**frames, **{name: round(1000 * time, 2) for name, time in times.items()}}
 
 
 @dataclass
@@ -67,8 +60,11 @@ class ShownScreen:
 
     number: int
     pending: PendingResponse
-    frames: FrameTimes
+    interval_s: float
+    """Between refreshes of the screen."""
     progress: tuple[int, int] | None = None
+    shown_s: list[float] = field(default_factory=list, init=False)
+    """Times of its frames."""
     saved: bool = field(default=False, init=False)
     finger: OwnFinger | None = field(default=None, init=False)
     called_s: list[float] = field(default_factory=list, init=False)
@@ -79,9 +75,9 @@ class ShownScreen:
 
     def take(self, given: Input, t_s: float) -> None:
         """Apply an input; ignore it before the first frame, when the screen is not yet visible."""
-        if not self.frames.shown_s:
+        if not self.shown_s:
             return
-        since_s = t_s - self.frames.shown_s[0]
+        since_s = t_s - self.shown_s[0]
         at = target_at(self.screen, given.x, given.y) if isinstance(given, Pressed) else None
         # The last page has no operator to call.
         may_call = any(target.role == "call" for target in targets(self.screen))
@@ -91,7 +87,7 @@ class ShownScreen:
             self.pending.take(given, since_s)
 
     def page(self, t_s: float, wording: Wording) -> Page:
-        passed_s = t_s - self.frames.shown_s[0] if self.frames.shown_s else 0.0
+        passed_s = t_s - self.shown_s[0] if self.shown_s else 0.0
         button: Button = "early" if passed_s < self.pending.earliest_s else "live"
         if self.pending.answer is not None:
             button = "saved" if self.saved else "pressed"
@@ -110,9 +106,9 @@ class ShownScreen:
         """Return the screen's name, the time when it was first shown, and its frames."""
         return {
             "screen": _name(self.screen),
-            "shown_s": self.frames.shown_s[0] if self.frames.shown_s else None,
+            "shown_s": self.shown_s[0] if self.shown_s else None,
             "operator_called_s": self.called_s,
-            **self.frames.record(),
+            **frame_record(self.shown_s, self.interval_s),
         }
 
     def answer(
@@ -289,10 +285,10 @@ class WindowServer:
 
     def _show(self, number: int, screen: Screen) -> None:
         pending = PendingResponse(screen, self.settings.readable_s, self.random())
-        self._standing = ShownScreen(number, pending, FrameTimes(self._interval_s), self._progress)
+        self._standing = ShownScreen(number, pending, self._interval_s, self._progress)
 
     def _frame(self) -> None:
-        first, page_now = not self._standing.frames.shown_s, self._page()
+        first, page_now = not self._standing.shown_s, self._page()
         # The last frame may stand where a clock paces them and `alive` is not due.
         ticks, changed = self._share == 1.0, first or page_now != self._drawn
         if changed or not (ticks and self.now_s() - self._alive_s < ALIVE_EVERY_S):
@@ -300,7 +296,7 @@ class WindowServer:
             flipped_s, self._drawn = self.canvas.flip(), page_now
         else:
             flipped_s = self.now_s()
-        self._standing.frames.shown_s.append(flipped_s)
+        self._standing.shown_s.append(flipped_s)
         earliest_s = flipped_s - self._interval_s
         # Added to the time that was due, so that small delays do not add up; but a long one is not
         # made good by a burst of frames, and the frame after a page that came early is not late.

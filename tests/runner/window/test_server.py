@@ -15,7 +15,7 @@ from runner.window.elements import Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.question_pages import Button, PageState
-from runner.window.server import ALIVE_EVERY_S, ORPHANED_S, FrameTimes, Mailbox, WindowServer
+from runner.window.server import ALIVE_EVERY_S, ORPHANED_S, Mailbox, WindowServer, frame_record
 
 INTERVAL_S = 1 / 60
 SETTINGS = Settings(
@@ -269,10 +269,7 @@ def test_a_drawing_window_sends_alive_five_times_a_second() -> None:
 
 
 def test_dropped_frames_are_distinguished_from_late_ones() -> None:
-    frames = FrameTimes(0.016)
-    for t_s in (1.0, 1.016, 1.032, 1.055, 1.087, 1.103):
-        frames.shown_s.append(t_s)
-    assert frames.record() == {
+    assert frame_record((1.0, 1.016, 1.032, 1.055, 1.087, 1.103), 0.016) == {
         "frames": 6,
         "dropped": [[0.087, 32.0]],
         "median_ms": 16.0,

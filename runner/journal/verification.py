@@ -258,26 +258,18 @@ def _level_problem(opened: kinds.SessionOpened, events: Iterable[kinds.StoredEve
         if event.tag in {kinds.SessionOpened.TAG, kinds.SessionResumed.TAG}:
             (under,) = kinds.terms_in([event])
         # Only tracks ask for numpy, and for the study as it was.
-        if (
-            event.tag != kinds.Answered.TAG
-            or under is None
-            or not any(it.track for it in under.trials)
-        ):
+        if under is None or under.study_text is None or event.tag != kinds.Answered.TAG:
             continue
-        made = event.record
-        assert isinstance(made, kinds.Answered)
-        if made.track is None or under.study_text is None or opened.slot is None:
+        made = event.record if any(it.track for it in under.trials) else None
+        if not isinstance(made, kinds.Answered) or made.track is None or opened.slot is None:
             continue
         from device.tracks.next_level import recorded_level
 
         study = as_run(under.study_text, under.registration, opened.group)
         told = before.setdefault(made.track.name, [])
         level = recorded_level(study, made.track, told, opened.slot, opened.session)
-        values = study.track_of(made.track.name).values
-        if (made.track.level, made.track.value) != (
-            level,
-            None if level is None else values[level],
-        ):
+        value = None if level is None else study.track_of(made.track.name).values[level]
+        if (made.track.level, made.track.value) != (level, value):
             return (
                 f"trial {made.index} of the track {made.track.name!r} was made at level "
                 f"{made.track.level} ({made.track.value}); the answers before it lead to level "

@@ -250,13 +250,13 @@ def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, 
     study = request.study
     given: dict[str, Answer] = {}
     rules = {group.name: group.when for group in study.group if group.when is not None}
+    needed = {rule.question for rule in rules.values()}
     asked: list[tuple[str, str, StudyQuestion]] = [
         (name, *OPERATOR_QUESTIONS[name]) for name in study.session.operator_asks
     ]
     asked += [(each.name, spoken(each), each) for each in study.questions("desk")]
     for name, text, question in asked:
-        needed = name in {rule.question for rule in rules.values()}
-        if not needed or (question.asked_if and not question.asked_if.met_by(given)):
+        if name not in needed or (question.asked_if and not question.asked_if.met_by(given)):
             continue
 
         def read(typed: str, question: StudyQuestion = question, name: str = name) -> str | None:

@@ -254,17 +254,17 @@ class Study:
         with opening.read_journal(self.folder.existing_journal()) as journal:
             named = names.existing_chain if self.rehearsals else names.chain_name
             chain = named(journal, participant, session, rehearsal=False)
-            who = (cohort.states(journal), participant, "participant", chain)
+            who = cohort.Arrival(cohort.states(journal), participant, "participant", chain)
             if chain in journal.sessions():
                 if group is not None:
-                    cohort.group_for(self.file, *who, group, by="the argument group")
+                    who.group(self.file, group, by="the argument group")
                 return plan_frame(cohort.planned_trials(journal, chain))
             registered = registration_of(self.folder.path)
             require_registered(journal, registered, rehearsal=False)
             # A registration's digest seeds the plan of the sessions that run under it.
             file = locked(self.file, registered.digest if registered else None)
-            group = cohort.group_for(file, *who, group, by="the argument group")
-            slot = cohort.slot_for(*who, group)
+            group = who.group(file, group, by="the argument group")
+            slot = who.slot(group)
         return plan_frame(plan(file.of_group(group), slot, session).trials)
 
     def report(

@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 from protocol.errors import BadInput
-from protocol.journal.events import terms_in
+from protocol.journal.events import Opening, terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState, folded
 from protocol.plan.blocks import SlotState, arrivals, next_slot
@@ -75,81 +75,93 @@ def session_summaries(sessions: Mapping[str, SessionState]) -> list[SessionSumma
     return summaries
 
 
-def slot_for(
-    sessions: Mapping[str, SessionState],
-    participant: str,
-    kind: str,
-    chain: str = "",
-    group: str | None = None,
-) -> int:
-    """Return the slot of `participant` among the sessions of `kind` and of the `group`, if any.
+@dataclass(frozen=True)
+class Arrival:
+    """A participant who comes to a session of a `kind`, the chain of the name `chain`.
 
-    The session of the name `chain`, if it has been opened, keeps its own. Else a participant keeps
-    the slot of an earlier session; a new participant takes the first slot that is neither in use
-    nor finished. Rehearsals have slots of their own and use up none of a participant's.
+    `sessions` are all of the study so far.
     """
-    own = sessions[chain].opened if chain in sessions else None
-    if own is not None and own.slot is not None:
-        return own.slot
-    taken: dict[int, SlotState] = {}
-    for state in sessions.values():
-        opened = state.opened
-        if opened is None or (opened.kind, opened.group) != (kind, group) or opened.slot is None:
-            continue
-        if opened.participant == participant and state.name not in _GONE:
-            return opened.slot
-        # Several people may have had one slot after another, if the earlier ones were excluded.
-        taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
-    highest = max(taken, default=-1)
-    return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
 
+    sessions: Mapping[str, SessionState]
+    participant: str
+    kind: str
+    chain: str = ""
 
-def group_known(
-    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str = ""
-) -> str | None:
-    """Return the group that `participant` has by the session `chain` or by an earlier one."""
-    own = sessions[chain].opened if chain in sessions else None
-    had = (state.opened for state in sessions.values() if state.name not in _GONE)
-    theirs = (it for it in had if it and (it.participant, it.kind) == (participant, kind))
-    known = [own] if own is not None else theirs
-    return next((it.group for it in known if it.group is not None), None)
+    @property
+    def begun(self) -> Opening | None:
+        """How the session was opened, None if it was not yet."""
+        return self.sessions[self.chain].opened if self.chain in self.sessions else None
 
+    def slot(self, group: str | None = None) -> int:
+        """Return the slot among the sessions of the kind and of the `group`, if any.
 
-def group_for(
-    study: Study,
-    sessions: Mapping[str, SessionState],
-    participant: str,
-    kind: str,
-    chain: str = "",
-    asked: str | None = None,
-    *,
-    by: str = "--group",
-) -> str | None:
-    """Return the group of `participant`, None in a study without groups.
+        A session that has been opened keeps its own. Else a participant keeps the slot of an
+        earlier session; a new participant takes the first slot that is neither in use nor finished.
+        Rehearsals have slots of their own and use up none of a participant's.
+        """
+        if self.begun is not None and self.begun.slot is not None:
+            return self.begun.slot
+        alike, taken = (self.kind, group), dict[int, SlotState]()
+        for state in self.sessions.values():
+            opened = state.opened
+            if opened is None or (opened.kind, opened.group) != alike or opened.slot is None:
+                continue
+            if opened.participant == self.participant and state.name not in _GONE:
+                return opened.slot
+            # Several people may have had one slot after another, if the earlier ones were excluded.
+            taken[opened.slot] = _slot_state(state, taken.get(opened.slot, "free"))
+        highest = max(taken, default=-1)
+        return next_slot([taken.get(slot, "free") for slot in range(highest + 1)])
 
-    A group that was given once stays. Else it is the one `asked` for, or by chance the next in the
-    order of arrival whose slot is free. Rehearsals are drawn unless one is asked for. Raise
-    `BadInput` for no such group, another one, or if somebody has to say which, `by` an option.
-    """
-    names, free = ", ".join(study.groups) or "none", {}
-    if asked is not None and asked not in study.groups:
-        raise BadInput(f"{by} must be a group of the study ({names}), got {asked!r}")
-    if not study.group or (chain in sessions and sessions[chain].opened is not None):
-        group, why = group_known(sessions, participant, kind, chain), "began in"
-    elif group := group_known(sessions, participant, kind):
-        why = "belongs to"
-    else:
-        by_chance = study.design.assign_groups == "at random" and kind == "participant"
-        if asked is not None and not by_chance:
-            return asked
-        if kind == "participant" and not by_chance:
-            raise BadInput(f"{participant} has no group yet: give one of {names} with {by}")
-        free = {name: slot_for(sessions, "", kind, group=name) for name in study.groups}
-        group = next(name for name, slot in arrivals(study, kind) if slot == free[name])
-        why = "is assigned at random to"
-    if asked not in {None, group}:
-        raise BadInput(f"{participant} {why} the group {group}, got {by} {asked}; leave it out")
-    return group
+    @property
+    def known_group(self) -> str | None:
+        """The group that the participant has by this session or by an earlier one."""
+        had = [state.opened for state in self._theirs().values()]
+        known = [self.begun] if self.begun is not None else had
+        return next((it.group for it in known if it and it.group is not None), None)
+
+    def group(self, study: Study, asked: str | None = None, *, by: str = "--group") -> str | None:
+        """Return the participant's group, None in a study without groups.
+
+        A group that was given once stays. Else it is the one `asked` for, or by chance the next in
+        the order of arrival whose slot is free. Rehearsals are drawn unless one is asked for. Raise
+        `BadInput` for no such group, another one, or if somebody has to say which, `by` an option.
+        """
+        names, group, who = ", ".join(study.groups) or "none", self.known_group, self.participant
+        if asked is not None and asked not in study.groups:
+            raise BadInput(f"{by} must be a group of the study ({names}), got {asked!r}")
+        if not study.group or self.begun is not None:
+            why = "began in"
+        elif group:
+            why = "belongs to"
+        else:
+            by_chance = study.design.assign_groups == "at random" and self.kind == "participant"
+            if asked is not None and not by_chance:
+                return asked
+            if self.kind == "participant" and not by_chance:
+                raise BadInput(f"{who} has no group yet: give one of {names} with {by}")
+            somebody = Arrival(self.sessions, "", self.kind)
+            free = {name: somebody.slot(name) for name in study.groups}
+            group = next(name for name, slot in arrivals(study, self.kind) if slot == free[name])
+            why = "is assigned at random to"
+        if asked not in {None, group}:
+            raise BadInput(f"{who} {why} the group {group}, got {by} {asked}; leave it out")
+        return group
+
+    def told(self) -> dict[str, Any]:
+        """Return the latest answers, by question, of the participant's other sessions."""
+        others = [state for name, state in self._theirs().items() if name != self.chain]
+        return {name: answer for it in others for (name, _), answer in it.questions.items()}
+
+    def _theirs(self) -> dict[str, SessionState]:
+        """Return the participant's sessions of the kind, those apart that do not count any more."""
+        who = (self.participant, self.kind)
+        return {
+            name: state
+            for name, state in self.sessions.items()
+            if state.name not in _GONE and state.opened is not None
+            if (state.opened.participant, state.opened.kind) == who
+        }
 
 
 Due = tuple[datetime, datetime]
@@ -172,19 +184,6 @@ def due_in_words(due: Due) -> str:
     """Return when a session is due, in the computer's time zone."""
     first, *last = (f"{moment.astimezone():%A %d %B %H:%M}" for moment in due if moment < NEVER)
     return f"from {first} to {last[0]}" if last else f"from {first} on"
-
-
-def told_before(
-    sessions: Mapping[str, SessionState], participant: str, kind: str, chain: str
-) -> dict[str, Any]:
-    """Return the latest answers, by question, of the participant's sessions other than `chain`."""
-    return {
-        name: answer
-        for other, state in sessions.items()
-        if other != chain and state.name not in _GONE and state.opened is not None
-        if (state.opened.participant, state.opened.kind) == (participant, kind)
-        for (name, _), answer in state.questions.items()
-    }
 
 
 def cannot_go_on(study: Study, trials: Iterable[Trial], before: SessionState) -> str:

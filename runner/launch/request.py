@@ -27,7 +27,7 @@ from protocol.study_file.limits import slide_problems
 from protocol.study_file.loading import StudyError, located
 from protocol.study_file.toml import in_toml
 from runner.clock import Pace
-from runner.journal.cohort import due_between, due_in_words, group_for, group_known, states
+from runner.journal.cohort import Arrival, due_between, due_in_words, states
 from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
@@ -219,12 +219,12 @@ def with_group(request: Request, say: Callable[[str], None]) -> Request:
         return request
     known = recorded(request, lambda journal: (states(journal), request.chain(journal)))
     sessions, chain = known or ({}, "")
-    who = (sessions, options.participant, request.kind, chain)
+    who = Arrival(sessions, options.participant, request.kind, chain)
     asked, noted = options.group, dict(options.noted)
     by_answer = study.design.assign_groups == "by an answer"
     # A rehearsal takes any group that it is given, and a virtual participant one by chance.
     wanted = not asked or (by_answer and not request.rehearsal)
-    if wanted and options.ratings != "virtual" and group_known(*who) is None:
+    if wanted and options.ratings != "virtual" and who.known_group is None:
         if by_answer:
             asked, noted = _group_answered(request, say)
         elif study.design.assign_groups == "by the operator":
@@ -241,7 +241,7 @@ def with_group(request: Request, say: Callable[[str], None]) -> Request:
                 asked = typed_answer(say, text, read)
     if options.group not in {None, asked}:
         raise BadInput(f"the answer leads to the group {asked}, got --group {options.group}")
-    group_for(study, *who, asked)  # told before anything is opened
+    who.group(study, asked)  # told before anything is opened
     return replace(request, options=replace(options, group=asked, noted=noted))
 
 

@@ -24,7 +24,7 @@ from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock, WallClock
-from runner.journal.cohort import group_for, group_known, slot_for, states, told_before
+from runner.journal.cohort import Arrival, states
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
 from runner.journal.session_log import SessionLog
@@ -109,7 +109,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     before = journal.events(chain)
     earlier = touchbeam_versions(before)[-1:]
     known = states(journal)
-    had = group_known(known, options.participant, request.kind, chain)
+    had = Arrival(known, options.participant, request.kind, chain).known_group
     if request.rehearsal and (number := lacking_before(request, journal)):
         say(f"WARNING: session {number} of {options.participant} is not completed.")
     session = opened_session(request, journal, clock)
@@ -202,10 +202,10 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
         require_registered(journal, registered, rehearsal=request.rehearsal)
         sessions, chain = states(journal), request.chain(journal)
         group, slot = None, 0
+        who = Arrival(sessions, options.participant, request.kind, chain)
         if not options.slides:
-            who = (sessions, options.participant, request.kind, chain)
-            group = group_for(study, *who, options.group)
-            study, slot = study.of_group(group), slot_for(*who, group)
+            group = who.group(study, options.group)
+            study, slot = study.of_group(group), who.slot(group)
         # A sliding experiment predicts nothing, so that no calibration is in force.
         rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
         session = Session(
@@ -223,7 +223,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             seed=request.seed,
             virtual=_virtual_truth(request, sessions.get(chain), group),
             override=options.override,
-            told=told_before(sessions, options.participant, request.kind, chain),
+            told=who.told(),
             volts=solved_volts(study, rig),
             registration=digest,
             calibration=RigCalibration(**vars(rig)) if rig.origin else None,

@@ -39,7 +39,7 @@ class Progress:
     def next_slot(self) -> int | None:
         """The slot of the design that the next participant gets; with groups there are several."""
         grouped = self.study is not None and self.study.group
-        return None if grouped else cohort.slot_for(self.sessions, "", "participant")
+        return None if grouped else cohort.Arrival(self.sessions, "", "participant").slot()
 
     @property
     def groups(self) -> list[dict[str, Any]]:
@@ -52,7 +52,7 @@ class Progress:
                     self._is_done(who) and any(it.group == group.name for it in had)
                     for who, had in self._had.items()
                 ),
-                "next_slot": cohort.slot_for(self.sessions, "", "participant", group=group.name),
+                "next_slot": cohort.Arrival(self.sessions, "", "participant").slot(group.name),
             }
             for group in (self.study.group if self.study is not None else ())
         ]

@@ -24,7 +24,7 @@ from protocol.journal.events import (
     TouchRecorded,
 )
 from protocol.study_file.loading import template
-from runner.journal.cohort import slot_for, states
+from runner.journal.cohort import Arrival, states
 from runner.journal.names import real_sessions
 from runner.journal.opening import read_journal
 from runner.journal.session_log import SessionLog
@@ -327,7 +327,7 @@ def test_nothing_counts_a_script(folder: Path, capsys: pytest.CaptureFixture[str
         rig.drive(10, HZ)
     with read_journal(folder / "study.db") as journal:
         assert real_sessions(journal) == []
-        assert slot_for(states(journal), "P01", "participant") == 0
+        assert Arrival(states(journal), "P01", "participant").slot() == 0
         assert load_sessions(readable_chains(journal, [])).sessions.empty
     for command in ("run", "verify", "status", "report", "export", "withdraw", "register"):
         more = {

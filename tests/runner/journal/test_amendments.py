@@ -27,7 +27,7 @@ from runner.journal.amendments import (
     unerased,
     withdraw,
 )
-from runner.journal.cohort import session_summaries, slot_for, states
+from runner.journal.cohort import Arrival, session_summaries, states
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal, JournalError
@@ -108,7 +108,7 @@ def test_an_abandoned_session_can_be_excluded(tmp_path: Path, last: str) -> None
         assert (verdict.state, verdict.ok) == ("excluded", True)
         off = next(e for e in reversed(journal.events("P01/1")) if e.tag == "device-off")
         assert off.payload["confirmed"] is False
-        assert slot_for(states(journal), "P02", "participant") == 0
+        assert Arrival(states(journal), "P02", "participant").slot() == 0
 
 
 def test_the_slot_of_a_dropout_is_reused_and_that_of_a_finished_session_is_not(
@@ -116,15 +116,15 @@ def test_the_slot_of_a_dropout_is_reused_and_that_of_a_finished_session_is_not(
 ) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant())
-        assert slot_for(states(journal), "P02", "participant") == 1
-        assert slot_for(states(journal), "P01", "participant") == 0, "keeps its slot"
+        assert Arrival(states(journal), "P02", "participant").slot() == 1
+        assert Arrival(states(journal), "P01", "participant").slot() == 0, "keeps its slot"
         exclude(journal, CLOCK, "P01/1", "did not come back")
-        assert slot_for(states(journal), "P02", "participant") == 0
+        assert Arrival(states(journal), "P02", "participant").slot() == 0
     finished_folder = tmp_path / "finished"
     finished_folder.mkdir()
     with finished(finished_folder) as journal:
         exclude(journal, CLOCK, "P01/1", "ill")
-        assert slot_for(states(journal), "P02", "participant") == 1
+        assert Arrival(states(journal), "P02", "participant").slot() == 1
 
 
 def test_an_opened_session_keeps_its_slot_when_an_earlier_one_is_included_again(
@@ -136,15 +136,15 @@ def test_an_opened_session_keeps_its_slot_when_an_earlier_one_is_included_again(
         assert isinstance(opened, SessionOpened)
         SessionLog(journal, "P01/2", CLOCK).append(replace(opened, session=2, slot=1))
         include(journal, CLOCK, "P01/1", "the wrong one")
-        assert slot_for(states(journal), "P01", "participant", "P01/2") == 1
-        assert slot_for(states(journal), "P01", "participant", "P01/3") == 0
+        assert Arrival(states(journal), "P01", "participant", "P01/2").slot() == 1
+        assert Arrival(states(journal), "P01", "participant", "P01/3").slot() == 0
 
 
 def test_rehearsals_do_not_use_up_participants_slots(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
-        assert slot_for(states(journal), "P02", "participant") == 0
-        assert slot_for(states(journal), "P02", "rehearsal") == 1
+        assert Arrival(states(journal), "P02", "participant").slot() == 0
+        assert Arrival(states(journal), "P02", "rehearsal").slot() == 1
 
 
 def test_the_studys_own_chain_cannot_be_withdrawn(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, StudyAmended, Withdrawn
 from protocol.journal.state import EXCLUDED, SessionState
-from runner.journal.cohort import planned_trials, session_summaries, slot_for, states
+from runner.journal.cohort import Arrival, planned_trials, session_summaries, states
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
@@ -45,9 +45,9 @@ def test_the_slot_of_one_who_is_gone_is_free_for_everybody(
 ) -> None:
     for answered in (0, 6):
         sessions = {"P01/1": state(opened, "P01", 0, name, answered)}
-        assert slot_for(sessions, "P02", "participant") == 0
+        assert Arrival(sessions, "P02", "participant").slot() == 0
     both = {"P01/1": state(opened, "P01", 0), "P01/2": state(opened, "P01", 1, name)}
-    assert slot_for(both, "P01", "participant") == 0
+    assert Arrival(both, "P01", "participant").slot() == 0
 
 
 @pytest.mark.parametrize("name", GONE)
@@ -55,39 +55,39 @@ def test_a_session_that_was_finished_before_it_was_excluded_keeps_its_slot(
     opened: SessionOpened, name: str
 ) -> None:
     sessions = {"P01/1": state(opened, "P01", 0, name, answered=7)}
-    assert slot_for(sessions, "P02", "participant") == 1
-    assert slot_for(sessions, "P01", "participant") == 1, "and is not begun again"
+    assert Arrival(sessions, "P02", "participant").slot() == 1
+    assert Arrival(sessions, "P01", "participant").slot() == 1, "and is not begun again"
 
 
 def test_nothing_planned_is_not_finished(opened: SessionOpened) -> None:
     emptied = replace(opened, trials=(), slot=0)
     sessions = {"P01/1": SessionState(name="withdrawn", opened=emptied)}
-    assert slot_for(sessions, "P02", "participant") == 0
+    assert Arrival(sessions, "P02", "participant").slot() == 0
 
 
 def test_a_plan_of_one_trial_can_be_finished(opened: SessionOpened) -> None:
     one = replace(opened, trials=opened.trials[:1], slot=0)
     sessions = {"P01/1": SessionState(name="withdrawn", opened=one, answers={0: "same"})}
-    assert slot_for(sessions, "P02", "participant") == 1
+    assert Arrival(sessions, "P02", "participant").slot() == 1
 
 
 def test_a_finished_session_settles_its_slot_whatever_comes_after(opened: SessionOpened) -> None:
     done, left = state(opened, "P01", 0, "completed"), state(opened, "P02", 0, EXCLUDED[0])
     for sessions in ({"P01/1": done, "P02/1": left}, {"P02/1": left, "P01/1": done}):
-        assert slot_for(sessions, "P03", "participant") == 1
+        assert Arrival(sessions, "P03", "participant").slot() == 1
 
 
 def test_the_first_slot_that_nobody_has_is_next(opened: SessionOpened) -> None:
-    assert slot_for({}, "P01", "participant") == 0
+    assert Arrival({}, "P01", "participant").slot() == 0
     sessions = {
         "P01/1": state(opened, "P01", 0),
         "P02/1": state(opened, "P02", 3),
         "P03/1": state(opened, "P03", 1, "completed"),
     }
-    assert slot_for(sessions, "P04", "participant") == 2
-    assert slot_for(sessions, "P02", "participant") == 3, "its own"
+    assert Arrival(sessions, "P04", "participant").slot() == 2
+    assert Arrival(sessions, "P02", "participant").slot() == 3, "its own"
     sessions["P04/1"] = state(opened, "P04", 2)
-    assert slot_for(sessions, "P05", "participant") == 4
+    assert Arrival(sessions, "P05", "participant").slot() == 4
 
 
 def test_sessions_of_another_kind_or_without_a_slot_take_none(opened: SessionOpened) -> None:
@@ -96,16 +96,16 @@ def test_sessions_of_another_kind_or_without_a_slot_take_none(opened: SessionOpe
         "slide/1": state(opened, "slide", None),
         "new": SessionState(),
     }
-    assert slot_for(sessions, "P01", "participant") == 0
-    assert slot_for(sessions, "P02", "rehearsal") == 1
-    assert slot_for(sessions, "slide", "participant", "slide/1") == 0
-    assert slot_for(sessions, "P03", "participant", "new") == 0
+    assert Arrival(sessions, "P01", "participant").slot() == 0
+    assert Arrival(sessions, "P02", "rehearsal").slot() == 1
+    assert Arrival(sessions, "slide", "participant", "slide/1").slot() == 0
+    assert Arrival(sessions, "P03", "participant", "new").slot() == 0
 
 
 def test_a_session_keeps_the_slot_with_which_it_was_opened(opened: SessionOpened) -> None:
     sessions = {"P01/1": state(opened, "P01", 2), "P01/2": state(opened, "P01", 5)}
-    assert slot_for(sessions, "P01", "participant", "P01/2") == 5
-    assert slot_for(sessions, "P01", "participant", "P01/3") == 2
+    assert Arrival(sessions, "P01", "participant", "P01/2").slot() == 5
+    assert Arrival(sessions, "P01", "participant", "P01/3").slot() == 2
 
 
 def test_a_summary_has_what_is_known(opened: SessionOpened) -> None:

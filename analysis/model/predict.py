@@ -16,7 +16,7 @@ from device.errors import OutOfRangeError, positive
 from device.friction.coefficient import Chosen, auto_prediction, error_bounds
 from device.friction.contact import Contact
 from device.friction.prediction import Batch, LawChoice, Ratio, rung_prediction
-from device.friction.rungs import TOP_RUNG, rung_by_name, rung_resonance_hz
+from device.friction.rungs import TOP_RUNG, require_rung, rung_resonance_hz
 from device.friction.scenes import NOMINAL, Calibration, Coverage, Direction, Drive
 from protocol.study.study import Study
 
@@ -45,7 +45,7 @@ class PredictOptions:
         LawChoice(name=self.law, overlap=self.eq15_overlap)
         positive("tolerance", self.tolerance)
         if self.rung != "auto":
-            rung_by_name(self.rung)
+            require_rung(self.rung)
 
     def model_hz(self, frequency_hz: FloatArray) -> FloatArray:
         """Return drives of the rig as drives of the model that are as far from its resonance."""

@@ -12,15 +12,13 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.fields import Field
-from device.beam.modes import ComplexArray, FloatArray
+from device.beam.modes import BoolArray, ComplexArray, FloatArray, IndexArray
 from device.beam.timoshenko_modes import ModalBasis, modal_basis
 from device.beam.windows import Pattern, Window, window_width
 
-Rows = NDArray[np.intp]
 Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 Number = TypeVar("Number", FloatArray, ComplexArray)
 
@@ -46,21 +44,25 @@ def _cubic(
     return start, slope, 3 * rise - 2 * slope - stop_slope, slope + stop_slope - 2 * rise
 
 
-def _along(ends: tuple[Number, Number, Number, Number], part: FloatArray) -> Number:
-    """Return the cubic's values at parts of the cells."""
-    c0, c1, c2, c3 = _cubic(ends)
+def _value(terms: tuple[Number, ...], part: FloatArray) -> Number:
+    """Return the cubics' values at parts of the cells."""
+    c0, c1, c2, c3 = terms
     value: Number = c0 + part * (c1 + part * (c2 + part * c3))
     return value
 
 
+def _slope(terms: tuple[Number, ...], part: FloatArray) -> Number:
+    _, c1, c2, c3 = terms
+    slope: Number = c1 + part * (2 * c2 + part * 3 * c3)
+    return slope
+
+
 def _roots(terms: tuple[FloatArray, ...], low: FloatArray, high: FloatArray) -> FloatArray:
     """Return roots of cubics between places of opposite sign by bracketed Newton steps, (33)."""
-    c0, c1, c2, c3 = terms
-    rising = c0 + low * (c1 + low * (c2 + low * c3)) <= 0
+    rising = _value(terms, low) <= 0
     place = (low + high) / 2
     for _ in range(_NEWTON_STEPS):
-        value = c0 + place * (c1 + place * (c2 + place * c3))
-        slope = c1 + place * (2 * c2 + place * 3 * c3)
+        value, slope = _value(terms, place), _slope(terms, place)
         below = (value <= 0) == rising
         low, high = np.where(below, place, low), np.where(below, high, place)
         newton = place - value / np.where(slope == 0, 1.0, slope)
@@ -111,7 +113,7 @@ def _areas(
     corner = np.nonzero(np.minimum(*sizes) < _CORNER * np.abs(stop - start))
     width = np.broadcast_to(width, area.shape)[corner]
     ends = start[corner], start_slope[corner] * width, stop[corner], stop_slope[corner] * width
-    inner = _along(ends, _QUARTERS[:, None])
+    inner = _value(_cubic(ends), _QUARTERS[:, None])
     area[corner] = width * _chord_area(inner[:-1], inner[1:]).mean(axis=0)
     return np.asarray(area)
 
@@ -129,12 +131,12 @@ class _Cells:
     deflection: ComplexArray
     slope: ComplexArray
     direction: Ends
-    starts_right: NDArray[np.bool_]
+    starts_right: BoolArray
     first: FloatArray
     second: FloatArray
     doubt_m: FloatArray
 
-    def right_m(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
+    def right_m(self, drive: IndexArray, cell: IndexArray, part: FloatArray) -> FloatArray:
         """Return the right-moving length of cells up to a part of each."""
         first, second = self.first[drive, cell], self.second[drive, cell]
         turned = np.minimum(np.maximum(part, first), second) - first
@@ -155,7 +157,9 @@ class _Cells:
         )
         return _areas(start, slope, stop, stop_slope, self.widths_m)
 
-    def before(self, drive: Rows, end_m: FloatArray, span: slice) -> tuple[FloatArray, FloatArray]:
+    def before(
+        self, drive: IndexArray, end_m: FloatArray, span: slice
+    ) -> tuple[FloatArray, FloatArray]:
         """Return right-moving length and ∫|W|dx between the start of some cells and each end."""
         cell = np.searchsorted(self.places_m, end_m, side="right") - 1
         cell = np.clip(cell, span.start, span.stop - 1)
@@ -166,13 +170,12 @@ class _Cells:
         area = _running(self.areas[:, span])[from_start] + self._part_area(drive, cell, part)
         return right, area
 
-    def _part_area(self, drive: Rows, cell: Rows, part: FloatArray) -> FloatArray:
+    def _part_area(self, drive: IndexArray, cell: IndexArray, part: FloatArray) -> FloatArray:
         width = self.widths_m[cell]
         start, stop = self.deflection[drive, cell], self.deflection[drive, cell + 1]
         slope, stop_slope = self.slope[drive, cell] * width, self.slope[drive, cell + 1] * width
-        inner = _along((start, slope, stop, stop_slope), part)
-        _, c1, c2, c3 = _cubic((start, slope, stop, stop_slope))
-        inner_slope = (c1 + part * (2 * c2 + part * 3 * c3)) / width
+        terms = _cubic((start, slope, stop, stop_slope))
+        inner, inner_slope = _value(terms, part), _slope(terms, part) / width
         return _areas(start, slope / width, inner, inner_slope, part * width)
 
 
@@ -194,21 +197,22 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     widths = np.diff(places)
     start, stop = value[:, :-1], value[:, 1:]
     start_slope, stop_slope = tangent[:, :-1] * widths, tangent[:, 1:] * widths
+    ends = start, start_slope, stop, stop_slope
     first, second = np.ones(start.shape), np.ones(start.shape)
     positive = start > 0
     crossing = (positive != (stop > 0)) & (widths > 1e-12)
     limit = np.broadcast_to(error[:, None], start.shape)
     doubt = np.where(np.maximum(np.abs(start), np.abs(stop)) < limit, 1.0, 0.0)
 
-    def terms(which: tuple[Rows, ...]) -> tuple[FloatArray, ...]:
-        ends = start[which], start_slope[which], stop[which], stop_slope[which]
-        return _cubic(ends)
+    def terms(which: tuple[IndexArray, ...]) -> tuple[FloatArray, ...]:
+        value, slope, end, end_slope = (each[which] for each in ends)
+        return _cubic((value, slope, end, end_slope))
 
     def uncertain(
-        cubic: tuple[FloatArray, ...], root: FloatArray, which: tuple[Rows, ...]
+        cubic: tuple[FloatArray, ...], root: FloatArray, which: tuple[IndexArray, ...]
     ) -> FloatArray:
         """Return the length in cells about a root that may have the other direction, by (34)."""
-        slope = np.abs(cubic[1] + root * (2 * cubic[2] + root * 3 * cubic[3]))
+        slope = np.abs(_slope(cubic, root))
         # Both sides are times the slope, so that a slope of 0 cannot overflow.
         reach = np.minimum(_BOTH_SIDES_AT_HALF_SLOPE * limit[which], _MOST_DOUBT * slope)
         return np.asarray(reach / np.maximum(slope, 1e-300))
@@ -221,9 +225,9 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
     sign = np.where(positive, 1.0, -1.0)
     dipping = (sign * start_slope < 0) & (sign * stop_slope > 0) & ~crossing
     dips = np.nonzero(dipping)
-    c0, c1, c2, c3 = terms(dips)
-    lowest = _bottoms((c1, c2, c3), sign[dips])
-    bottom = sign[dips] * (c0 + lowest * (c1 + lowest * (c2 + lowest * c3)))
+    cubic = terms(dips)
+    lowest = _bottoms(cubic[1:], sign[dips])
+    bottom = sign[dips] * _value(cubic, lowest)
     # (35): a deeper dip keeps half of its slope as far as its edges may be off.
     doubt[dips] += np.where(np.abs(bottom) < _SHALLOW * limit[dips], _MOST_DOUBT, 0)
     deep = bottom < 0
@@ -238,7 +242,7 @@ def _cells(basis: ModalBasis, weights: ComplexArray, error: FloatArray, stretch:
         widths_m=widths,
         deflection=deflection,
         slope=slope,
-        direction=(start, start_slope, stop, stop_slope),
+        direction=ends,
         starts_right=positive,
         first=first,
         second=second,
@@ -261,7 +265,7 @@ class ModalPattern(Pattern):
     weights: ComplexArray
     rms_m_per_v: FloatArray
     direction_error: FloatArray
-    drive: Rows
+    drive: IndexArray
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         width_m = window_width(x_m, contact_m)
@@ -288,11 +292,12 @@ class ModalPattern(Pattern):
         cells = self._only
         parts = _QUARTERS[:-1, None]
         places = cells.places_m[:-1] + parts * cells.widths_m
-        values = _along(tuple(row[0] for row in cells.direction), parts)
+        start, slope, stop, stop_slope = (row[0] for row in cells.direction)
+        values = _value(_cubic((start, slope, stop, stop_slope)), parts)
         order = np.argsort(places, axis=None)
         return places.ravel()[order], values.ravel()[order]
 
-    def _parts(self, drive: Rows, start_m: FloatArray) -> Iterator[Rows]:
+    def _parts(self, drive: IndexArray, start_m: FloatArray) -> Iterator[IndexArray]:
         """Yield the places of some drives at a time, of which the windows lie close together."""
         leftmost = np.full(self.rms_m_per_v.size, math.inf)
         np.minimum.at(leftmost, drive, start_m)
@@ -302,7 +307,7 @@ class ModalPattern(Pattern):
         groups = rank[drive][order] // _DRIVES_AT_ONCE
         yield from np.split(order, np.flatnonzero(np.diff(groups)) + 1)
 
-    def _part(self, drive: Rows, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
+    def _part(self, drive: IndexArray, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
         """Return right-moving length, ∫|W|dx and doubt of some windows, shape (3, n)."""
         places = self.basis.places_m
         low = max(int(np.searchsorted(places, start_m.min(), side="right")) - 2, 0)
@@ -325,7 +330,7 @@ class ModalPattern(Pattern):
 
 def modal_sum_field(
     beam: Beam,
-    drive: Rows,
+    drive: IndexArray,
     frequency_hz: FloatArray,
     damping_ratio: FloatArray,
     *,

@@ -23,6 +23,8 @@ from device.errors import whole
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+IndexArray = NDArray[np.intp]
 
 _LOW_ORDER = 12  # up to here bξ itself is good to 1e-14, at half the cost
 

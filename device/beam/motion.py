@@ -7,11 +7,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam import modes
 from device.beam.beam import Beam
-from device.beam.modes import ComplexArray, FloatArray
+from device.beam.modes import BoolArray, ComplexArray, FloatArray
 from device.beam.timoshenko import Waves, sections, system_matrix, waves_of
 from device.beam.windows import Pattern, Window, window_width
 
@@ -166,7 +165,7 @@ def _direction_slope(state: MotionState) -> tuple[FloatArray, FloatArray]:
 
 
 def _refined(
-    motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray, rising: NDArray[np.bool_]
+    motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray, rising: BoolArray
 ) -> FloatArray:
     """Return roots between places of opposite sign, by Newton's method kept inside by bisection."""
     if not low_m.size:
@@ -219,7 +218,6 @@ def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
 # minima, where it is almost a corner if the damping is small; sums of their integrals give the mean
 # over a window.
 
-BoolArray = NDArray[np.bool_]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _CELLS_PER_RADIAN = 4

@@ -210,23 +210,18 @@ class ForceSource(Protocol):
     @property
     def dialect(self) -> str:
         """What the source speaks."""
-        ...
 
     def start_sampling(self, rate_hz: float) -> Scale:
         """Set the rate and start; samples are numbered from 0. Return the size of one count."""
-        ...
 
     def sampled(self, first: int, checked: Callable[[Block], Block]) -> Block:
         """Ask for the samples from number `first` on; ask once more if `checked` refuses them."""
-        ...
 
     def stop_sampling(self) -> None:
         """Stop; what was sampled can still be asked for."""
-        ...
 
     def device_time_s(self) -> float:
         """Get the source's own time, s."""
-        ...
 
 
 class Recorder:

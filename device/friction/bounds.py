@@ -15,10 +15,16 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
-from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
+from device.beam.modes import (
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    modal_displacement_m,
+    mode_constants,
+    natural_frequency_hz,
+)
 from device.beam.windows import window_width
 from device.friction import rungs
 from device.friction.contact import contact_window, same_direction_given, with_eq15_ratio
@@ -56,7 +62,7 @@ def _resonance(mode: int) -> Mapping[str, FloatArray]:
     return row | {name: np.concatenate([[0.0], np.cumsum(each)]) for name, each in steps.items()}
 
 
-def certified(batch: Batch) -> NDArray[np.bool_]:
+def certified(batch: Batch) -> BoolArray:
     """Return for which scenes the table has the top rung's range, shape (n,)."""
     known = str(batch.mode) in _table()["modes"]
     resonant = np.isnan(batch.frequency_hz)
@@ -65,7 +71,7 @@ def certified(batch: Batch) -> NDArray[np.bool_]:
     return np.broadcast_to(inside, batch.size)
 
 
-def reduced_certified(batch: Batch) -> NDArray[np.bool_]:
+def reduced_certified(batch: Batch) -> BoolArray:
     """Return for which scenes the table has the errors of `timoshenko-modes`, shape (n,)."""
     plain = _in_domain(batch)
     if plain.any():
@@ -73,7 +79,7 @@ def reduced_certified(batch: Batch) -> NDArray[np.bool_]:
     return np.broadcast_to(plain, batch.size)
 
 
-def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[np.bool_]:
+def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> BoolArray:
     """Return which scenes have the table's beam and damping, and drives within its bins."""
     table, beam = _table(), batch.beam
     plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
@@ -87,7 +93,7 @@ def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> NDArray[
     return np.asarray(inside)
 
 
-def _bins(beam: Beam, frequency_hz: FloatArray) -> NDArray[np.intp]:
+def _bins(beam: Beam, frequency_hz: FloatArray) -> IndexArray:
     """Return the table's bin of each drive frequency; 0, which is unused, at resonance."""
     envelope = _table()["envelope"]
     scaled = frequency_hz / (beam.frequency_scale * envelope["low_hz"])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from device.beam.modes import FloatArray
+from device.beam.modes import FloatArray, IndexArray
 from device.errors import OutOfRangeError, positive
 from device.friction.bounds import (
     Range,
@@ -114,7 +114,7 @@ class Chosen:
     error_bound: FloatArray
 
 
-def _by_drive(batch: Batch, law: Law) -> list[tuple[NDArray[np.intp], bool]]:
+def _by_drive(batch: Batch, law: Law) -> list[tuple[IndexArray, bool]]:
     """Return the certified scenes, those at resonance separate from the others."""
     if not law.extremes_at_corners:
         return []
@@ -145,11 +145,11 @@ def error_bounds(batch: Batch, rung: str, choice: LawChoice, mu: FloatArray) -> 
     return bounds
 
 
-Part = tuple[NDArray[np.intp], str, FloatArray, Prediction]
+Part = tuple[IndexArray, str, FloatArray, Prediction]
 
 
 def _cheap_parts(
-    batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float, *, resonant: bool
+    batch: Batch, which: IndexArray, choice: LawChoice, tolerance: float, *, resonant: bool
 ) -> Iterator[Part]:
     """Yield the scenes that a candidate covers: rows, candidate, bounds and predictions."""
     top = top_rung_range(batch.rows(which), choice, resonant=resonant)
@@ -166,13 +166,13 @@ def _cheap_parts(
             which, top = which[~within], top[:, ~within]
 
 
-def _worthwhile(batch: Batch, which: NDArray[np.intp]) -> bool:
+def _worthwhile(batch: Batch, which: IndexArray) -> bool:
     """Whether scenes have so many different drives that setting up the modes saves time."""
     return which.size >= FEWEST_DRIVES and batch.rows(which).drives()[0].size >= FEWEST_DRIVES
 
 
 def _reduced_part(
-    batch: Batch, which: NDArray[np.intp], choice: LawChoice, tolerance: float
+    batch: Batch, which: IndexArray, choice: LawChoice, tolerance: float
 ) -> Iterator[Part]:
     """Yield the scenes that `timoshenko-modes` covers, if their drives outnumber its set-up."""
     if not choice.law.extremes_at_corners or tolerance < FINEST_TOLERANCE:

@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap, same_direction_ratio
 from device.beam.fields import Field
-from device.beam.modes import FloatArray
+from device.beam.modes import FloatArray, IndexArray
 from device.beam.windows import Window, window_width
 from device.friction.laws import ContactTerms
 from device.friction.scenes import REFERENCE_SPEED_M_S, Coverage, Direction, Scene
@@ -58,7 +57,7 @@ class Contact:
             return self.body_count * self.body_load_n / self.beam.length_m
         return self.finger_load_n / self.contact_m
 
-    def rows(self, which: NDArray[np.intp]) -> "Contact":
+    def rows(self, which: IndexArray) -> "Contact":
         """Return the contact at some of the places; numbers apply to all of them."""
         chosen: dict[str, Any] = {
             name: value[which]

@@ -4,12 +4,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.beam.fields import Field, Signal
-from device.beam.modes import FloatArray, natural_frequency_hz
+from device.beam.modes import FloatArray, IndexArray, natural_frequency_hz
 from device.beam.windows import Window
 from device.errors import OutOfRangeError, one_of
 from device.friction import rungs
@@ -70,14 +69,14 @@ class Batch:
     def size(self) -> int:
         return int(self.contact.x_m.size)
 
-    def rows(self, which: NDArray[np.intp]) -> "Batch":
+    def rows(self, which: IndexArray) -> "Batch":
         drives = ("voltage_v", "frequency_hz", "damping_ratio")
         # A value that all scenes share stays one.
         own = {name: getattr(self, name) for name in drives}
         own = {name: all_[which] for name, all_ in own.items() if all_.size == self.size}
         return replace(self, contact=self.contact.rows(which), **own)
 
-    def drives(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    def drives(self) -> tuple[FloatArray, FloatArray, IndexArray]:
         """Return frequencies and damping ratios that differ, and which of them each scene has.
 
         A resonance is -1 here: one NaN would be unlike another. The last is of shape (1,) if all
@@ -103,7 +102,7 @@ class Prediction:
     inertial_load_n: FloatArray
     displacement_m: FloatArray
 
-    def rows(self, which: NDArray[np.intp]) -> "Prediction":
+    def rows(self, which: IndexArray) -> "Prediction":
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 
@@ -162,7 +161,7 @@ def terms_prediction(
     return Prediction(**dict(zip(columns, whole, strict=True)))
 
 
-def joined(parts: list[tuple[NDArray[np.intp], Prediction]], size: int) -> Prediction:
+def joined(parts: list[tuple[IndexArray, Prediction]], size: int) -> Prediction:
     """Return the predictions for parts of a batch, joined in the order of the batch."""
     if len(parts) == 1 and parts[0][0].size == size:
         return parts[0][1]
@@ -215,7 +214,7 @@ def reduced_frequency_hz(batch: Batch) -> FloatArray:
 
 def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
     """Return a rung's prediction; raise `OutOfRangeError` for an unknown rung or mode."""
-    rungs.rung_by_name(rung)
+    rungs.require_rung(rung)
     if rung == rungs.REDUCED_RUNG:
         return field_prediction(batch.contact, reduced_field(batch), rung, choice)
     if rung not in rungs.MODAL_RUNGS:

@@ -4,19 +4,18 @@ Only the rungs that need it load the solver of the segmented beam: most predicti
 """
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
 from device.beam.fields import Eq15Pattern, Field, ModePattern, Signal, SinusoidPattern, modal_field
-from device.beam.modes import FloatArray, natural_frequency_hz
+from device.beam.modes import FloatArray, IndexArray, natural_frequency_hz
 from device.beam.windows import Pattern
 from device.errors import OutOfRangeError
 from device.friction.scenes import Drive
@@ -24,18 +23,67 @@ from device.friction.scenes import Drive
 if TYPE_CHECKING:
     from device.beam.motion import MotionPattern
 
+TOP_RUNG = "timoshenko-patched"
+REDUCED_RUNG = "timoshenko-modes"
+"""The top rung's own modes: cheap where many drives differ."""
+MODAL_RUNGS = ("eq15", "far-field", "mode")
+SEGMENTED_RUNGS: Mapping[str, tuple[bool, bool]] = MappingProxyType(
+    {
+        "euler-patched": (True, False),
+        "timoshenko": (False, True),
+        REDUCED_RUNG: (True, True),
+        TOP_RUNG: (True, True),
+    }
+)
+"""The rungs of the segmented beam: whether its patches' stiffness and mass count, and shear."""
+HIGHEST_MODE = 999
+"""The highest mode that `modes:N` can add up: N has at most three digits."""
+_LOWEST_SUM = Drive().mode
+"""The reference scene's mode: a sum without it has no reference tip speed."""
+RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
 
-@dataclass(frozen=True, kw_only=True)
-class Rung:
-    """A rung: the driven beam's motion as it computes it, and a mode's natural frequency, Hz."""
 
-    field_of: Callable[[Beam, Drive, Overlap], Field]
-    resonance_hz: Callable[[Beam, int], float] = natural_frequency_hz
+def require_rung(name: str) -> None:
+    """Raise `OutOfRangeError` unless it is one of `RUNG_NAMES` (`modes:12`: a sum of twelve)."""
+    if not (name in MODAL_RUNGS or name in SEGMENTED_RUNGS or _summed(name)):
+        names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
+        raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
 
 
-def _frequency_hz(drive: Drive) -> float | None:
-    """Return the drive's frequency, or None for the rung's own resonance."""
-    return None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
+def _summed(name: str) -> int:
+    """Return how many modes of the bare beam the rung adds up, 0 if it is no such sum."""
+    found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
+    return int(found[1]) if found and int(found[1]) >= _LOWEST_SUM else 0
+
+
+def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
+    """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
+    require_rung(name)
+    if name not in SEGMENTED_RUNGS:
+        return natural_frequency_hz(beam, mode)
+    from device.beam.timoshenko import segmented_natural_frequency_hz
+
+    patched, shear = SEGMENTED_RUNGS[name]
+    return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
+
+
+@lru_cache(maxsize=64)
+def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
+    """Return the driven beam's motion as the rung of that name computes it.
+
+    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`. Raise `OutOfRangeError`
+    for no such rung, or a mode beyond its cut-off or its sum.
+    """
+    require_rung(name)
+    frequency_hz = None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
+    if name in MODAL_RUNGS:
+        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=frequency_hz)
+        return modal_rung_field(name, beam, drive.mode, signal, overlap)
+    if 0 < (count := _summed(name)) < drive.mode:
+        rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
+        raise OutOfRangeError("mode", rule, drive.mode)
+    frequency_hz = frequency_hz or rung_resonance_hz(name, beam, drive.mode)
+    return _solved_field(name, beam, frequency_hz).scaled(np.asarray(drive.voltage_v))
 
 
 def modal_rung_field(
@@ -49,6 +97,28 @@ def modal_rung_field(
         "mode": ModePattern(mode=mode, length_m=length_m),
     }
     return modal_field(beam, mode, patterns[name], signal)
+
+
+def _solved_field(name: str, beam: Beam, frequency_hz: float) -> Field:
+    """Return the field per volt of a rung that solves the beam or adds up many modes."""
+    if name == REDUCED_RUNG:
+        all_places, damping = np.zeros(1, dtype=np.intp), np.array([beam.damping_ratio])
+        field = modal_sum_field(beam, all_places, np.array([frequency_hz]), damping)
+        rms, rotation = field.displacement_m[0], field.rotation[0]
+        return replace(
+            field, frequency_hz=np.asarray(frequency_hz), displacement_m=rms, rotation=rotation
+        )
+    if count := _summed(name):
+        pattern = _modal_pattern(beam, frequency_hz, count)
+    else:
+        patched, shear = SEGMENTED_RUNGS[name]
+        pattern = _segmented_pattern(beam, frequency_hz, patched=patched, shear=shear)
+    return Field(
+        pattern=pattern,
+        frequency_hz=np.asarray(frequency_hz),
+        displacement_m=np.asarray(pattern.rms_m_per_v),
+        rotation=np.asarray(pattern.rotation_per_v),
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -67,54 +137,9 @@ def _modal_pattern(beam: Beam, frequency_hz: float, count: int) -> "MotionPatter
     return motion_pattern(modal_motion(beam, frequency_hz, count))
 
 
-def _driven(pattern: "MotionPattern", frequency_hz: float, voltage_v: float) -> Field:
-    return Field(
-        pattern=pattern,
-        frequency_hz=np.asarray(frequency_hz),
-        displacement_m=np.asarray(pattern.rms_m_per_v * voltage_v),
-        rotation=np.asarray(pattern.rotation_per_v * voltage_v),
-    )
-
-
-def _modal(name: str) -> Rung:
-
-    def field_of(beam: Beam, drive: Drive, overlap: Overlap) -> Field:
-        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=_frequency_hz(drive))
-        return modal_rung_field(name, beam, drive.mode, signal, overlap)
-
-    return Rung(field_of=field_of)
-
-
-def _segmented(*, patched: bool, shear: bool) -> Rung:
-    def resonance_hz(beam: Beam, mode: int) -> float:
-        from device.beam.timoshenko import segmented_natural_frequency_hz
-
-        return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
-
-    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
-        frequency_hz = _frequency_hz(drive) or resonance_hz(beam, drive.mode)
-        pattern = _segmented_pattern(beam, frequency_hz, patched=patched, shear=shear)
-        return _driven(pattern, frequency_hz, drive.voltage_v)
-
-    return Rung(field_of=field_of, resonance_hz=resonance_hz)
-
-
-def _modes(count: int) -> Rung:
-    """Return the rung that adds up the first `count` modes of the bare beam."""
-
-    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
-        if drive.mode > count:
-            rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
-            raise OutOfRangeError("mode", rule, drive.mode)
-        frequency_hz = _frequency_hz(drive) or natural_frequency_hz(beam, drive.mode)
-        return _driven(_modal_pattern(beam, frequency_hz, count), frequency_hz, drive.voltage_v)
-
-    return Rung(field_of=field_of)
-
-
 def modal_sum_field(
     beam: Beam,
-    drive: NDArray[np.intp],
+    drive: IndexArray,
     frequency_hz: FloatArray,
     damping_ratio: FloatArray,
     direction_error: FloatArray | float = 0.0,
@@ -132,23 +157,12 @@ def modal_sum_field(
     )
 
 
-def _reduced() -> Rung:
-    """Return the rung that sums modes of the patched Timoshenko beam."""
-    solved = _segmented(patched=True, shear=True)
-
-    def field_of(beam: Beam, drive: Drive, _: Overlap) -> Field:
-        frequency_hz = _frequency_hz(drive) or solved.resonance_hz(beam, drive.mode)
-        all_places = np.zeros(1, dtype=np.intp)
-        damping = np.array([beam.damping_ratio])
-        field = modal_sum_field(beam, all_places, np.array([frequency_hz]), damping)
-        return Field(
-            pattern=field.pattern,
-            frequency_hz=np.asarray(frequency_hz),
-            displacement_m=field.displacement_m[0] * np.asarray(drive.voltage_v),
-            rotation=field.rotation[0] * np.asarray(drive.voltage_v),
-        )
-
-    return Rung(field_of=field_of, resonance_hz=solved.resonance_hz)
+@lru_cache(maxsize=32)
+def reference_tip_speed_m_s(name: str) -> float:
+    """Return a rung's tip speed of a 1 mm body in the paper's scene at the rung's resonance."""
+    beam = Beam()
+    field = rung_field(name, beam, Drive())
+    return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))
 
 
 def forget_set_ups() -> None:
@@ -161,57 +175,3 @@ def forget_set_ups() -> None:
     _modal_pattern.cache_clear()
     modal_basis.cache_clear()
     segmented_natural_frequency_hz.cache_clear()
-
-
-TOP_RUNG = "timoshenko-patched"
-REDUCED_RUNG = "timoshenko-modes"
-"""The top rung's own modes: cheap where many drives differ."""
-MODAL_RUNGS = ("eq15", "far-field", "mode")
-SEGMENTED_RUNGS: Mapping[str, Rung] = MappingProxyType(
-    {
-        "euler-patched": _segmented(patched=True, shear=False),
-        "timoshenko": _segmented(patched=False, shear=True),
-        REDUCED_RUNG: _reduced(),
-        TOP_RUNG: _segmented(patched=True, shear=True),
-    }
-)
-HIGHEST_MODE = 999
-"""The highest mode that `modes:N` can add up: N has at most three digits."""
-_LOWEST_SUM = Drive().mode
-"""The reference scene's mode: a sum without it has no reference tip speed."""
-RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
-_RUNGS = {**{name: _modal(name) for name in MODAL_RUNGS}, **SEGMENTED_RUNGS}
-
-
-def rung_by_name(name: str) -> Rung:
-    """Return one of `RUNG_NAMES` (`modes:12`: a sum of twelve), or raise `OutOfRangeError`."""
-    if name in _RUNGS:
-        return _RUNGS[name]
-    found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
-    if found and int(found[1]) >= _LOWEST_SUM:
-        return _modes(int(found[1]))
-    names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
-    raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
-
-
-@lru_cache(maxsize=64)
-def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
-    """Return the driven beam's motion as the rung of that name computes it.
-
-    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`. Raise `OutOfRangeError`
-    for no such rung, or a mode beyond its cut-off or its sum.
-    """
-    return rung_by_name(name).field_of(beam, drive, overlap)
-
-
-def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
-    """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
-    return rung_by_name(name).resonance_hz(beam, mode)
-
-
-@lru_cache(maxsize=32)
-def reference_tip_speed_m_s(name: str) -> float:
-    """Return a rung's tip speed of a 1 mm body in the paper's scene at the rung's resonance."""
-    beam = Beam()
-    field = rung_field(name, beam, Drive())
-    return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))

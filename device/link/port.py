@@ -48,15 +48,12 @@ class Port(Protocol):
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`; empty if none arrived."""
-        ...
 
     def send(self, data: bytes) -> None:
         """Send `data`, within `WRITE_TIMEOUT_S`."""
-        ...
 
     def close(self) -> None:
         """Close the port."""
-        ...
 
 
 class SerialPort:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from device.beam.beam import Beam
-from device.beam.modes import FloatArray
+from device.beam.modes import BoolArray, FloatArray
 from device.people.person import People, normal_quantile
 from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study_question import ANSWERS, QUESTIONS, Question
@@ -25,7 +25,6 @@ MORE, LESS, SAME = 1, -1, 0
 """Answers to a question on a change: its first one, the contrary, and no change."""
 
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 def meaning(question: Question, answer: str | None) -> int | None:

@@ -8,12 +8,11 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from device.beam.beam import Beam
-from device.beam.modes import FloatArray
+from device.beam.modes import FloatArray, IndexArray
 from device.friction.changes import LAW, RUNG
-from device.friction.contact import contact_of
+from device.friction.contact import Number, contact_of
 from device.friction.prediction import LawChoice, law_terms
 from device.friction.rungs import rung_field, rung_resonance_hz
 from device.friction.scenes import Direction, Drive, Scene, Structure
@@ -156,7 +155,7 @@ class People:
             raise AttributeError(name)
         return np.asarray(self._columns[name])
 
-    def rows(self, which: NDArray[np.intp]) -> "People":
+    def rows(self, which: IndexArray) -> "People":
         """Return the persons at these positions, in this order; one may come more than once."""
         return People(np.stack([column[which] for column in self._columns.values()], axis=-1))
 
@@ -226,9 +225,6 @@ class World:
         return rung_resonance_hz(self.rung, Beam(), MODE)
 
 
-Number = FloatArray | float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fingers:
     """Fingers on the beam; arrays of shape (n,), or numbers that are those of all of them.
@@ -279,7 +275,6 @@ class Distribution(Protocol):
 
     def values(self, u: FloatArray, limits: Parameter) -> FloatArray:
         """Return the quantiles at `u`, between 0 and 1, of the part within the limits."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,13 +46,7 @@ class GaugeLine:
             return
         received = self.line.receive()
         self._gone = received is None
-        if received is None:
-            self._buffer.clear()
-        try:
-            lines = self._buffer.feed(received) if received else []
-        except DeviceError:
-            lines = []
-        for line in lines:
+        for line in _lines(self._buffer, received, lambda: None):
             self._answer(line)
 
     def vanish_or_come_back(self) -> None:
@@ -81,6 +75,17 @@ def _is_there(line: Line, was: bool, present: bool) -> bool:
     elif was and not present:
         line.hang_up()
     return present
+
+
+def _lines(buffer: LineBuffer, received: bytes | None, overrun: Callable[[], None]) -> list[bytes]:
+    """Return the lines that end in what came; None is a host that is gone, maybe within a line."""
+    if received is None:
+        buffer.clear()
+    try:
+        return buffer.feed(received or b"")
+    except DeviceError:
+        overrun()
+        return []
 
 
 # The device's own end of the wire: lines in, answers out, and what faults do to both.
@@ -284,17 +289,11 @@ class Server:
         if not self._there or "deaf" in self._device.broken.active:
             return False
         received = self._line.receive()
-        try:
-            lines = self._buffer.feed(self._wire.heard(received)) if received else []
-        except DeviceError:
-            self._device.complain(_OVERRUN)
-            lines = []
-        for line in lines:
+        heard = self._wire.heard(received) if received else received
+        for line in _lines(self._buffer, heard, lambda: self._device.complain(_OVERRUN)):
             answer = self._device.answer_bytes(line, self._wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)
-        if received is None:
-            self._buffer.clear()  # of a line that the host did not end
         return received is None
 
 

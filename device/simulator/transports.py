@@ -24,27 +24,21 @@ class Line(Protocol):
 
     def fileno(self) -> int:
         """What becomes readable when the host does something."""
-        ...
 
     def receive(self) -> bytes | None:
         """Return what the host sent, maybe nothing; None if there was a host and it is gone."""
-        ...
 
     def send(self, data: bytes) -> None:
         """Send `data`; a host that does not read loses it."""
-        ...
 
     def hang_up(self) -> None:
         """Vanish."""
-        ...
 
     def come_back(self) -> None:
         """Be there again under the same address."""
-        ...
 
     def close(self) -> None:
         """Leave nothing behind."""
-        ...
 
 
 class PtyLine:

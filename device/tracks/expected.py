@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from device.beam.modes import FloatArray
+from device.beam.modes import BoolArray, FloatArray
 from device.tracks.posterior import choices, correct_share, lattice, slopes
 from protocol.study.track import Track
 from protocol.tracks.procedure import TrackPlace, constant_order, moved, start
@@ -91,7 +90,7 @@ def counted_answers(track: Track, right: FloatArray, u: FloatArray, first: int =
     return counted
 
 
-def _ended(track: Track, places: Sequence[TrackPlace], counted: FloatArray) -> NDArray[np.bool_]:
+def _ended(track: Track, places: Sequence[TrackPlace], counted: FloatArray) -> BoolArray:
     """Return for which observers a stop is reached."""
     ended = np.zeros(len(places), dtype=bool)
     if track.stop is not None and track.stop.reversals is not None:

@@ -93,10 +93,10 @@ SimulatedLawOption = Annotated[
 
 def _rung(name: str) -> str:
     from device.errors import OutOfRangeError
-    from device.friction.rungs import rung_by_name
+    from device.friction.rungs import require_rung
 
     try:
-        rung_by_name(name)
+        require_rung(name)
     except OutOfRangeError as error:
         raise ValueError(str(error)) from error
     return name

@@ -1,6 +1,7 @@
 """The dialect of the board: which command reads or sets what, as the wire protocol has it."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from device.force_channel.recording import encoded
 from device.link.codec import block, number_text
@@ -53,6 +54,7 @@ class BoardDialect(Dialect):
         amplitude = f"{volts}[:LEVel][:IMMediate][:AMPLitude]"
         ramp = (_V_PER_S, *power_stage.RAMP_RANGE_V_PER_S)
         hertz, rates = (scpi.HERTZ, *power_stage.FREQUENCY_RANGE_HZ), (scpi.HERTZ, *RATE_RANGE_HZ)
+        limits = (scpi.VOLTS, 0.0, power_stage.MAX_VOLTAGE_V)
         watchdog = (scpi.SECONDS, *power_stage.WATCHDOG_RANGE_S)
         readings: dict[str, Callable[[power_stage.Instrument], float]] = {
             "VOLTage": self._beam.monitor_v,
@@ -74,20 +76,14 @@ class BoardDialect(Dialect):
             "SYSTem:VERSion?": asked(lambda: "1999.0"),
             "SYSTem:TIME?": asked(lambda: number_text(instrument.time_s)),
             "SYSTem:BOOT?": asked(lambda: str(instrument.boot)),
-            frequency: self._set_frequency,
-            f"{frequency}?": lambda call: number_text(
-                scpi.told(call.argument, instrument.frequency_hz, *power_stage.FREQUENCY_RANGE_HZ)
-            ),
+            **self._quantity(frequency, instrument, "frequency_hz", hertz, self._set_frequency),
             amplitude: self._set_voltage,
             f"{amplitude}?": lambda call: number_text(
                 scpi.told(call.argument, instrument.target_v, 0.0, instrument.limit_v)
             ),
             f"{volts}:INSTant?": asked(lambda: number_text(instrument.meant_v)),
             **self._quantity(f"{volts}:RAMP", instrument, "ramp_v_per_s", ramp),
-            f"{volts}:LIMit": self._set_limit,
-            f"{volts}:LIMit?": lambda call: number_text(
-                scpi.told(call.argument, instrument.limit_v, 0.0, power_stage.MAX_VOLTAGE_V)
-            ),
+            **self._quantity(f"{volts}:LIMit", instrument, "limit_v", limits, self._set_limit),
             "OUTPut#[:STATe]": lambda call: self._switch(scpi.boolean(call.argument)),
             "OUTPut#[:STATe]?": asked(lambda: str(int(instrument.output))),
             "OUTPut#:PROTection:TRIPped?": asked(lambda: str(int(instrument.tripped))),
@@ -102,7 +98,9 @@ class BoardDialect(Dialect):
             f"{sweep}:STATe": lambda call: self._switch_sweep(scpi.boolean(call.argument)),
             f"{sweep}:STATe?": asked(lambda: str(int(instrument.sweep is not None))),
             **{f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()},
-            **self._quantity("TRACe:RATE", sampler, "rate_hz", rates, self._require_stopped),
+            **self._quantity(
+                "TRACe:RATE", sampler, "rate_hz", rates, require=self._require_stopped
+            ),
             "TRACe:STATe": lambda call: sampler.switch(scpi.boolean(call.argument), instrument),
             "TRACe:STATe?": asked(lambda: str(int(sampler.on))),
             "TRACe:SCALe?": asked(lambda: ",".join(map(number_text, SCALE))),
@@ -125,14 +123,15 @@ class BoardDialect(Dialect):
         owner: object,
         name: str,
         rule: tuple[Mapping[str, float], float, float],
+        keep: Callable[[float], None] | None = None,
         require: Callable[[], None] = lambda: None,
     ) -> dict[str, Handler]:
-        """The two commands of a quantity that is only kept, if `require` does not object."""
-        units, lowest, highest = rule
+        """The two commands of a quantity, which `keep` keeps, if `require` does not object."""
+        (units, lowest, highest), kept = rule, keep or partial(setattr, owner, name)
 
         def put(call: Call) -> None:
             require()
-            setattr(owner, name, scpi.quantity(call.argument, units, lowest, highest))
+            kept(scpi.quantity(call.argument, units, lowest, highest))
 
         def get(call: Call) -> str:
             return number_text(
@@ -142,8 +141,7 @@ class BoardDialect(Dialect):
 
         return {header: put, f"{header}?": get}
 
-    def _set_frequency(self, call: Call) -> None:
-        value = scpi.quantity(call.argument, scpi.HERTZ, *power_stage.FREQUENCY_RANGE_HZ)
+    def _set_frequency(self, value: float) -> None:
         self._instrument.sweep = None
         # The gain is that of the fault `read-back-differs`; the read-back must then show it.
         self._instrument.frequency_hz = self._instrument.set_gain * value
@@ -152,8 +150,7 @@ class BoardDialect(Dialect):
         value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, self._instrument.limit_v)
         self._instrument.target_v = self._instrument.set_gain * value
 
-    def _set_limit(self, call: Call) -> None:
-        value = scpi.quantity(call.argument, scpi.VOLTS, 0.0, power_stage.MAX_VOLTAGE_V)
+    def _set_limit(self, value: float) -> None:
         # Refused: a limit that lowers the amplitude by itself would hide a slip of the host.
         if value < self._instrument.target_v:
             raise ScpiError(-221, "Settings conflict; the amplitude exceeds this limit")

@@ -7,7 +7,7 @@ long and short forms, numeric suffixes).
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 # For a frequency SCPI reads MHZ as mega, although M is milli everywhere else: hence MAHZ, too.
 HERTZ = {"": 1.0, "UHZ": 1e-6, "HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "MAHZ": 1e6, "GHZ": 1e9}
@@ -192,16 +192,11 @@ class Headers:
             (header_pattern(spelling), handler) for spelling, handler in handlers.items()
         ]
         self._channels = channels
-        self._known: dict[str, tuple[Handler, int]] = {}
+        # Kept, because a session asks the same few headers again and again.
+        self.found = cache(self._found)
 
-    def found(self, header: str) -> tuple[Handler, int]:
+    def _found(self, header: str) -> tuple[Handler, int]:
         """Return what `header` does and its channel (1 if none); errors -102, -113 and -114."""
-        if header not in self._known:
-            # Kept, because a session asks the same few headers again and again.
-            self._known[header] = self._looked_up(header)
-        return self._known[header]
-
-    def _looked_up(self, header: str) -> tuple[Handler, int]:
         if not _HEADER.fullmatch(header):
             raise ScpiError(-102, "Syntax error")
         for pattern, handler in self._handlers:

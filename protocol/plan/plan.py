@@ -43,16 +43,12 @@ def catch_places(study: Study, order: list[int], name: blocks.StreamName) -> dic
     beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
     # A catch trial takes the beam of the trial before it, so that it gives nobody away by a swap.
     allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
-    stream = blocks.Stream(*name)
-    places = blocks.spaced_places(
-        allowed, study.design.catch_trials, study.design.catch_apart, stream
-    )
-    return {
-        place: stream.one_of(
-            [number for number, needed in enumerate(beams) if needed == beams[order[place - 1]]]
-        )
-        for place in places
-    }
+    stream, design = blocks.Stream(*name), study.design
+    chosen: dict[int, int] = {}
+    for place in blocks.spaced_places(allowed, design.catch_trials, design.catch_apart, stream):
+        same = [at for at, needed in enumerate(beams) if needed == beams[order[place - 1]]]
+        chosen[place] = stream.one_of(same)
+    return chosen
 
 
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
@@ -93,15 +89,10 @@ def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
 
 def _practice(study: Study, name: blocks.StreamName) -> Iterator[Trial]:
     """Yield trials of the conditions to practise: all in random order, again and again."""
-    pool, wanted, stream = (
-        blocks.practice_pool(study),
-        study.design.practice_trials,
-        blocks.Stream(*name),
-    )
-    drawn: list[int] = []
-    while len(drawn) < wanted:
-        drawn += stream.shuffled(pool)
-    for number in drawn[:wanted]:
+    stream, drawn = blocks.Stream(*name), list[int]()
+    while len(drawn) < study.design.practice_trials:
+        drawn += stream.shuffled(blocks.practice_pool(study))
+    for number in drawn[: study.design.practice_trials]:
         condition = study.condition[number]
         yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
 
@@ -205,12 +196,8 @@ def _broken(study: Study, order: Sequence[Trial]) -> int:
     catches = [place for place, trial in enumerate(order) if trial.kind == "catch"]
     close = [later - place - 1 < study.design.catch_apart for place, later in pairwise(catches)]
     own = study.touch.beam
-    misplaced = [
-        place == 0
-        or order[place].block != order[place - 1].block
-        or beams_of(order[place].touches, own) != beams_of(order[place - 1].touches, own)
-        for place in catches
-    ]
+    needed = [(trial.block, beams_of(trial.touches, own)) for trial in order]
+    misplaced = [place == 0 or needed[place] != needed[place - 1] for place in catches]
     return sum(long_runs) + sum(close) + sum(misplaced)
 
 
@@ -235,10 +222,7 @@ def slide_study(study: Study) -> Study:
             "force_channel": study.force_channel.model_copy(update={"rate_hz": rate_hz}),
             "as_instructed": rules,
             "session": study.session.model_copy(update={"blind_operator": False}),
-            "question": (),
-            "page": (),
-            "opening": (),
-            "condition": (),
+            **dict.fromkeys(("question", "page", "opening", "condition"), ()),
         }
     )
 

@@ -278,8 +278,7 @@ def preview(study: Study, participants: int, at_levels: Iterable[Touch] = ()) ->
         max_voltage_v=max(touch.peak_voltage_v for touch in touches),
         max_frequency_hz=max(touch.peak_frequency for touch in touches) * nominal_hz,
         max_slew_v_per_us=max(
-            slew_v_per_us(touch.peak_voltage_v, touch.peak_frequency * nominal_hz)
-            for touch in touches
+            slew_v_per_us(it.peak_voltage_v, it.peak_frequency * nominal_hz) for it in touches
         ),
         max_resonance_hz=max_resonance_hz(study, touches),
         slide=slide,
@@ -328,20 +327,15 @@ def scored_contrasts(shown: Preview, model: Prediction) -> dict[str, list[float]
 def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
     """Return the preview as plain JSON values; infinite widths become `None`."""
     channel = shown.study.force_channel
-    recorded = {
-        "rate_hz": channel.rate_hz,
-        "gauge": channel.gauge,
-        "line_share": round(line_share(channel), 2),
-    }
+    share = round(line_share(channel), 2)
+    recorded = {"rate_hz": channel.rate_hz, "gauge": channel.gauge, "line_share": share}
     groups = [
         {"name": name, "participants": len(own), **_balance_record(carry_over(shown.study, own))}
         for name, own in by_group(shown.plans).items()
         if name
     ]
-    passes = [
-        {"index": trial.index, "drive": trial.condition}
-        for trial in (shown.slide.trials if shown.slide else ())
-    ]
+    sliding = shown.slide.trials if shown.slide else ()
+    passes = [{"index": trial.index, "drive": trial.condition} for trial in sliding]
     slide_s, highest_hz = round(shown.slide_s, 1), shown.max_resonance_hz
     return {
         "participants": [

@@ -185,18 +185,14 @@ def locked(study: Study, digest: str | None) -> Study:
 
 def _toml(document: Mapping[str, Any], table: str = "") -> str:
     """Return TOML: plain values first, then a table for each mapping."""
-    plain = {name: value for name, value in document.items() if not isinstance(value, Mapping)}
-    lines = [
-        f"{name if re.fullmatch(r'[A-Za-z0-9_-]+', name) else in_toml(name)} = {in_toml(value)}\n"
-        for name, value in plain.items()
-    ]
-    header = f"\n[{table}]\n" if table else ""
-    tables = [
-        _toml(value, f"{table}.{name}" if table else name)
-        for name, value in document.items()
-        if isinstance(value, Mapping)
-    ]
-    return "".join([header, *lines, *tables])
+    lines, tables = [f"\n[{table}]\n"] if table else [], []
+    for name, value in document.items():
+        key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else in_toml(name)
+        if isinstance(value, Mapping):
+            tables.append(_toml(value, f"{table}.{name}" if table else name))
+        else:
+            lines.append(f"{key} = {in_toml(value)}\n")
+    return "".join([*lines, *tables])
 
 
 # The hypotheses that a registration can name, each with the test that decides on it.
@@ -291,44 +287,38 @@ def hypotheses(
     >>> list(hypotheses(["a", "b"]))[1:3]
     ['a above b', 'b above a']
     """
-    pairs = permutations(conditions, 2)
+    noticing = {NOTICED: f"{_EXACT}; p < .05"} | {
+        f"{name} {NOTICED}": f"{_EXACT}, corrected by Holm's method over all conditions; p < .05"
+        for name in conditions
+    }
     return {
         OMNIBUS: "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
-        **{
-            above(higher, lower): "Wilcoxon's signed-rank test, two-sided, corrected by Holm's "
-            "method over all pairs of conditions; p < .05 and a mean difference above 0"
-            for higher, lower in pairs
-        },
+        **{above(*pair): _ABOVE for pair in permutations(conditions, 2)},
         # These words stand in registered texts, which are compared: another p of F leaves them.
         GAINS: "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
         FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
         "p < .05 and a correlation above 0",
-        **{
-            between(higher, lower): "Wilcoxon-Mann-Whitney test of the participants' mean scores, "
-            "two-sided, corrected by Holm's method over all pairs of groups; p < .05 and a "
-            "Hodges-Lehmann shift above 0"
-            for higher, lower in permutations(groups, 2)
-        },
-        **(_of_noticing(conditions) if catch_trials else {}),
-        **{effect_of(of): f"main effect within participants {_BY_FACTOR}" for of in factors},
-        **{
-            effect_of(*pair): f"interaction within participants {_BY_FACTOR}"
-            for pair in permutations(factors, 2)
-        },
+        **{between(*pair): _BETWEEN for pair in permutations(groups, 2)},
+        **(noticing if catch_trials else {}),
+        **{effect_of(of): f"main effect {_BY_FACTOR}" for of in factors},
+        **{effect_of(*pair): f"interaction {_BY_FACTOR}" for pair in permutations(factors, 2)},
     }
 
 
-_BY_FACTOR = (
-    "on mean scores: permutation of levels, and F with Greenhouse and Geisser's correction; the "
-    "larger p < .05"
+_ABOVE = (
+    "Wilcoxon's signed-rank test, two-sided, corrected by Holm's method over all pairs of "
+    "conditions; p < .05 and a mean difference above 0"
 )
-
-
-def _of_noticing(conditions: Iterable[str]) -> dict[str, str]:
-    exact = "exact test within people of reported changes against those on catch trials, one-sided"
-    holm = f"{exact}, corrected by Holm's method over all conditions; p < .05"
-    return {NOTICED: f"{exact}; p < .05"} | {f"{name} {NOTICED}": holm for name in conditions}
+_BETWEEN = (
+    "Wilcoxon-Mann-Whitney test of the participants' mean scores, two-sided, corrected by Holm's "
+    "method over all pairs of groups; p < .05 and a Hodges-Lehmann shift above 0"
+)
+_EXACT = "exact test within people of reported changes against those on catch trials, one-sided"
+_BY_FACTOR = (
+    "within participants on mean scores: permutation of levels, and F with Greenhouse and "
+    "Geisser's correction; the larger p < .05"
+)
 
 
 _MOST_NAMES = 12
@@ -405,10 +395,7 @@ def _is_recorded(trial: PlannedTrial, recorded: PlannedTrial) -> bool:
     """Return whether a trial is the recorded one; keys that its build did not write are skipped."""
     drawn, kept = trial.to_json(), recorded.to_json()
     made, before = drawn.pop("touches"), kept.pop("touches")
-    return (
-        drawn == kept
-        and len(made) == len(before)
-        and all(
-            {key: new.get(key) for key in old} == old for new, old in zip(made, before, strict=True)
-        )
-    )
+    if drawn != kept or len(made) != len(before):
+        return False
+    pairs = zip(made, before, strict=True)
+    return all({key: new.get(key) for key in old} == old for new, old in pairs)

@@ -232,7 +232,6 @@ def lacking(study: Study, code: str) -> Iterator[str]:
         if band_name(band, wording) is None:
             yield f"a name of the scores {_span(band.first, band.last)}"
     for question in study.question:
-        if not all(
-            code in names for names in (question.text, *(each.names for each in question.labels))
-        ):
+        named = (question.text, *(each.names for each in question.labels))
+        if not all(code in names for names in named):
             yield f"a text of the question {question.name!r}"

@@ -33,11 +33,10 @@ Due = tuple[When, int | None, StudyQuestion]
 def asked(context: SessionContext, screen: screens.Ask) -> tuple[Answer, screens.Response]:
     """Return what the answer means, and the response; raises `ValueError` if it is not allowed."""
     # Only what is shown is turned, so that answers keep their names and the data stay the same.
-    values = screen.question.values
+    values, shown = screen.question.values, screen
     # Nobody wants to find the second touch before the first one.
-    turned = context.session.answer_order == "reversed" and {*values}.isdisjoint(INTERVALS)
-    turned = turned and bool(values)
-    shown = replace(screen, question=screen.question.reversed()) if turned else screen
+    if values and context.session.answer_order == "reversed" and {*values}.isdisjoint(INTERVALS):
+        shown = replace(screen, question=screen.question.reversed())
     show_page(context, shown)
     given = response(context)
     return screen.question.answer(given.answer), given
@@ -281,7 +280,7 @@ def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Se
 def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Compliance]) -> Answered:
     """Ask about `trial`, whose touches are `judged`; return the event with the answers."""
     change, score, given = _answers(context, trial)
-    known = {**known_before(context.session, context.log.state)}
+    known = known_before(context.session, context.log.state)
     known |= facts_of_trial(trial.question, change, trial.expected, score)
     own: list[records.QuestionAnswer] = []
     for question in context.session.study.questions_after(trial.condition):

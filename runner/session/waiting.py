@@ -75,10 +75,9 @@ def update_view(
 
 
 def _aim(context: SessionContext, trial: Trial) -> screens.Aim:
-    study = context.session.study
-    state = context.log.state
-    touch = as_made(context.session, state, trial).touches[state.touch or 0]
-    touch = touch.at(context.resonance_hz)
+    study, state = context.session.study, context.log.state
+    planned = as_made(context.session, state, trial).touches[state.touch or 0]
+    touch = planned.at(context.resonance_hz)
     cue = screens.pacing(touch, study.touch)
     slack_n = study.as_instructed.force_within * cue.force_n
     return screens.Aim(

@@ -49,14 +49,10 @@ _HED = {
 """By kind of trial."""
 _KINDS = BY_NAME["trial_kind"]
 _EVENT_COLUMNS = (
-    Column("onset", "When the trial began, from the first one's beginning.", unit="s"),
-    Column(
-        "duration",
-        "From the trial's beginning to its last answer; missing without one.",
-        unit="s",
-    ),
+    Column("onset", "When the trial began, from the first one's beginning.", "s"),
+    Column("duration", "From the trial's beginning to its last answer; missing without one.", "s"),
     Column("trial_type", _KINDS.description, levels={kind: _KINDS.levels[kind] for kind in _HED}),
-    Column("response_time", "From the question to the answer.", unit="s"),
+    Column("response_time", "From the question to the answer.", "s"),
     BY_NAME["trial_index"],
 )
 _OF_TRACKS = ("track", "track_role", "level", "level_value", "interval", "correct", "reversal")

@@ -21,22 +21,19 @@ class Column:
 
     A column `per_touch` lists a value for each touch of the trial; one with `several` lists as
     many as were chosen. One that is `private` stays out of data sets that are made to be shared.
-    One `of_session` stands in a table of sessions, too. `planned` is the field of a planned trial
-    or touch that a plan has there, `noted` the question to the operator behind it, and
-    `of_condition` what it holds in trials of each condition.
+    One `of_session` stands in a table of sessions, too. `of_condition` is what it holds in trials
+    of each condition.
     """
 
     name: str
     description: str
-    _: KW_ONLY
     unit: str | None = None
+    _: KW_ONLY
     levels: Mapping[str, str] = field(default_factory=dict)
     per_touch: bool = False
     several: bool = False
     private: bool = False
     of_session: bool = False
-    planned: str = ""
-    noted: str = ""
     of_condition: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -65,12 +62,11 @@ _SESSION = (
 )
 
 _PLAN = (
-    Column("trial_index", "Place of the trial in the session's plan, from 0.", planned="index"),
-    Column("block", "Block of the trial; 0 stands before the first block.", planned="block"),
+    Column("trial_index", "Place of the trial in the session's plan, from 0."),
+    Column("block", "Block of the trial; 0 stands before the first block."),
     Column(
         "trial_kind",
         "What the trial is for.",
-        planned="kind",
         levels={
             "baseline": "first touch, without a signal, to remember",
             "signal": "first touch with a signal",
@@ -80,25 +76,15 @@ _PLAN = (
             "published": "a score of a published table, of which nothing else is known",
         },
     ),
-    Column("condition", "The parameter that changes.", planned="condition"),
-    Column(
-        "level",
-        "By what the amplitudes of the condition are multiplied; 0 in a catch trial.",
-        planned="level",
-    ),
-    Column(
-        "opposite",
-        "Whether the touches come in the opposite order.",
-        levels=YES_NO,
-        planned="opposite",
-    ),
+    Column("condition", "The parameter that changes."),
+    Column("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
+    Column("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
     Column(
         "question",
         "What is asked after the last touch.",
-        planned="question",
         levels={question: asked.meaning for question, asked in QUESTIONS.items()},
     ),
-    Column("expected", "The answer that agrees with the expectation.", planned="expected"),
+    Column("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
@@ -110,11 +96,9 @@ _ANSWER = (
         "never 0 instead.",
     ),
     Column(
-        "reaction_time_s",
-        "From the question, or the instruction to remember, to the answer.",
-        unit="s",
+        "reaction_time_s", "From the question, or the instruction to remember, to the answer.", "s"
     ),
-    Column("score_reaction_time_s", "From the scale's appearance to the score.", unit="s"),
+    Column("score_reaction_time_s", "From the scale's appearance to the score.", "s"),
 )
 
 _FELT = (
@@ -144,11 +128,9 @@ _COURSE = (
         "started_monotonic_s",
         "When the trial began by a clock that never runs backwards; it begins anew "
         "when an interrupted session goes on.",
-        unit="s",
+        "s",
     ),
-    Column(
-        "duration_s", "From the trial's beginning to its last answer, by the same clock.", unit="s"
-    ),
+    Column("duration_s", "From the trial's beginning to its last answer, by the same clock.", "s"),
 )
 
 
@@ -158,88 +140,59 @@ _TOUCHES = (
     _touch(
         "place",
         "Where the beam was to be touched.",
-        planned="place",
         levels={"smooth": "one place", "path": "sliding along the beam"},
     ),
     _touch(
         "direction",
         "Direction of a sliding finger.",
-        planned="direction",
         levels={"right": "left to right", "left": "right to left"},
     ),
     _touch(
         "coverage",
         "How much of the beam was to be covered.",
-        planned="coverage",
         levels={"local": "one finger", "full": "several fingers"},
     ),
-    _touch("press", "Touch force asked for, relative to the study's.", planned="press"),
+    _touch("press", "Touch force asked for, relative to the study's."),
     _touch(
         "sliding_speed_m_s",
         "Speed of a slide asked for, where the touch has one of its own.",
-        planned="sliding_speed_m_s",
-        unit="m/s",
+        "m/s",
     ),
-    _touch(
-        "planned_voltage_v", "Planned amplitude (peak) at the start.", planned="voltage_v", unit="V"
-    ),
-    _touch(
-        "planned_end_voltage_v",
-        "Planned amplitude (peak) at the end.",
-        planned="end_voltage_v",
-        unit="V",
-    ),
-    _touch(
-        "planned_frequency",
-        "Planned drive at the start, relative to the resonance.",
-        planned="frequency",
-    ),
-    _touch(
-        "planned_end_frequency",
-        "Planned drive at the end, relative to the resonance.",
-        planned="end_frequency",
-    ),
-    _touch("commanded_voltage_v", "Amplitude (peak) commanded at the start.", unit="V"),
-    _touch("commanded_frequency_hz", "Frequency commanded at the start.", unit="Hz"),
-    _touch("start_voltage_v", "Amplitude (peak) read back at the start.", unit="V"),
-    _touch("end_voltage_v", "Amplitude (peak) read back at the end.", unit="V"),
-    _touch("start_frequency_hz", "Frequency read back at the start.", unit="Hz"),
-    _touch("end_frequency_hz", "Frequency read back at the end.", unit="Hz"),
-    _touch("start_monitor_v", "The device's monitor of its output at the start.", unit="V"),
-    _touch("end_monitor_v", "The device's monitor of its output at the end.", unit="V"),
-    _touch("force_n", "Median force of the finger.", unit="N"),
+    _touch("planned_voltage_v", "Planned amplitude (peak) at the start.", "V"),
+    _touch("planned_end_voltage_v", "Planned amplitude (peak) at the end.", "V"),
+    _touch("planned_frequency", "Planned drive at the start, relative to the resonance."),
+    _touch("planned_end_frequency", "Planned drive at the end, relative to the resonance."),
+    _touch("commanded_voltage_v", "Amplitude (peak) commanded at the start.", "V"),
+    _touch("commanded_frequency_hz", "Frequency commanded at the start.", "Hz"),
+    _touch("start_voltage_v", "Amplitude (peak) read back at the start.", "V"),
+    _touch("end_voltage_v", "Amplitude (peak) read back at the end.", "V"),
+    _touch("start_frequency_hz", "Frequency read back at the start.", "Hz"),
+    _touch("end_frequency_hz", "Frequency read back at the end.", "Hz"),
+    _touch("start_monitor_v", "The device's monitor of its output at the start.", "V"),
+    _touch("end_monitor_v", "The device's monitor of its output at the end.", "V"),
+    _touch("force_n", "Median force of the finger.", "N"),
     _touch("force_ok", "Whether the force was the one asked for.", levels=YES_NO),
     _touch("place_ok", "Whether the finger was, or moved, where it should.", levels=YES_NO),
     _touch("speed_ok", "Whether the finger slid as fast as it should.", levels=YES_NO),
     _touch("friction", "Friction coefficient as measured, geometric mean over the touch."),
     _touch("friction_error", "Standard error of the friction coefficient."),
-    _touch("normal_n", "Normal force as recorded, mean over the touch.", unit="N"),
-    _touch("vector_n", "Amplitude of the vector of tangential and normal force, mean.", unit="N"),
-    _touch("speed_m_s", "Speed of the finger as recorded, median.", unit="m/s"),
-    _touch("rate_n_per_s", "Rate of change of the tangential force, rms.", unit="N/s"),
+    _touch("normal_n", "Normal force as recorded, mean over the touch.", "N"),
+    _touch("vector_n", "Amplitude of the vector of tangential and normal force, mean.", "N"),
+    _touch("speed_m_s", "Speed of the finger as recorded, median.", "m/s"),
+    _touch("rate_n_per_s", "Rate of change of the tangential force, rms.", "N/s"),
     _touch("stick_slip", "Stick-slip index: SD of the tangential force in 0.1 s over its mean."),
 )
 
 _SETTING = (
-    Column("resonance_hz", "Resonance of the rig as measured before the trial.", unit="Hz"),
+    Column("resonance_hz", "Resonance of the rig as measured before the trial.", "Hz"),
     Column(
-        "resonance_tip_m_per_v",
-        "Amplitude of the beam's tip at the resonance, per volt.",
-        unit="m/V",
+        "resonance_tip_m_per_v", "Amplitude of the beam's tip at the resonance, per volt.", "m/V"
     ),
     _session("device", "What the device said it is."),
-    _session(
-        "skin_state", "Skin of the participant, as the operator noted it.", noted="skin state"
-    ),
-    _session(
-        "room_temperature",
-        "Temperature of the room, as the operator noted it.",
-        noted="room temperature",
-    ),
-    _session("humidity", "Humidity of the room, as the operator noted it.", noted="humidity"),
-    _session(
-        "cleaning", "Cleaning of beam and finger, as the operator noted it.", noted="cleaning"
-    ),
+    _session("skin_state", "Skin of the participant, as the operator noted it."),
+    _session("room_temperature", "Temperature of the room, as the operator noted it."),
+    _session("humidity", "Humidity of the room, as the operator noted it."),
+    _session("cleaning", "Cleaning of beam and finger, as the operator noted it."),
     _session("language", "What the participant read."),
     _session(
         "answer_order",
@@ -338,9 +291,7 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
         levels=names if question.values else {},
         several=question.kind == "several",
     )
-    yield Column(
-        f"{question.name}_reaction_time_s", f"From the question to {question.name}.", unit="s"
-    )
+    yield Column(f"{question.name}_reaction_time_s", f"From the question to {question.name}.", "s")
 
 
 COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
@@ -357,9 +308,9 @@ TOUCH_COLUMNS = (
 """Of a table of touches."""
 TRACE_COLUMNS = (
     *_TOUCH,
-    Column("t_s", "When the sample was taken, by the device's clock.", unit="s"),
-    Column("force_n", "Force of the finger.", unit="N"),
-    Column("position_m", "Position of the finger along the beam.", unit="m"),
+    Column("t_s", "When the sample was taken, by the device's clock.", "s"),
+    Column("force_n", "Force of the finger.", "N"),
+    Column("position_m", "Position of the finger along the beam.", "m"),
 )
 """Of a table of samples."""
 CONTRAST_COLUMNS = (

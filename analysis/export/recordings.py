@@ -25,21 +25,21 @@ SessionKey = tuple[str, int, str]
 """Participant, number and kind of a session."""
 
 MEASURED = (
-    Column("tangential_n", "Force along the beam that resists the sliding finger.", unit="N"),
-    Column("normal_n", "Force of the finger onto the beam.", unit="N"),
-    Column("position_m", "Place of the finger's right edge along the beam.", unit="m"),
+    Column("tangential_n", "Force along the beam that resists the sliding finger.", "N"),
+    Column("normal_n", "Force of the finger onto the beam.", "N"),
+    Column("position_m", "Place of the finger's right edge along the beam.", "m"),
 )
 DRIVEN = (
     Column(
         "voltage_v",
         "Amplitude (peak) as read back, in between interpolated; missing before the first and "
         "after the last reading.",
-        unit="V",
+        "V",
     ),
-    Column("frequency_hz", "Frequency of the drive, likewise.", unit="Hz"),
+    Column("frequency_hz", "Frequency of the drive, likewise.", "Hz"),
     Column("mark_moves", "Whether the mark moved that the finger was to follow, or to wait for."),
 )
-TIME = Column("t_s", "Time on the clock of started_monotonic_s in the trials.", unit="s")
+TIME = Column("t_s", "Time on the clock of started_monotonic_s in the trials.", "s")
 _FORMS = {"position_m": "%.7g", "frequency_hz": "%.8g", "mark_moves": "%d"}
 _NUMBER = "%.6g"
 

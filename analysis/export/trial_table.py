@@ -40,6 +40,8 @@ from protocol.study.track import TrackTouch
 
 _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclusion"}
 """The columns of sessions that have the names of columns of trials."""
+_NOTED = ("skin_state", "room_temperature", "humidity", "cleaning")
+"""The columns of what the operator was asked before a session."""
 _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 
 
@@ -211,7 +213,7 @@ class Frames:
     def _sessions(self) -> pd.DataFrame:
         """The sessions with what the operator noted and the version in columns of their own."""
         told = {
-            **{each.name: ("operator_noted", each.noted) for each in SESSION_COLUMNS if each.noted},
+            **{name: ("operator_noted", name.replace("_", " ")) for name in _NOTED},
             "touchbeam_version": ("versions", "touchbeam"),
         }
         texts = {
@@ -372,6 +374,19 @@ class Frames:
         return pd.DataFrame(rows, columns=headings).set_index(["table", "column"])
 
 
+_OF_TRIAL = {"trial_index": "index", "block": "block", "trial_kind": "kind"} | {
+    name: name for name in ("condition", "level", "opposite", "question", "expected")
+}
+_OF_TOUCH = {name: name for name in ("place", "direction", "coverage", "press")} | {
+    "sliding_speed_m_s": "sliding_speed_m_s",
+    "planned_voltage_v": "voltage_v",
+    "planned_end_voltage_v": "end_voltage_v",
+    "planned_frequency": "frequency",
+    "planned_end_frequency": "end_frequency",
+}
+"""The columns of a plan, and the fields of a planned trial or touch that they hold."""
+
+
 def plan_frame(planned: Iterable[Trial | PlannedTrial]) -> pd.DataFrame:
     """Return planned trials, a row each; a column per touch holds a tuple of values."""
     return pd.DataFrame([_plan_row(trial) for trial in planned])
@@ -382,13 +397,8 @@ def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
         each if isinstance(each, Touch) else TrackTouch.model_validate(each)
         for each in trial.touches
     ]
-    of_touches = [column for column in COLUMNS if column.planned and column.per_touch]
-    of_trial = [column for column in COLUMNS if column.planned and not column.per_touch]
     return {
-        **{column.name: getattr(trial, column.planned) for column in of_trial},
+        **{name: getattr(trial, of) for name, of in _OF_TRIAL.items()},
         "touches": len(touches),
-        **{
-            column.name: tuple(getattr(touch, column.planned) for touch in touches)
-            for column in of_touches
-        },
+        **{name: tuple(getattr(it, of) for it in touches) for name, of in _OF_TOUCH.items()},
     }

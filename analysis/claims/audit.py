@@ -10,10 +10,10 @@ from analysis.claims import (
     published_scores,
     vibration,
 )
-from analysis.claims.claim import Audited, Claim, Verdict, audited
+from analysis.claims.claim import Audited, PaperClaim, Verdict, audited
 from device.friction.laws import LAWS
 
-CLAIMS: tuple[Claim, ...] = (
+CLAIMS: tuple[PaperClaim, ...] = (
     *vibration.CLAIMS,
     *equations.CLAIMS,
     *hardware.CLAIMS,
@@ -42,8 +42,8 @@ def counts(results: tuple[Audited, ...]) -> dict[str, Counter[Verdict]]:
 def _by_column(result: Audited) -> dict[str, Verdict]:
     if result.claim.law_free:
         # Counted once, because under each law it would weigh three times as much as others.
-        return {LAW_FREE: next(iter(result.findings.values())).verdict}
-    return {law: finding.verdict for law, finding in result.findings.items()}
+        return {LAW_FREE: next(iter(result.outcomes.values())).verdict}
+    return {law: outcome.verdict for law, outcome in result.outcomes.items()}
 
 
 def claims_lines(results: tuple[Audited, ...]) -> list[list[str]]:

@@ -20,7 +20,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Outcome:
     """What is true of a claim (None: not decidable), and the computed numbers.
 
     `scope` tells whether the main statement is true, in each part of its scope, and `details`
@@ -48,27 +48,27 @@ class Finding:
         return Verdict.PARTLY if any(decided) else Verdict.FAILS
 
 
-def finding(main: Any, *details: Any, **computed: Any) -> Finding:
-    """Return the finding on a main statement, as a whole or by parts of its scope, and details."""
+def outcome(main: Any, *details: Any, **computed: Any) -> Outcome:
+    """Return the outcome on a main statement, as a whole or by parts of its scope, and details."""
     scope = tuple(main) if isinstance(main, Iterable) else (main,)
-    return Finding(scope=scope, details=details, computed=computed)
+    return Outcome(scope=scope, details=details, computed=computed)
 
 
-def human_finding(evidence: str, main: Any, /, *details: Any, **computed: Any) -> Finding:
+def human_outcome(evidence: str, main: Any, /, *details: Any, **computed: Any) -> Outcome:
     """Return the same with the uncertainty of the human data behind it, in words."""
-    return replace(finding(main, *details, **computed), evidence=evidence)
+    return replace(outcome(main, *details, **computed), evidence=evidence)
 
 
-def near(target: float, tolerance: float, **values: float) -> Finding:
+def near(target: float, tolerance: float, **values: float) -> Outcome:
     """Return whether each of the values lies within `tolerance` of the target."""
-    return finding([abs(value - target) < tolerance for value in values.values()], **values)
+    return outcome([abs(value - target) < tolerance for value in values.values()], **values)
 
 
-Check = Callable[..., Finding]
+Check = Callable[..., Outcome]
 
 
 @dataclass(frozen=True)
-class Claim:
+class PaperClaim:
     """A claim of the paper.
 
     `check` says what is computed, and the criterion; `expected` is the value or relation that the
@@ -90,7 +90,7 @@ class Claim:
         return not signature(self.find).parameters
 
 
-class Claims(list[Claim]):
+class PaperClaims(list[PaperClaim]):
     """Claims in the order of the paper."""
 
     def add(
@@ -105,7 +105,7 @@ class Claims(list[Claim]):
             said = check or _within_a_sentence(getdoc(find) or "")
             # Named after its function, so that no two places have to agree.
             name = find.__name__.strip("_").replace("_", "-")
-            self.append(Claim(name, place, claim, said, expected, find, remark))
+            self.append(PaperClaim(name, place, claim, said, expected, find, remark))
             return find
 
         return added
@@ -123,36 +123,36 @@ def _within_a_sentence(text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Audited:
-    """A claim with its finding under each law."""
+    """A claim with its outcome under each law."""
 
-    claim: Claim
-    findings: Mapping[str, Finding]
+    claim: PaperClaim
+    outcomes: Mapping[str, Outcome]
 
     @property
     def sentence(self) -> str:
         """The claim, with the uncertainty of the human data behind it."""
-        evidence = next(iter(self.findings.values())).evidence
+        evidence = next(iter(self.outcomes.values())).evidence
         return f"{self.claim.claim} [{evidence}]" if evidence else self.claim.claim
 
     def record(self) -> dict[str, Any]:
         """Return the claim as a JSON record, an interface of `touchbeam claims --json`."""
-        claim, findings = self.claim, self.findings
-        numbers = {law: finding.computed for law, finding in findings.items()}
+        claim, outcomes = self.claim, self.outcomes
+        numbers = {law: outcome.computed for law, outcome in outcomes.items()}
         return {
             **{
                 name: getattr(claim, name) for name in ("id", "place", "claim", "check", "expected")
             },
             "sentence": self.sentence,
             "law_free": claim.law_free,
-            "laws": {law: finding.verdict.value for law, finding in findings.items()},
+            "laws": {law: outcome.verdict.value for law, outcome in outcomes.items()},
             "computed": plain(next(iter(numbers.values())) if claim.law_free else numbers),
             "remark": claim.remark,
         }
 
 
-def audited(claim: Claim) -> Audited:
+def audited(claim: PaperClaim) -> Audited:
     """Check a claim under every law, or once if its check is independent of the law."""
     if claim.law_free:
         # Computed once: many checks solve the beam several times.
-        return Audited(claim=claim, findings=dict.fromkeys(LAWS, claim.find()))
-    return Audited(claim=claim, findings={law: claim.find(law) for law in LAWS})
+        return Audited(claim=claim, outcomes=dict.fromkeys(LAWS, claim.find()))
+    return Audited(claim=claim, outcomes={law: claim.find(law) for law in LAWS})

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding, finding
+from analysis.claims.claim import Outcome, PaperClaims, near, outcome
 from device.beam.beam import Beam
 from device.beam.eq15 import WAVELENGTH_M
 from device.beam.modes import FloatArray, natural_frequency_hz
@@ -115,14 +115,14 @@ def rising(values: Sequence[float]) -> bool:
     return all(b > a for a, b in pairwise(values))
 
 
-def from_02_to_06(low: float, high: float) -> Finding:
+def from_02_to_06(low: float, high: float) -> Outcome:
     """Return whether these extremes of μ' are about 0.2 and 0.6, as in Figs 8 and 12."""
-    return finding([abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02], lowest=low, highest=high)
+    return outcome([abs(low - 0.2) < 0.02, abs(high - 0.6) < 0.02], lowest=low, highest=high)
 
 
 # Claims about full coverage, where the finger covers every body: Figs 8 and 13, Section 4.1.
 
-CLAIMS = Claims()
+CLAIMS = PaperClaims()
 
 
 def _fig8(law: str) -> FloatArray:
@@ -130,19 +130,19 @@ def _fig8(law: str) -> FloatArray:
 
 
 @CLAIMS.add("Fig 8", "μ' under full coverage runs from about 0.2 to 0.6", "0.2 and 0.6")
-def _fig8_range(law: str) -> Finding:
+def _fig8_range(law: str) -> Outcome:
     """Lowest and highest μ' for a = 0 to 20 of 20, each within 0.02."""
     curve = _fig8(law)
     return from_02_to_06(float(curve.min()), float(curve.max()))
 
 
 @CLAIMS.add("Fig 8, Section 4.1", "μ' falls linearly with a", "a straight line")
-def _fig8_linear_in_a(law: str) -> Finding:
+def _fig8_linear_in_a(law: str) -> Outcome:
     """Every step in a lowers μ', all steps equal."""
     steps = np.diff(_fig8(law))
     ends = {"first_step": steps[0], "last_step": steps[-1]}
     # A line has equal steps; 1e-9 allows for rounding.
-    return finding((steps < 0).all(), np.ptp(steps) < 1e-9, **ends)
+    return outcome((steps < 0).all(), np.ptp(steps) < 1e-9, **ends)
 
 
 @CLAIMS.add(
@@ -150,26 +150,26 @@ def _fig8_linear_in_a(law: str) -> Finding:
     "with less than half of the bodies helping it is rougher, with more it is smoother",
     "crossing at 10",
 )
-def _fig8_crossing(law: str) -> Finding:
+def _fig8_crossing(law: str) -> Outcome:
     """μ' above μ for a below 10 of 20, below μ for a above 10."""
     curve = _fig8(law)
     middle = {f"at_{a}": curve[a] for a in (9, 10, 11)}
-    return finding([(curve[:10] > MU).all(), (curve[11:] < MU).all()], **middle)
+    return outcome([(curve[:10] > MU).all(), (curve[11:] < MU).all()], **middle)
 
 
 @CLAIMS.add("Section 4.1, Fig 13b", "μ' falls as u grows (a fixed)", "falling")
-def _u_lowers_mu_fixed_a(law: str) -> Finding:
+def _u_lowers_mu_fixed_a(law: str) -> Outcome:
     """μ' at u = 10, 15, 20, 30, 40 with a = 10."""
     # With a = 10 there cannot be fewer than ten bodies.
-    values = [full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 15, 20, 30, 40)]
-    return finding(falling(values), mu_at_10_15_20_30_40=values)
+    values = [full_coverage(law, bodies=u) for u in (10, 15, 20, 30, 40)]
+    return outcome(falling(values), mu_at_10_15_20_30_40=values)
 
 
 @CLAIMS.add("Section 4.1, Fig 13b, Eq 7", "μ' falls as u grows (a/b fixed)", "falling")
-def _u_lowers_mu_fixed_ratio(law: str) -> Finding:
+def _u_lowers_mu_fixed_ratio(law: str) -> Outcome:
     """μ' at u = 10, 20, 30, 40 with half of them helping."""
     values = [full_coverage(law, same_direction=u / 2, bodies=u) for u in (10, 20, 30, 40)]
-    return finding(falling(values), mu_at_10_20_30_40=values)
+    return outcome(falling(values), mu_at_10_20_30_40=values)
 
 
 @CLAIMS.add(
@@ -177,21 +177,21 @@ def _u_lowers_mu_fixed_ratio(law: str) -> Finding:
     "beyond 20 bodies more of them change little (a/b fixed)",
     "no significant change",
 )
-def _u_saturates(law: str) -> Finding:
+def _u_saturates(law: str) -> Outcome:
     """The change from 20 to 40 is at most a quarter of that from 4 to 20, at 2 N."""
     # The lightest of the paper's three loads: the number of bodies acts through f_p/(uf), which is
     # largest there.
     at = {u: full_coverage(law, same_direction=u / 2, bodies=u, load_n=2.0) for u in (4, 20, 40)}
     early, late = abs(at[20] - at[4]), abs(at[40] - at[20])
-    return finding(late <= 0.25 * early, from_4_to_20=early, from_20_to_40=late)
+    return outcome(late <= 0.25 * early, from_4_to_20=early, from_20_to_40=late)
 
 
 @CLAIMS.add("Section 4.1, Fig 13b", "u matters at first and less as it grows (a fixed)", "smaller")
-def _u_effect_fades(law: str) -> Finding:
+def _u_effect_fades(law: str) -> Outcome:
     """The change from 40 to 80 against that from 10 to 20, with a = 10."""
-    values = {u: full_coverage(law, same_direction=10.0, bodies=u) for u in (10, 20, 40, 80)}
+    values = {u: full_coverage(law, bodies=u) for u in (10, 20, 40, 80)}
     early, late = values[10] - values[20], values[40] - values[80]
-    return finding(abs(late) < abs(early), from_10_to_20=early, from_40_to_80=late)
+    return outcome(abs(late) < abs(early), from_10_to_20=early, from_40_to_80=late)
 
 
 # The two sides of the resonance are apart, because motion grows towards it and falls beyond.
@@ -204,19 +204,18 @@ _BELOW, _ABOVE = (0.95, 0.97, 0.99, 1.0), (1.0, 1.01, 1.03, 1.05)
     "rising",
     remark="a = 10 of 20 is assumed; with a = 20 the verdicts are the same",
 )
-def _omega_raises_mu(law: str) -> Finding:
+def _omega_raises_mu(law: str) -> Outcome:
     """μ' (a = 10 of 20) from 0.95 to 1 and from 1 to 1.05 times the resonance."""
     values, helped = (_by_frequency(law, same_direction=a) for a in (10.0, 20.0))
     rises = {f"with_a_20_rises_{side}": rising(mu) for side, mu in helped.items()}
-    return finding(map(rising, values.values()), **values, **rises)
+    return outcome(map(rising, values.values()), **values, **rises)
 
 
 def _by_frequency(law: str, *, same_direction: float) -> dict[str, list[float]]:
     """Return μ' at frequencies up to the resonance, and from there on."""
     return {
         f"{side}_resonance": [
-            full_coverage(law, same_direction=same_direction, detuning=detuning)
-            for detuning in detunings
+            full_coverage(law, same_direction=same_direction, detuning=d) for d in detunings
         ]
         for side, detunings in (("below", _BELOW), ("above", _ABOVE))
     }
@@ -229,12 +228,12 @@ def _by_frequency(law: str, *, same_direction: float) -> dict[str, list[float]]:
     remark="a is assumed: the paper gives none for Fig 13d; with a = 20 of 20 μ' falls under "
     "`consistent`, though not on a line, and the claim is partly true; printed, μ' rises at any a",
 )
-def _voltage_lowers_mu(law: str) -> Finding:
+def _voltage_lowers_mu(law: str) -> Outcome:
     """μ' (a = 10 of 20) at 0 to 200 V falls; its steps are equal to 5%."""
     values = [full_coverage(law, voltage_v=v) for v in (0.0, 50.0, 100.0, 150.0, 200.0)]
     steps = np.diff(values)
     straight = np.ptp(steps) < 0.05 * np.abs(steps).max()
-    return finding(
+    return outcome(
         falling(values),
         straight,
         mu_at_0_50_100_150_200_v=values,
@@ -246,10 +245,10 @@ def _voltage_lowers_mu(law: str) -> Finding:
 
 
 @CLAIMS.add("Section 4.1, Fig 13", "the higher the touch pressure the smaller μ'", "falling")
-def _pressure_lowers_mu(law: str) -> Finding:
+def _pressure_lowers_mu(law: str) -> Outcome:
     """μ' (a = 10 of 20) at 2, 10 and 20 N per body."""
     values = [full_coverage(law, load_n=load) for load in (2.0, 10.0, 20.0)]
-    return finding(falling(values), mu_at_2_10_20_n=values)
+    return outcome(falling(values), mu_at_2_10_20_n=values)
 
 
 @CLAIMS.add(
@@ -259,7 +258,7 @@ def _pressure_lowers_mu(law: str) -> Finding:
     remark="a = 10 of 20 and these ranges are assumed; with a = 20 the voltage leads the "
     "frequency as well",
 )
-def _a_and_frequency_lead(law: str) -> Finding:
+def _a_and_frequency_lead(law: str) -> Outcome:
     """Spread of μ' over a 0-20, frequency ±5%, u 10-40 and 0-200 V: the two largest."""
     effects = {
         "a": np.ptp(_fig8(law)),
@@ -273,7 +272,7 @@ def _a_and_frequency_lead(law: str) -> Finding:
         "voltage": [full_coverage(law, same_direction=20.0, voltage_v=v) for v in (0.0, 200.0)],
     }
     leading = sorted(effects, key=lambda name: -effects[name])[:2]
-    return finding(
+    return outcome(
         (name in leading for name in ("a", "frequency")),
         **effects,
         with_a_20={name: np.ptp(values) for name, values in helped.items()},
@@ -289,18 +288,18 @@ def _a_and_frequency_lead(law: str) -> Finding:
     remark="the best effect is taken to be the lowest μ'; in the printed law V acts through the "
     "inertia alone, which raises μ'",
 )
-def _raise_a_and_voltage(law: str) -> Finding:
-    grid = [(float(a), 50.0 * step) for a in range(21) for step in range(5)]
+def _raise_a_and_voltage(law: str) -> Outcome:
     mu = {
-        (a, voltage_v): full_coverage(law, same_direction=a, voltage_v=voltage_v)
-        for a, voltage_v in grid
+        (a, v): full_coverage(law, same_direction=float(a), voltage_v=v)
+        for a in range(21)
+        for v in (0.0, 50.0, 100.0, 150.0, 200.0)
     }
     a, voltage_v = min(mu, key=lambda at: mu[at])
     # Half of the bodies help in both.
     gain = full_coverage(law) - full_coverage(law, same_direction=20.0, bodies=40)
-    return finding(
+    return outcome(
         [a == 20, voltage_v == 200, gain < 0.01],
-        best_a=a,
+        best_a=float(a),
         best_voltage_v=voltage_v,
         lowest_mu=mu[a, voltage_v],
         fall_from_20_to_40_bodies=gain,
@@ -320,7 +319,7 @@ _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
     remark="assumes the shape of a single mode, as the paper does; on the top rung `consistent` "
     "misses both ends and fails",
 )
-def _fig12_range(law: str) -> Finding:
+def _fig12_range(law: str) -> Outcome:
     """Lowest and highest μ' beyond 23.1 mm, each within 0.02."""
     curve, top = (operating(local_curve(law, Scene(), rung)) for rung in ("mode", TOP_RUNG))
     found = from_02_to_06(float(curve.min()), float(curve.max()))
@@ -329,21 +328,18 @@ def _fig12_range(law: str) -> Finding:
 
 
 @CLAIMS.add("Fig 12", "the range 0.2 to 0.6 follows from Eqs 12 to 14", "0.2 and 0.6")
-def _fig12_range_repaired(law: str) -> Finding:
+def _fig12_range_repaired(law: str) -> Outcome:
     """μ' at the a/u of Eqs 13 and 14, each within 0.02."""
-    """Check the range with Eq 15's λ but without its breakpoints."""
-    # Eq 13; Eq 14 is 1 less this.
+    # With Eq 15's λ, but without its breakpoints. Eq 14 is 1 less Eq 13.
     largest = WAVELENGTH_M / (4 * CONTACT_M)
-    return from_02_to_06(
-        *(full_coverage(law, same_direction=20 * ratio) for ratio in (largest, 1 - largest))
-    )
+    ratios = largest, 1 - largest
+    return from_02_to_06(*(full_coverage(law, same_direction=20 * ratio) for ratio in ratios))
 
 
 @CLAIMS.add("Fig 12", "μ' is centred at 0.4", "0.4")
-def _fig12_centre(law: str) -> Finding:
+def _fig12_centre(law: str) -> Outcome:
     """Middle between lowest and highest μ' beyond 23.1 mm, within 0.02."""
-    middle = centre(operating(local_curve(law, Scene())))
-    return finding(abs(middle - MU) < 0.02, centre=middle)
+    return near(MU, 0.02, centre=centre(operating(local_curve(law, Scene()))))
 
 
 def _left_troughs(law: str, sheet_start_m: float = PATCH_START_M) -> FloatArray:
@@ -358,14 +354,14 @@ def _left_troughs(law: str, sheet_start_m: float = PATCH_START_M) -> FloatArray:
     remark="the sheets are assumed at the fifth peak (86 mm), as the paper gives no place; at any "
     "other peak fewer troughs lie left of them and the claim fails",
 )
-def _fig12_four_troughs(law: str) -> Finding:
+def _fig12_four_troughs(law: str) -> Outcome:
     """Minima of μ' at x below 81 mm."""
     found, half_m = _left_troughs(law), BEAM.patches.length_m / 2
     by_place = {
         f"troughs_m_with_sheets_at_{1e3 * peak_m:.0f}_mm": _left_troughs(law, peak_m - half_m)
         for peak_m in ZONES.antinodes_m
     }
-    return finding(found.size == 4, troughs_m=found, **by_place)
+    return outcome(found.size == 4, troughs_m=found, **by_place)
 
 
 @CLAIMS.add(
@@ -374,20 +370,20 @@ def _fig12_four_troughs(law: str) -> Finding:
     "0.0137, 0.0275, 0.0422 m",
     remark="the third place printed is within 1 mm of the second trough",
 )
-def _fig12_troughs(law: str) -> Finding:
+def _fig12_troughs(law: str) -> Outcome:
     """The first three minima of μ', each within 1 mm."""
     # A law with fewer troughs is judged on those that it has.
     found = _left_troughs(law)[:3]
     off = np.abs(found - _TROUGHS_M[: found.size])
-    return finding(off < 1e-3 if off.size else False, troughs_m=found, paper_m=_TROUGHS_M)
+    return outcome(off < 1e-3 if off.size else False, troughs_m=found, paper_m=_TROUGHS_M)
 
 
 @CLAIMS.add("Fig 12", "troughs repeat with the period of Eq 15", "0.0174 m")
-def _fig12_trough_gaps() -> Finding:
+def _fig12_trough_gaps() -> Outcome:
     """Gaps between the printed troughs against λ/2, within 1 mm."""
     gaps = np.diff(_TROUGHS_M)
     close = np.abs(gaps - WAVELENGTH_M / 2) < 1e-3
-    return finding(close, gaps_m=gaps, half_wavelength_m=WAVELENGTH_M / 2)
+    return outcome(close, gaps_m=gaps, half_wavelength_m=WAVELENGTH_M / 2)
 
 
 @CLAIMS.add(
@@ -397,40 +393,40 @@ def _fig12_trough_gaps() -> Finding:
     remark="the sheets are assumed at the fifth peak (86 mm); the claim fails if they begin 10 mm "
     "or more beyond the trough, right of 86 mm",
 )
-def _fig12_fourth_trough(law: str) -> Finding:
+def _fig12_fourth_trough(law: str) -> Outcome:
     """The last trough left of the sheet is less than a contact length from it."""
     found = _left_troughs(law)
     # NaN compares as false: without any trough the claim fails.
     gap = PATCH_START_M - found[-1] if found.size else math.nan
-    return finding(gap < CONTACT_M, last_trough_to_patch_m=gap)
+    return outcome(gap < CONTACT_M, last_trough_to_patch_m=gap)
 
 
 def _curves(law: str) -> list[FloatArray]:
-    scenes = (local_scene(voltage_v=voltage) for voltage in (50.0, 100.0, 200.0))
+    scenes = (local_scene(voltage_v=v) for v in (50.0, 100.0, 200.0))
     return [operating(local_curve(law, scene)) for scene in scenes]
 
 
 @CLAIMS.add(
     "Section 4.2, Fig 14a", "the variation of μ' along the beam grows with voltage", "growing"
 )
-def _swing_grows_with_voltage(law: str) -> Finding:
+def _swing_grows_with_voltage(law: str) -> Outcome:
     """Swing of μ' beyond 23.1 mm at 50, 100 and 200 V, each step above 5%."""
     values = [swing(curve) for curve in _curves(law)]
     grows = all(b > 1.05 * a for a, b in pairwise(values))
-    return finding(grows, swing_at_50_100_200_v=values)
+    return outcome(grows, swing_at_50_100_200_v=values)
 
 
 @CLAIMS.add("Section 4.2, Fig 14a", "μ' stays centred at 0.4 at every voltage", "0.4")
-def _centre_stays(law: str) -> Finding:
+def _centre_stays(law: str) -> Outcome:
     """Centre of μ' beyond 23.1 mm at 50, 100 and 200 V, each within 0.02."""
     values = [centre(curve) for curve in _curves(law)]
-    return finding((abs(value - MU) < 0.02 for value in values), centre_at_50_100_200_v=values)
+    return outcome((abs(value - MU) < 0.02 for value in values), centre_at_50_100_200_v=values)
 
 
 @CLAIMS.add(
     "Section 4.2, Fig 14b", "the variation of μ' grows slightly as the frequency falls", "growing"
 )
-def _swing_grows_as_frequency_falls(law: str) -> Finding:
+def _swing_grows_as_frequency_falls(law: str) -> Outcome:
     """Swing of μ' falling to the resonance from 1.02, and below it to 0.98."""
     # Falling across the resonance is two claims, because motion grows on one side and fades on the
     # other.
@@ -441,7 +437,7 @@ def _swing_grows_as_frequency_falls(law: str) -> Finding:
         ]
         for side, detunings in steps.items()
     }
-    return finding(map(rising, values.values()), **values)
+    return outcome(map(rising, values.values()), **values)
 
 
 @CLAIMS.add(
@@ -450,7 +446,7 @@ def _swing_grows_as_frequency_falls(law: str) -> Finding:
     "fewer",
     remark="200 V are assumed, as lower modes move less; at 100 V the counts are the same",
 )
-def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
+def _fewer_peaks_at_lower_frequency(law: str) -> Outcome:
     """Troughs of μ' at the resonances of modes 6, 5 and 4, with exact mode shapes."""
     # Eq 15 is for mode 6 alone.
     choice = LawChoice(name=law, ratio="mode")
@@ -459,19 +455,19 @@ def _fewer_peaks_at_lower_frequency(law: str) -> Finding:
         scene = Scene(drive=Drive(mode=mode, voltage_v=200.0))
         curve = friction_coefficient(scene, law=choice, x_m=PLACES_M)
         counts[f"troughs_at_mode_{mode}"] = trough_places_m(curve).size
-    return finding(falling([*counts.values()]), **counts)
+    return outcome(falling([*counts.values()]), **counts)
 
 
 @CLAIMS.add(
     "Section 2, Section 5.2", "smooth and rough places swap when the finger turns round", "opposite"
 )
-def _direction_swaps(law: str) -> Finding:
+def _direction_swaps(law: str) -> Outcome:
     """Correlation of μ' rightward and leftward beyond 23.1 mm below -0.5."""
     right = local_curve(law, local_scene())
     left = local_curve(law, replace(local_scene(), direction="left"))
     correlation = float(np.corrcoef(operating(right), operating(left))[0, 1])
     # Exactly opposite would be -1; inertia, which has no direction, takes from it.
-    return finding(correlation < -0.5, correlation=correlation)
+    return outcome(correlation < -0.5, correlation=correlation)
 
 
 def _local_effects(law: str) -> dict[str, float]:
@@ -492,11 +488,11 @@ def _over(law: str, scenes: list[Scene]) -> float:
     "under local coverage place and voltage matter most, pressure little",
     "place and voltage",
 )
-def _place_and_voltage_lead(law: str) -> Finding:
+def _place_and_voltage_lead(law: str) -> Outcome:
     """Range of μ' over places, 0-200 V and 10-30 N: place and voltage each beat the load."""
     effects = _local_effects(law)
     beaten = (effects[name] > effects["load"] for name in ("place", "voltage"))
-    return finding(beaten, **effects)
+    return outcome(beaten, **effects)
 
 
 @CLAIMS.add(
@@ -505,7 +501,7 @@ def _place_and_voltage_lead(law: str) -> Finding:
     "weak",
     remark="20 N on each body is the paper's; from 0.5 N of a finger to 0.75 N it holds as well",
 )
-def _pressure_weak(law: str) -> Finding:
+def _pressure_weak(law: str) -> Outcome:
     """Range of μ' over 10-30 N below a tenth of that over places."""
     effects = _local_effects(law)
     # A finger that presses "slightly" more (Section 5.2), by the half that the study's condition
@@ -515,4 +511,4 @@ def _pressure_weak(law: str) -> Finding:
         "load_over_place": effects["load"] / effects["place"],
         "finger_load_over_place": _over(law, loaded) / effects["place"],
     }
-    return finding(shares["load_over_place"] < 0.1, **shares)
+    return outcome(shares["load_over_place"] < 0.1, **shares)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding, finding
+from analysis.claims.claim import Outcome, PaperClaims, outcome
 from analysis.claims.coverage import (
     BEAM,
     PATCH_START_M,
@@ -23,7 +23,7 @@ from device.friction.scenes import Drive, FingerContact, Scene, Structure
 # With and without sheets, with and without shear.
 _RUNGS = ("mode", "euler-patched", "timoshenko", TOP_RUNG)
 _FREQUENCY_HZ = 24221.0
-CLAIMS = Claims()
+CLAIMS = PaperClaims()
 
 
 @CLAIMS.add(
@@ -33,7 +33,7 @@ CLAIMS = Claims()
     remark="a damping ratio of 0.005 is assumed, as the paper gives none: holds for the bare Euler "
     "beam; with 0.012 or more also for the Euler beam with sheets, with shear not below 0.12",
 )
-def _drive_near_natural_frequency() -> Finding:
+def _drive_near_natural_frequency() -> Outcome:
     """Within the half-power bandwidth of the nearest resonance of four beam models."""
     nearest_hz = {}
     for rung in _RUNGS:
@@ -43,10 +43,10 @@ def _drive_near_natural_frequency() -> Finding:
     return _within_the_bandwidth(_FREQUENCY_HZ, nearest_hz)
 
 
-def _within_the_bandwidth(frequency_hz: float, resonances_hz: Mapping[str, float]) -> Finding:
+def _within_the_bandwidth(frequency_hz: float, resonances_hz: Mapping[str, float]) -> Outcome:
     """Return near which rungs' resonances a drive is; half the bandwidth is the damping ratio."""
     needed = {rung: abs(frequency_hz / value - 1) for rung, value in resonances_hz.items()}
-    return finding(
+    return outcome(
         (ratio <= BEAM.damping_ratio for ratio in needed.values()),
         **{f"{rung}_hz": value for rung, value in resonances_hz.items()},
         damping_ratio_needed=needed,
@@ -62,7 +62,7 @@ def _patch_at(centre_m: float) -> Beam:
     "24,221 Hz is the resonance of a beam with sheets at a peak of its mode",
     "24,221 Hz",
 )
-def _drive_from_patch_position() -> Finding:
+def _drive_from_patch_position() -> Outcome:
     """Mode 6 with the sheets at each peak in turn, two patched models, within 10 Hz."""
     # Sheets of 10 mm must lie on the beam with all of their length.
     places = [float(place) for place in ZONES.antinodes_m if 5e-3 <= place <= 95e-3]
@@ -72,7 +72,7 @@ def _drive_from_patch_position() -> Finding:
     }
     closest = {rung: min(abs(f - _FREQUENCY_HZ) for f in values) for rung, values in found.items()}
     close = (gap < 10.0 for gap in closest.values())
-    return finding(close, patch_at_m=places, **found, closest_hz=closest)
+    return outcome(close, patch_at_m=places, **found, closest_hz=closest)
 
 
 @CLAIMS.add(
@@ -82,14 +82,14 @@ def _drive_from_patch_position() -> Finding:
     remark="the paper gives no place of the sheets in numbers, and this beam assumes the fifth "
     "peak; a claim on where they drive most would hold to within 1 mm",
 )
-def _patch_on_peak() -> Finding:
+def _patch_on_peak() -> Outcome:
     """Where near the fifth peak they drive the mode most; their own place is not decidable."""
     peak = float(ZONES.antinodes_m[-1])
     places = np.linspace(peak - 6e-3, peak + 6e-3, 121)
     forces = np.array([abs(modal_force_n_per_v(_patch_at(float(p)), 6)) for p in places])
     best = float(places[np.argmax(forces)])
     # None: the paper's place is not known, so that nothing can be compared.
-    return finding(None, fifth_peak_m=peak, strongest_drive_at_m=best)
+    return outcome(None, fifth_peak_m=peak, strongest_drive_at_m=best)
 
 
 @CLAIMS.add(
@@ -98,16 +98,11 @@ def _patch_on_peak() -> Finding:
     "a part of the beam's mass",
     remark="read as 0.01 kg per metre of beam, as the repaired laws do, the claim holds",
 )
-def _body_mass() -> Finding:
+def _body_mass() -> Outcome:
     """The mass of 20 bodies is below that of the beam that carries them."""
-    bodies_kg, beam_kg = 20 * 0.01, BEAM.mass_kg
-    return finding(
-        bodies_kg < beam_kg,
-        bodies_kg=bodies_kg,
-        beam_kg=beam_kg,
-        ratio=bodies_kg / beam_kg,
-        bodies_kg_if_per_metre=0.01 * BEAM.length_m,
-    )
+    found = {"bodies_kg": 20 * 0.01, "beam_kg": BEAM.mass_kg}
+    ratio = found["bodies_kg"] / found["beam_kg"]
+    return outcome(ratio < 1, **found, ratio=ratio, bodies_kg_if_per_metre=0.01 * BEAM.length_m)
 
 
 @CLAIMS.add(
@@ -117,27 +112,23 @@ def _body_mass() -> Finding:
     remark="f is the load on each body (Section 3.1); read as that of the whole finger, as "
     "'2, 10, and 20 N finger pressures' in Section 4.1, the claim holds",
 )
-def _body_load() -> Finding:
+def _body_load() -> Outcome:
     """The cantilever's deflection stays below 1 mm, its stress below 350 MPa."""
     # Twenty bodies with the load that Table 3 gives for each.
-    deflection_m, stress_pa = _bent_by(20 * 20.0)
-    whole = dict(zip(("tip_deflection_m", "stress_at_clamp_pa"), _bent_by(20.0), strict=True))
-    return finding(
-        [deflection_m < 1e-3, stress_pa < 350e6],
-        tip_deflection_m=deflection_m,
-        stress_at_clamp_pa=stress_pa,
-        with_20_n_in_all=whole,
-    )
+    bent = _bent_by(20 * 20.0)
+    holds = [bent["tip_deflection_m"] < 1e-3, bent["stress_at_clamp_pa"] < 350e6]
+    return outcome(holds, **bent, with_20_n_in_all=_bent_by(20.0))
 
 
-def _bent_by(load_n: float) -> tuple[float, float]:
+def _bent_by(load_n: float) -> dict[str, float]:
     """Return the cantilever's tip deflection and stress at the clamp under an even load."""
     load_n_per_m = load_n / BEAM.length_m
     rigidity = BEAM.youngs_modulus_pa * BEAM.second_moment_m4
-    deflection_m = load_n_per_m * BEAM.length_m**4 / (8 * rigidity)
     moment = load_n_per_m * BEAM.length_m**2 / 2
-    stress_pa = moment * BEAM.thickness_m / 2 / BEAM.second_moment_m4
-    return deflection_m, stress_pa
+    return {
+        "tip_deflection_m": load_n_per_m * BEAM.length_m**4 / (8 * rigidity),
+        "stress_at_clamp_pa": moment * BEAM.thickness_m / 2 / BEAM.second_moment_m4,
+    }
 
 
 _COPPER = {"young_gpa": (110.0, 130.0), "density_kg_m3": (8900.0, 8960.0)}
@@ -151,14 +142,14 @@ _BRASS = {"young_gpa": (97.0, 120.0), "density_kg_m3": (8400.0, 8750.0)}
     "110 to 130 GPa, 8,900 to 8,960 kg/m³",
     remark="0.4 itself is not testable: the paper has no measurement of skin on the resting beam",
 )
-def _mu_of_copper() -> Finding:
+def _mu_of_copper() -> Outcome:
     """Table 1's modulus and density lie in copper's ranges; in brass's, for comparison."""
     table1 = {"young_gpa": BEAM.youngs_modulus_pa / 1e9, "density_kg_m3": BEAM.density_kg_m3}
     fits = {
         name: [low <= table1[key] <= high for key, (low, high) in ranges.items()]
         for name, ranges in (("copper", _COPPER), ("brass", _BRASS))
     }
-    return finding(fits["copper"], **table1, **{f"in_range_of_{k}": v for k, v in fits.items()})
+    return outcome(fits["copper"], **table1, **{f"in_range_of_{k}": v for k, v in fits.items()})
 
 
 @CLAIMS.add(
@@ -166,21 +157,21 @@ def _mu_of_copper() -> Finding:
     "20 bodies on the beam are dense enough to count as continuous",
     "much smaller than a zone",
 )
-def _bodies_dense() -> Finding:
+def _bodies_dense() -> Outcome:
     """Their spacing is below a tenth of a zone of mode 6."""
     spacing_m, zone_m = BEAM.length_m / 20, float(np.diff(ZONES.edges_m).mean())
-    return finding(spacing_m < 0.1 * zone_m, spacing_m=spacing_m, zone_m=zone_m)
+    return outcome(spacing_m < 0.1 * zone_m, spacing_m=spacing_m, zone_m=zone_m)
 
 
 @CLAIMS.add("Section 2", "a single finger covers less than half a wavelength", "less")
-def _single_finger_is_local() -> Finding:
+def _single_finger_is_local() -> Outcome:
     """10 mm against mode 6's half wave."""
     # A zone is a quarter of a wave; near the ends of the beam zones differ.
     half_wave_m = 2 * float(np.diff(ZONES.edges_m)[2:-2].mean())
-    return finding(half_wave_m > 0.01, contact_m=0.01, half_wave_m=half_wave_m)
+    return outcome(half_wave_m > 0.01, contact_m=0.01, half_wave_m=half_wave_m)
 
 
-SLIDING_CLAIMS = Claims()
+SLIDING_CLAIMS = PaperClaims()
 
 
 @SLIDING_CLAIMS.add(
@@ -189,7 +180,7 @@ SLIDING_CLAIMS = Claims()
     "near resonance",
     remark="a damping ratio of 0.005 is assumed; it holds on the nearest rungs from 0.038",
 )
-def _sliding_drive_near_resonance() -> Finding:
+def _sliding_drive_near_resonance() -> Outcome:
     """Within the half-power bandwidth of mode 6 on every rung."""
     # It stands for a family of rungs and is none itself.
     rungs = [name for name in RUNG_NAMES if name != "modes:N"]
@@ -203,11 +194,10 @@ def _sliding_drive_near_resonance() -> Finding:
     "closer than the bandwidth",
     remark="a damping ratio of 0.005 is assumed; the claim holds from 0.022",
 )
-def _sliding_same_drive() -> Finding:
+def _sliding_same_drive() -> Outcome:
     """Their difference against the half-power bandwidth 2ζ."""
-    apart = abs(23200.0 / 24221.0 - 1)
-    bandwidth = 2 * BEAM.damping_ratio
-    return finding(apart < bandwidth, apart=apart, half_power_bandwidth=bandwidth)
+    apart, bandwidth = abs(23200.0 / 24221.0 - 1), 2 * BEAM.damping_ratio
+    return outcome(apart < bandwidth, apart=apart, half_power_bandwidth=bandwidth)
 
 
 @SLIDING_CLAIMS.add(
@@ -216,9 +206,9 @@ def _sliding_same_drive() -> Finding:
     "comparable",
     remark="fails as well with 20 N read as the load of the whole finger",
 )
-def _sliding_same_load() -> Finding:
+def _sliding_same_load() -> Outcome:
     """0.56 N against 20 bodies of 20 N, within a factor of two."""
-    return finding(
+    return outcome(
         abs(0.56 / 400.0 - 1) < 0.5, block_n=0.56, load_in_theory_n=400.0, ratio_to_20_n=0.56 / 20
     )
 
@@ -231,7 +221,7 @@ def _sliding_same_load() -> Finding:
     "a variation to match; a damping ratio of 0.005 is assumed: with 0.03 it does, and the claim "
     "is not testable under any law",
 )
-def _sliding_matches_theory(law: str) -> Finding:
+def _sliding_matches_theory(law: str) -> Outcome:
     """Swing of μ' along the path at 23,200 Hz and 0.56 N; fails below half of Fig 12's."""
     # If theory hardly varies at the experiment's drive and load, no varying curve can match it;
     # otherwise only the measured curve could decide.
@@ -239,7 +229,7 @@ def _sliding_matches_theory(law: str) -> Finding:
     # Off resonance the motion depends on the damping, of which the paper says nothing.
     more, resonant = _sliding_swings(law, replace(BEAM, damping_ratio=0.03))
     swings = {"swing_at_23200_hz_0.56_n": own, "swing_in_fig12": paper}
-    return finding(
+    return outcome(
         None if own > 0.5 * paper else False,
         **swings,
         share_of_fig12=own / paper,
@@ -264,13 +254,13 @@ def _slid(paper: Scene) -> Scene:
     "smaller errors at the second and third trough than at the peaks",
     remark="not testable where theory has them: the measured curve is a figure without values",
 )
-def _sliding_errors_at_peaks(law: str) -> Finding:
+def _sliding_errors_at_peaks(law: str) -> Outcome:
     """Theory at 23,200 Hz and 0.56 N has three troughs left of the sheets, and peaks between."""
     curve = local_curve(law, _slid(Scene()))
     troughs, peaks = (trough_places_m(sign * curve) for sign in (1, -1))
     left = troughs[troughs < PATCH_START_M]
     between = peaks[(peaks > left.min(initial=np.inf)) & (peaks < left.max(initial=0.0))]
-    return finding(
+    return outcome(
         None if left.size >= 3 and between.size >= 2 else False, troughs_m=left, peaks_m=between
     )
 
@@ -282,8 +272,8 @@ def _sliding_errors_at_peaks(law: str) -> Finding:
     remark="the finger's speed of 40 mm/s is assumed, as the paper gives none, and so is the "
     "bodies' height of 1 mm; the claim fails for a finger faster than 56 mm/s",
 )
-def _bodies_outrun_the_finger() -> Finding:
+def _bodies_outrun_the_finger() -> Outcome:
     """The bodies' tip speed against the finger's."""
     tip_m_s = rung_field("mode", BEAM, Drive()).tip_speed_m_s(3.5e-3)
     finger_m_s = FingerContact().sliding_speed_m_s
-    return finding(tip_m_s > finger_m_s, tip_speed_m_s=tip_m_s, finger_m_s=finger_m_s)
+    return outcome(tip_m_s > finger_m_s, tip_speed_m_s=tip_m_s, finger_m_s=finger_m_s)

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 
-from analysis.claims.claim import Claims, Finding, human_finding
+from analysis.claims.claim import Outcome, PaperClaims, human_outcome
 from analysis.claims.coverage import MU, along_path, mu
 from analysis.claims.published_scores import (
     PUBLISHED,
@@ -21,7 +21,6 @@ from analysis.claims.published_scores import (
 from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, Interval
 from analysis.sensitivity.lines import SMALL_SPREAD, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from device.friction import changes
 from device.friction.changes import CONDITIONS, predicted_contrast
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene
@@ -29,7 +28,7 @@ from device.friction.scenes import Drive, FingerContact, Scene
 # Claims about single participants: their scores and the sensitivity of their skin.
 
 _POWER = 0.8
-CLAIMS = Claims()
+CLAIMS = PaperClaims()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,10 +83,8 @@ def gain_spread(scores: FloatArray, x: FloatArray) -> GainSpread:
     f = squares / df[0] / variance
 
     def limit(probability: float) -> float:
-        part = 1 - float(fdtri(*df, probability)) / f
-        return float(
-            np.sqrt(max(0.0, squares * part / information / chdtri(df[0], 1 - probability)))
-        )
+        part = squares * (1 - float(fdtri(*df, probability)) / f)
+        return float(np.sqrt(max(0.0, part / information / chdtri(df[0], 1 - probability))))
 
     # F needs to exceed its critical value with a probability of .8; solved for τ²Q/σ².
     detectable = float(fdtri(*df, 1 - LEVEL) / fdtri(*df, 1 - _POWER)) - 1
@@ -129,8 +126,8 @@ def _sensitivity_model(contrasts: FloatArray) -> OrdinalSensitivity:
     "use of the scale; with one score per person and condition it cannot tell whether gains differ "
     "or are alike, nor one person's gain from the others'",
 )
-def _receptor_sensitivity_differs(law: str) -> Finding:
-    contrasts = np.array([predicted_contrast(CONDITIONS[name], law) for name in PUBLISHED.means])
+def _receptor_sensitivity_differs(law: str) -> Outcome:
+    contrasts = np.array([*_contrasts(law).values()])
     found = gain_spread(SCORES, contrasts)
     lines = _sensitivity_model(contrasts).lines
     apart = [
@@ -145,7 +142,7 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
     # On the conditions' own effects the mean gain is 1, whatever the law.
     free = gain_spread(SCORES, SCORES.mean(axis=0))
     low, high = free.sd_interval
-    return human_finding(
+    return human_outcome(
         f"equal gains: F({free.df[0]}, {free.df[1]}) = {free.f:.2f}, p = {short(free.p)}; "
         f"their SD is {100 * low:.0f} to {100 * high:.0f}% of the mean gain (95% CI), and "
         f"{100 * free.detectable_sd:.0f}% is found with a power of {_POWER}",
@@ -166,7 +163,7 @@ def _receptor_sensitivity_differs(law: str) -> Finding:
     "the third subject scores lowest: 4 for pressure, 7 or 8 elsewhere",
     "lowest mean; 4; 7 or 8",
 )
-def _table4_third_subject() -> Finding:
+def _table4_third_subject() -> Outcome:
     """The row of subject 3."""
     third = SCORES[2]
     elsewhere = np.isin(third[:4], (7, 8)).all()
@@ -189,24 +186,19 @@ def prediction_interval(others: FloatArray) -> Interval:
     remark="the four scores are 0.5 to 1.9 below the others' means; 'about' is taken to be within "
     "the scatter between people",
 )
-def _third_subject_like_others() -> Finding:
+def _third_subject_like_others() -> Outcome:
     """Each of the four scores lies in the 95% prediction interval of the other eight."""
     others = np.delete(SCORES, 2, axis=0)
-    intervals = {
-        name: prediction_interval(others[:, place])
-        for place, name in enumerate(PUBLISHED.table.conditions[:4])
-    }
-    scores = dict(zip(intervals, SCORES[2], strict=False))
-    inside = {name: low <= scores[name] <= high for name, (low, high) in intervals.items()}
-    outside = [
-        f"{name} {scores[name]:.0f}, others {low:.1f} to {high:.1f}"
-        for name, (low, high) in intervals.items()
-        if not inside[name]
-    ]
-    return human_finding(
+    own, intervals, inside, outside = SCORES[2][:4], {}, [], []
+    for name, score, column in zip(PUBLISHED.means, own, others.T, strict=False):
+        low, high = intervals[name] = prediction_interval(column)
+        inside.append(low <= score <= high)
+        if not inside[-1]:
+            outside.append(f"{name} {score:.0f}, others {low:.1f} to {high:.1f}")
+    return human_outcome(
         "outside the 95% prediction interval: " + ("; ".join(outside) or "none"),
-        inside.values(),
-        below_others=others.mean(axis=0)[:4] - SCORES[2][:4],
+        inside,
+        below_others=others.mean(axis=0)[:4] - own,
         prediction_intervals=intervals,
     )
 
@@ -225,12 +217,12 @@ REFERENCE_SCENE = Scene(touch=FingerContact(finger_load_n=0.5))
     "predicts smoother, along the path only `coulomb` does, at any load; a finger of 0.5 N is "
     "assumed",
 )
-def _all_nine_smoother(law: str) -> Finding:
+def _all_nine_smoother(law: str) -> Outcome:
     curve = along_path(law, REFERENCE_SCENE, TOP_RUNG)
     place = mu(law, REFERENCE_SCENE, TOP_RUNG)
     mean, rougher = curve.mean(), np.mean(curve > MU * (1 + 1e-9))
     share = interval_of_all(len(SCORES))
-    return human_finding(
+    return human_outcome(
         f"9 of 9 people, {in_words(share)}",
         # Where they touched is not told: either reading could be meant.
         [place < MU, mean < MU and rougher == 0],
@@ -243,7 +235,7 @@ def _all_nine_smoother(law: str) -> Finding:
 
 @lru_cache(maxsize=8)
 def _contrasts(law: str) -> dict[str, float]:
-    return {name: predicted_contrast(changes.CONDITIONS[name], law) for name in PUBLISHED.means}
+    return {name: predicted_contrast(CONDITIONS[name], law) for name in PUBLISHED.means}
 
 
 def _strongest_first(values: Mapping[str, float]) -> list[str]:
@@ -262,9 +254,9 @@ def _others(name: str) -> list[str]:
     "its contrast is the law's largest",
     remark=f"voltage has the highest mean score, but only pressure is reliably below; {_ASSUMED}",
 )
-def _voltage_best(law: str) -> Finding:
+def _voltage_best(law: str) -> Outcome:
     contrasts, others = _contrasts(law), _others("voltage")
-    return human_finding(
+    return human_outcome(
         PUBLISHED.compared("voltage", others),
         [PUBLISHED.above("voltage", other) for other in others],
         _strongest_first(contrasts)[0] == "voltage",
@@ -282,12 +274,12 @@ def _voltage_best(law: str) -> Finding:
     "its contrast alone is the law's smallest",
     remark=f"pressure has the lowest mean score, but only voltage is reliably above; {_ASSUMED}",
 )
-def _pressure_weakest(law: str) -> Finding:
+def _pressure_weakest(law: str) -> Outcome:
     contrasts, others = _contrasts(law), _others("pressure")
     least = min(abs(value) for value in contrasts.values())
     # A law that ties pressure with another condition does not single it out.
     tied = [name for name, value in contrasts.items() if abs(value) <= least + 1e-12]
-    return human_finding(
+    return human_outcome(
         PUBLISHED.compared("pressure", others),
         [PUBLISHED.above(other, "pressure") for other in others],
         tied == ["pressure"],
@@ -307,7 +299,7 @@ def _pressure_weakest(law: str) -> Finding:
     "rank correlation of 0.9 has p = .083 and is no evidence either way; only one pair of ten "
     "decides",
 )
-def _ranking_follows_model(law: str) -> Finding:
+def _ranking_follows_model(law: str) -> Outcome:
     from scipy.stats import spearmanr
 
     contrasts, means = _contrasts(law), PUBLISHED.means
@@ -316,7 +308,7 @@ def _ranking_follows_model(law: str) -> Finding:
     told = {(a, b): PUBLISHED.p_holm(a, [b])[b] for a, b in pairs}
     decided = {pair: p for pair, p in told.items() if p < LEVEL}
     scope = [contrasts[a] > contrasts[b] if (a, b) in decided else None for a, b in pairs]
-    return human_finding(
+    return human_outcome(
         "pairs told apart: "
         + ", ".join(f"{a} > {b}, Holm p {short(p)}" for (a, b), p in decided.items()),
         scope,
@@ -337,10 +329,10 @@ def _ranking_follows_model(law: str) -> Finding:
     remark=f"both have the highest mean scores, but only voltage is reliably above one of the "
     f"others, pressure; {_ASSUMED}",
 )
-def _structure_and_voltage_lead(law: str) -> Finding:
+def _structure_and_voltage_lead(law: str) -> Outcome:
     contrasts, leading = _contrasts(law), ("voltage", "structure")
     others = [name for name in PUBLISHED.means if name not in leading]
-    return human_finding(
+    return human_outcome(
         "; ".join(PUBLISHED.compared(name, others) for name in leading),
         [PUBLISHED.above(name, other) for name in leading for other in others],
         set(_strongest_first(contrasts)[:2]) == set(leading),
@@ -356,11 +348,11 @@ def _structure_and_voltage_lead(law: str) -> Finding:
     remark="an answer was scored only if it agreed, and there were no catch trials, so that "
     "agreement with the experimenter and with the beam cannot be told apart",
 )
-def _all_as_expected(law: str) -> Finding:
+def _all_as_expected(law: str) -> Outcome:
     """Every subject has a score in every condition; the law expects all five changes as well."""
     contrasts = _contrasts(law)
     people, answers = interval_of_all(len(SCORES)), interval_of_all(SCORES.size)
-    return human_finding(
+    return human_outcome(
         f"{(SCORES > 0).sum()} of {SCORES.size} answers; 9 of 9 people, {in_words(people)}",
         (SCORES > 0).all(),
         # Above rounding error: a law without any change expects none.
@@ -371,9 +363,9 @@ def _all_as_expected(law: str) -> Finding:
     )
 
 
-def _step(condition: str, *parts: bool | None, **computed: float | None) -> Finding:
-    """Return the finding on a step of the experiment, with the people's mean score for it."""
-    return human_finding(
+def _step(condition: str, *parts: bool | None, **computed: float | None) -> Outcome:
+    """Return the outcome on a step of the experiment, with the people's mean score for it."""
+    return human_outcome(
         PUBLISHED.mean_in_words(condition),
         parts,
         **computed,
@@ -382,7 +374,7 @@ def _step(condition: str, *parts: bool | None, **computed: float | None) -> Find
     )
 
 
-def _contrast_is_positive(condition: str, law: str) -> Finding:
+def _contrast_is_positive(condition: str, law: str) -> Outcome:
     contrast = _contrasts(law)[condition]
     return _step(condition, contrast > 1e-6, contrast=contrast)
 
@@ -394,7 +386,7 @@ def _contrast_is_positive(condition: str, law: str) -> Finding:
     remark="no law has a density term, so none predicts a change from 1.5 to 1 mm; bodies of 1 mm "
     "are assumed",
 )
-def _density_strengthens(law: str) -> Finding:
+def _density_strengthens(law: str) -> Outcome:
     """Contrast from no bodies to bodies is positive; 1.5 to 1 mm is not decidable."""
     contrast = _contrasts(law)["structure"]
     return _step(
@@ -407,7 +399,7 @@ def _density_strengthens(law: str) -> Finding:
     "the change is felt more as the drive nears resonance",
     "positive",
 )
-def _approach_strengthens(law: str) -> Finding:
+def _approach_strengthens(law: str) -> Outcome:
     """Growth of the modulation depth along the path from 0.98 to 1 times the resonance."""
     return _contrast_is_positive("frequency", law)
 
@@ -415,7 +407,7 @@ def _approach_strengthens(law: str) -> Finding:
 @CLAIMS.add(
     "Section 5.2, step on voltage", "at a smooth place it gets smoother from 0 to 200 V", "positive"
 )
-def _voltage_strengthens(law: str) -> Finding:
+def _voltage_strengthens(law: str) -> Outcome:
     """ln(μ' at 0 V / μ' at 200 V) at the smooth place."""
     return _contrast_is_positive("voltage", law)
 
@@ -427,13 +419,13 @@ def _voltage_strengthens(law: str) -> Finding:
     remark="a step of 0.01 is assumed to be felt, under a finger of 0.5 N; with the shape of a "
     "single mode the first step of `consistent` is upward, and the claim is partly true",
 )
-def _voltage_felt_at_every_step(law: str) -> Finding:
+def _voltage_felt_at_every_step(law: str) -> Outcome:
     """μ' at the smooth place at 0, 50, 100, 200 V: steps above 0.01, all downward."""
     voltages = (0.0, 50.0, 100.0, 200.0)
     scenes = [replace(REFERENCE_SCENE, drive=Drive(voltage_v=v)) for v in voltages]
     values = [mu(law, scene, TOP_RUNG) for scene in scenes]
     steps = np.diff(values)
-    return human_finding(
+    return human_outcome(
         PUBLISHED.mean_in_words("voltage"),
         steps < -0.01,
         mu_at_0_50_100_200_v=values,
@@ -447,6 +439,6 @@ def _voltage_felt_at_every_step(law: str) -> Finding:
     "at a smooth place it gets smoother as the finger presses harder",
     "positive",
 )
-def _pressure_smoother(law: str) -> Finding:
+def _pressure_smoother(law: str) -> Outcome:
     """ln(μ' before / after) at 1.5 times the finger's load."""
     return _contrast_is_positive("pressure", law)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.claims.claim import Claims, Finding, human_finding
+from analysis.claims.claim import Outcome, PaperClaims, human_outcome
 from analysis.estimates import LEVEL, LOWER, BoolArray, FloatArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
 from analysis.statistics.additive import AdditiveEffects, additive_effects
@@ -149,11 +149,11 @@ _LOWEST, _HIGHEST = PUBLISHED.subject_means.min(), PUBLISHED.subject_means.max()
 _LOWEST_ROW = int(PUBLISHED.subject_means.argmin())
 _HIGHEST_ROW = int(PUBLISHED.subject_means.argmax())
 _GRAND = f"mean of all {SCORES.mean():.2f}, {in_words(PUBLISHED.grand_mean_interval)}"
-CLAIMS = Claims()
+CLAIMS = PaperClaims()
 
 
-def about_subjects(rows: Iterable[int], main: Any, *details: Any, **computed: Any) -> Finding:
-    """Return a finding on single subjects, with how far each is from the mean of all."""
+def about_subjects(rows: Iterable[int], main: Any, *details: Any, **computed: Any) -> Outcome:
+    """Return a outcome on single subjects, with how far each is from the mean of all."""
     found = PUBLISHED.effects
     names = [PUBLISHED.table.subjects[row] for row in rows]
     intervals = {name: found.subject_intervals[name] for name in names}
@@ -162,7 +162,7 @@ def about_subjects(rows: Iterable[int], main: Any, *details: Any, **computed: An
         for name, interval in intervals.items()
     ]
     computed["intervals_from_mean_of_all"] = intervals
-    return human_finding("; ".join(words), main, *details, **computed)
+    return human_outcome("; ".join(words), main, *details, **computed)
 
 
 def _as_printed(values: Iterable[float], printed: list[float], digits: int) -> BoolArray:
@@ -175,10 +175,10 @@ def _as_printed(values: Iterable[float], printed: list[float], digits: int) -> B
     "the conditions' averages are 8.44, 8.89, 9.67, 8.33, 6.22, of all 8.31",
     "8.44, 8.89, 9.67, 8.33, 6.22; 8.31",
 )
-def _table4_averages() -> Finding:
+def _table4_averages() -> Outcome:
     """Recomputed from the scores, to two decimals."""
     columns, grand = [*PUBLISHED.means.values()], SCORES.mean()
-    return human_finding(
+    return human_outcome(
         _GRAND,
         _as_printed([*columns, grand], [8.44, 8.89, 9.67, 8.33, 6.22, 8.31], 2),
         columns=columns,
@@ -193,12 +193,12 @@ def _table4_averages() -> Finding:
     "the comprehensive scores are 8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6",
     "the printed column",
 )
-def _table4_comprehensive() -> Finding:
+def _table4_comprehensive() -> Outcome:
     """Row means of the scores, to one decimal."""
     printed = [8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6]
     # In a complete table all subjects have intervals of the same width.
     half = np.ptp(PUBLISHED.effects.subject_intervals["1"]) / 2
-    return human_finding(
+    return human_outcome(
         f"each ±{half:.2f} relative to the mean of all (95% CI)",
         _as_printed(PUBLISHED.subject_means, printed, 1),
         rows=PUBLISHED.subject_means,
@@ -207,20 +207,20 @@ def _table4_comprehensive() -> Finding:
 
 
 @CLAIMS.add("Section 5.2, after Table 4", "the lowest average score is 7.2", "7.2")
-def _table4_lowest() -> Finding:
+def _table4_lowest() -> Outcome:
     """The smallest row mean."""
     # Half of the last digit that is printed.
     return about_subjects([_LOWEST_ROW], abs(_LOWEST - 7.2) < 0.05, lowest=_LOWEST)
 
 
 @CLAIMS.add("Section 5.2, after Table 4", "the highest average score is 9.6", "9.6")
-def _table4_highest() -> Finding:
+def _table4_highest() -> Outcome:
     """The largest row mean."""
     return about_subjects([_HIGHEST_ROW], abs(_HIGHEST - 9.6) < 0.05, highest=_HIGHEST)
 
 
 @CLAIMS.add("Section 5.2, after Table 4", "comprehensive scores range from 7 to 10", "7 and 10")
-def _table4_range() -> Finding:
+def _table4_range() -> Outcome:
     """Smallest and largest row mean."""
     return about_subjects(
         [_LOWEST_ROW, _HIGHEST_ROW],
@@ -237,7 +237,7 @@ def _table4_range() -> Finding:
     remark="not testable: the paper has neither a control condition nor catch trials, so that 8.31 "
     "may be what people score whatever they feel",
 )
-def _device_performs_well() -> Finding:
+def _device_performs_well() -> Outcome:
     """The score of a condition without any change, with which to compare the others."""
     controls = [
         name
@@ -247,7 +247,7 @@ def _device_performs_well() -> Finding:
     ]
     least = PUBLISHED.grand_mean_interval[0]
     better = [PUBLISHED.mean_interval(name)[1] < least for name in controls]
-    return human_finding(
+    return human_outcome(
         _GRAND,
         better,
         control_conditions=controls,

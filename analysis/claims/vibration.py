@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.claims import coverage
-from analysis.claims.claim import Claims, Finding, finding
+from analysis.claims.claim import Outcome, PaperClaims, outcome
 from device.beam.modes import FloatArray, modal_displacement_m, mode_shape, natural_frequency_hz
 from device.beam.motion import MotionPattern
 from device.friction.coefficient import friction_coefficient
@@ -14,7 +14,7 @@ from device.friction.prediction import LawChoice
 from device.friction.rungs import TOP_RUNG, rung_field, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene
 
-CLAIMS = Claims()
+CLAIMS = PaperClaims()
 
 
 @CLAIMS.add(
@@ -22,7 +22,7 @@ CLAIMS = Claims()
     "bodies right of a vibration peak are thrown right, those left of it left",
     "all five peaks",
 )
-def _eq1_right_of_peak() -> Finding:
+def _eq1_right_of_peak() -> Outcome:
     """Mode 6: |φ| falls just right of every inner peak and grows just left of it."""
     antinodes = coverage.ZONES.antinodes_m / coverage.BEAM.length_m
     step = 1e-3
@@ -30,7 +30,7 @@ def _eq1_right_of_peak() -> Finding:
     after = mode_shape(6, antinodes + step) ** 2 - mode_shape(6, antinodes + 2 * step) ** 2
     before = mode_shape(6, antinodes - step) ** 2 - mode_shape(6, antinodes - 2 * step) ** 2
     right, left = after > 0, before > 0
-    return finding([right.all(), left.all()], peaks=antinodes.size, right_side=right)
+    return outcome([right.all(), left.all()], peaks=antinodes.size, right_side=right)
 
 
 @CLAIMS.add(
@@ -39,14 +39,13 @@ def _eq1_right_of_peak() -> Finding:
     "edges and peaks coincide",
     remark="φφ' changes sign at nodes as well: half of the edges are not at peaks",
 )
-def _direction_changes_at_peaks() -> Finding:
+def _direction_changes_at_peaks() -> Outcome:
     """Mode 6: every inner peak is a zone edge, and every zone edge is a peak."""
     # The beam's ends are edges without a change of direction.
-    inner = coverage.ZONES.edges_m[1:-1]
-    antinodes = set(coverage.ZONES.antinodes_m.tolist())
-    shared = sum(edge in antinodes for edge in inner.tolist())
-    found = {"zone_edges": inner.size, "antinodes": len(antinodes), "edges_at_them": shared}
-    return finding(shared == len(antinodes), shared == inner.size, **found)
+    inner, antinodes = coverage.ZONES.edges_m[1:-1], coverage.ZONES.antinodes_m
+    shared = int(np.isin(inner, antinodes).sum())
+    found = {"zone_edges": inner.size, "antinodes": antinodes.size, "edges_at_them": shared}
+    return outcome(shared == antinodes.size, shared == inner.size, **found)
 
 
 @CLAIMS.add(
@@ -55,7 +54,7 @@ def _direction_changes_at_peaks() -> Finding:
     "negative moving right, positive moving left",
     remark="a contact of 2 mm is assumed, which lies on one side of a peak",
 )
-def _right_of_peak_smoother(law: str) -> Finding:
+def _right_of_peak_smoother(law: str) -> Outcome:
     """Mean over the peaks of μ' right minus left of the peak under a 2 mm contact."""
     rightward = Scene(touch=FingerContact(contact_m=2e-3))
     # The last one lies under the sheets, where nobody touches.
@@ -68,7 +67,7 @@ def _right_of_peak_smoother(law: str) -> Finding:
         mu = friction_coefficient(scene, law=LawChoice(name=law, ratio="mode"), x_m=places)
         gaps.append(np.mean(mu[: peaks.size] - mu[peaks.size :]))
     ways = [f"right_side_minus_left_side_moving_{way}" for way in ("right", "left")]
-    return finding([gaps[0] < 0, gaps[1] > 0], **dict(zip(ways, gaps, strict=True)))
+    return outcome([gaps[0] < 0, gaps[1] > 0], **dict(zip(ways, gaps, strict=True)))
 
 
 @CLAIMS.add(
@@ -76,10 +75,10 @@ def _right_of_peak_smoother(law: str) -> Finding:
     "bodies that move with the skin lower the friction, bodies against it raise it",
     "below 0.4 and above 0.4",
 )
-def _helping_lowers_opposing_raises(law: str) -> Finding:
+def _helping_lowers_opposing_raises(law: str) -> Outcome:
     """Full coverage: μ' with a/u = 1 below μ, with a/u = 0 above μ."""
     helped, opposed = (coverage.full_coverage(law, same_direction=a) for a in (20.0, 0.0))
-    return finding(
+    return outcome(
         [helped < coverage.MU, opposed > coverage.MU], all_helping=helped, all_opposing=opposed
     )
 
@@ -89,14 +88,14 @@ def _helping_lowers_opposing_raises(law: str) -> Finding:
     "acceleration grows towards the natural frequency and falls away from it",
     "one maximum, at the natural frequency",
 )
-def _acceleration_near_resonance() -> Finding:
+def _acceleration_near_resonance() -> Outcome:
     """ω²|q| of mode 6 at 0.90 to 1.10 of its natural frequency rises, then falls."""
     natural_hz = natural_frequency_hz(coverage.BEAM, 6)
     frequencies = natural_hz * np.array([0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1])
     displacement = modal_displacement_m(coverage.BEAM, 6, 100.0, frequencies)
     acceleration = (2 * math.pi * frequencies) ** 2 * displacement
     rises = np.diff(acceleration) > 0
-    return finding(
+    return outcome(
         [rises[:3].all(), not rises[3:].any()],
         frequency_hz=frequencies,
         acceleration_m_s2=acceleration,
@@ -121,7 +120,7 @@ def _zones_of_modes() -> dict[int, int]:
     remark="2% is the study's own change of frequency; up to 10% off, the mode is the same and "
     "its zones only shift",
 )
-def _frequency_changes_mode() -> Finding:
+def _frequency_changes_mode() -> Outcome:
     """Top rung: the number of zones 2% off the resonance, and at the adjacent resonances."""
     resonance_hz = rung_resonance_hz(TOP_RUNG, coverage.BEAM, 6)
     ratios = (0.9, 0.98, 1.0, 1.02, 1.1)
@@ -132,7 +131,7 @@ def _frequency_changes_mode() -> Finding:
     modes, same = _zones_of_modes(), edges_m[1.0].size - 1
     detuned = counts["zones_at_0.98_of_resonance"], counts["zones_at_1.02_of_resonance"]
     shifts = edges_m[0.98][1:-1] - edges_m[1.02][1:-1]
-    return finding(
+    return outcome(
         [any(count != same for count in detuned), modes[5] != same != modes[7]],
         **counts,
         **{f"zones_of_mode_{mode}": count for mode, count in modes.items()},
@@ -145,18 +144,18 @@ def _frequency_changes_mode() -> Finding:
     "near the next natural frequency the distribution of directions is different",
     "three different numbers",
 )
-def _next_mode_other_distribution() -> Finding:
+def _next_mode_other_distribution() -> Outcome:
     """Top rung: the number of zones at the resonances of modes 5, 6 and 7."""
     counts = _zones_of_modes()
     different = len(set(counts.values())) == 3
-    return finding(different, **{f"zones_of_mode_{mode}": n for mode, n in counts.items()})
+    return outcome(different, **{f"zones_of_mode_{mode}": n for mode, n in counts.items()})
 
 
 @CLAIMS.add("Section 2, Fig 5", "friction varies periodically as the finger travels", "equal gaps")
-def _periodic_variation(law: str) -> Finding:
+def _periodic_variation(law: str) -> Outcome:
     """At least three troughs along the beam, with gaps equal to within 5%."""
     troughs = coverage.trough_places_m(coverage.local_curve(law, coverage.local_scene()))
     gaps = np.diff(troughs)
     spread = float(gaps.std() / gaps.mean()) if gaps.size > 1 else math.nan
     periodic = troughs.size >= 3 and spread < 0.05
-    return finding(periodic, troughs_m=troughs, relative_spread_of_gaps=spread)
+    return outcome(periodic, troughs_m=troughs, relative_spread_of_gaps=spread)

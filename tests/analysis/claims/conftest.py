@@ -1,18 +1,18 @@
-"""The findings of single claims, by name."""
+"""The outcomes of single claims, by name."""
 
 from collections.abc import Callable
 
 import pytest
 
 from analysis.claims.audit import CLAIMS
-from analysis.claims.claim import Audited, Finding, audited
+from analysis.claims.claim import Audited, Outcome, audited
 
-Find = Callable[..., Finding]
+Find = Callable[..., Outcome]
 
 
 @pytest.fixture
 def find() -> Find:
-    """Return the finding of the claim of a name, under a law if it depends on one."""
+    """Return the outcome of the claim of a name, under a law if it depends on one."""
     claims = {claim.id: claim for claim in CLAIMS}
     return lambda name, *law: claims[name].find(*law)
 

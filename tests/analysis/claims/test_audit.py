@@ -103,7 +103,7 @@ def test_law_free_claims_are_counted_once(results: tuple[Audited, ...]) -> None:
     assert found["law-free"].total() == len(free)
     for law in ("printed", "consistent", "coulomb"):
         assert found[law].total() == len(results) - len(free)
-        held = [r for r in results if r.findings[law].verdict is Verdict.HOLDS]
+        held = [r for r in results if r.outcomes[law].verdict is Verdict.HOLDS]
         assert found[law][Verdict.HOLDS] == len([r for r in held if r not in free])
 
 
@@ -141,7 +141,7 @@ def test_human_claims_have_their_uncertainty_in_the_sentence(
     human = {claim.id for room in (published_scores, human_factors) for claim in room.CLAIMS}
     assert len(human) > 15
     for result in results:
-        words = {finding.evidence for finding in result.findings.values()}
+        words = {outcome.evidence for outcome in result.outcomes.values()}
         assert len(words) == 1  # the people are the same under every law
         assert bool(words.pop()) is (result.claim.id in human)
         if result.claim.id in human:
@@ -152,7 +152,7 @@ def test_human_claims_have_their_uncertainty_in_the_sentence(
 
 def test_claims_that_are_not_testable_give_the_reason(results: tuple[Audited, ...]) -> None:
     for result in results:
-        if Verdict.NOT_TESTABLE in {finding.verdict for finding in result.findings.values()}:
+        if Verdict.NOT_TESTABLE in {outcome.verdict for outcome in result.outcomes.values()}:
             assert result.claim.remark
 
 

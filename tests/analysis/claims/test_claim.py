@@ -1,12 +1,14 @@
 """Verdicts: what makes a claim hold, hold in part, or fail."""
 
+from typing import Any
+
 import pytest
 
-from analysis.claims.claim import Claim, Finding, audited, finding, human_finding, near
+from analysis.claims.claim import Outcome, PaperClaim, audited, human_outcome, near, outcome
 
 
 def verdict(main: object, *details: object) -> str:
-    return finding(main, *details).verdict.value
+    return outcome(main, *details).verdict.value
 
 
 def test_a_claim_holds_if_all_of_it_is_true() -> None:
@@ -40,16 +42,17 @@ def test_near_judges_each_value() -> None:
     assert near(1.0, 0.1, a=1.05, b=1.2).scope == (True, False)
 
 
-def _claim(check: object) -> Claim:
-    return Claim(id="x", place="Eq 1", claim="it is so", check="", expected="", find=check)  # type: ignore[arg-type]
+def _claim(check: object) -> PaperClaim:
+    find: Any = check
+    return PaperClaim(id="x", place="Eq 1", claim="it is so", check="", expected="", find=find)
 
 
 def test_a_law_free_claim_is_marked_and_checked_once() -> None:
     calls = []
 
-    def check() -> Finding:
+    def check() -> Outcome:
         calls.append(1)
-        return finding(True, number=2.0)
+        return outcome(True, number=2.0)
 
     record = audited(_claim(check)).record()
     assert record["law_free"] is True
@@ -59,8 +62,8 @@ def test_a_law_free_claim_is_marked_and_checked_once() -> None:
 
 
 def test_the_sentence_carries_the_uncertainty_of_human_data() -> None:
-    def check(law: str) -> Finding:
-        return human_finding("p .039", law == "coulomb", rate=1)
+    def check(law: str) -> Outcome:
+        return human_outcome("p .039", law == "coulomb", rate=1)
 
     record = audited(_claim(check)).record()
     assert record["sentence"] == "it is so [p .039]"

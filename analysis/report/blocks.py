@@ -252,23 +252,23 @@ class Section:
     """Section of the page, with its part of the report's other files; without blocks not shown.
 
     Attributes:
-        name: id in the page.
         title: heading.
         blocks: contents, in order.
         data: entries of `report.json`, by key.
         files: texts of additional files, by name.
+        name: id in the page.
     """
 
-    name: str
     title: str = ""
     blocks: Sequence[Block] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
 
-    def keeping(self, keep: Kept) -> "Section":
-        """Return the section with figures that are drawn where `keep` has none like them."""
+    def named(self, name: str, keep: Kept) -> "Section":
+        """Return the section with a name, and figures drawn where `keep` has none like them."""
         of = (replace(it, keep=keep) if isinstance(it, Figure) else it for it in self.blocks)
-        return replace(self, blocks=list(of))
+        return replace(self, name=name, blocks=list(of))
 
     @property
     def figures(self) -> list[Figure]:

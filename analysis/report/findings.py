@@ -178,7 +178,8 @@ class Findings:
             **{claim: getattr(groups, of) for of, claim in CLAIMED.items() if groups},
             **{effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())},
         }
-        known = {of: p for of, test in tests.items() if isinstance(p := _p(test), float)}
+        found = {of: getattr(test, "p", test) for of, test in tests.items()}
+        known = {of: p for of, p in found.items() if isinstance(p, float)}
         p_holm = dict(zip(known, holm([*known.values()]), strict=True))
         return Design(
             groups=groups and replace(groups, p_holm=_of_groups(p_holm)),
@@ -264,10 +265,6 @@ class Findings:
     def scale_in_words(self) -> str:
         """That scale with the names of its bands, as the participants read them."""
         return scale_in_words(self.study, self.rating)
-
-
-def _p(test: Any) -> Any:
-    return getattr(test, "p", test)
 
 
 def _of_groups(p_holm: Mapping[str, float]) -> dict[str, float]:

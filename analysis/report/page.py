@@ -72,9 +72,7 @@ def glossary(_: Findings) -> blocks.Section:
     """Return the terms in alphabetical order."""
     entries = {name: text.replace("{laws}", ", ".join(LAWS)) for name, text in _TERMS.items()}
     in_order = sorted(entries.items(), key=lambda entry: entry[0].casefold())
-    return blocks.Section(
-        name="glossary", title="Glossary", blocks=[blocks.Definitions(entries=dict(in_order))]
-    )
+    return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=dict(in_order))])
 
 
 # What stands above the results: title, authors, and the facts that a reader asks for first.

@@ -40,7 +40,7 @@ class Report(Findings):
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """All sections, shown or not; if they are wanted `alone`, those shown and `ALWAYS`."""
-        return tuple(SECTIONS[name].make(self).keeping(self.keep) for name in self.needed)
+        return tuple(SECTIONS[name].make(self).named(name, self.keep) for name in self.needed)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class Report(Findings):
         own = {section.name: section for section in self.sections}
         return tuple(
             own.get(name)
-            or Section(name=name, blocks=[make(self) for make in part.front]).keeping(self.keep)
+            or Section(blocks=[make(self) for make in part.front]).named(name, self.keep)
             for name, part in SECTIONS.items()
             if part.front and self._has(name)
         )

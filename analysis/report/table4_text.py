@@ -45,30 +45,20 @@ def table4_lines(
     `marks` has for its row and column.
     """
     table = result.table
-    rows = [
-        [
-            subject,
-            *(
-                _score(score, marks.get((row, column), missing))
-                for column, score in enumerate(scores)
-            ),
-            _mean(mean, missing),
+    rows = []
+    for row, (subject, mean) in enumerate(zip(table.subjects, result.row_means, strict=True)):
+        # Whole scores as in the paper's Table 4; means of several trials need their decimals.
+        scores = [
+            f"{score:.0f}" if score.is_integer() else _mean(score, marks.get((row, at), missing))
+            for at, score in enumerate(table.scores[row])
         ]
-        for row, (subject, scores, mean) in enumerate(
-            zip(table.subjects, table.scores, result.row_means, strict=True)
-        )
-    ]
+        rows.append([subject, *scores, _mean(mean, missing)])
     means = (_mean(mean, missing) for mean in result.column_means)
     return [
         ["subject", *table.conditions, "comprehensive"],
         *rows,
         ["average", *means, _mean(result.grand_mean, missing)],
     ]
-
-
-def _score(score: float, missing: str) -> str:
-    # Whole scores as in the paper's Table 4; means of several trials need their decimals.
-    return f"{score:.0f}" if score.is_integer() else _mean(score, missing)
 
 
 def _mean(mean: float, missing: str) -> str:
@@ -96,11 +86,7 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
     many = len(header) > FEW_CONDITIONS + 2
     of_scale = f", {scale}" if scale else ""
     caption = f"Scores by subject and condition{of_scale}. The last column and row are means."
-    below = (
-        [r"\\[0.5ex] {\footnotesize \textit{Note.} " + escaped(" ".join(notes)) + "}"]
-        if notes
-        else []
-    )
+    below = r"\\[0.5ex] {\footnotesize \textit{Note.} " + escaped(" ".join(notes)) + "}"
     lines = [
         r"\begin{table}",
         r"\centering",
@@ -117,7 +103,7 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
         r"\bottomrule",
         # The percent sign keeps the line's end from becoming a space in the shrunk box.
         r"\end{tabular}" + "%\n}" * many,
-        *below,
+        *([below] if notes else []),
         r"\end{table}",
     ]
     return "\n".join(lines) + "\n"

@@ -1,8 +1,9 @@
 """Effects of conditions: tests of differences, agreement between subjects, sizes of effects."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from analysis.report.blocks import (
     Figure,
     Section,
     Table,
+    at,
     columns,
     p_cell,
     spread_columns,
@@ -23,7 +25,6 @@ from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING, counts
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
 from analysis.statistics.intervals import COVERAGE, DESIGN
-from analysis.statistics.omnibus import Friedman
 from analysis.statistics.ordinal import Interaction, OrdinalEffects
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading, TableStatistics
@@ -31,12 +32,13 @@ from analysis.statistics.two_way import IntraclassCorrelation
 from analysis.trials.trial_statistics import TrialStatistics
 from protocol.registration.registration import OMNIBUS
 
+Fit = TypeVar("Fit")
+
 
 def tests(found: Findings) -> Section:
     """Return the tests of the conditions, and the scores that they compare."""
     main = found.table.main
     return Section(
-        name="tests",
         title="Do the conditions differ?",
         blocks=[
             omnibus_line(main),
@@ -119,11 +121,11 @@ def scores_figure(found: Findings) -> Figure:
 
 
 def _quartile_table(table: ScoreTable) -> Table:
-    by_condition = zip(table.conditions, table.scores.T, strict=True)
+    given = (column[~np.isnan(column)] for column in table.scores.T)
     name, count, *quartiles = spread_columns("condition")
     mean = Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
     return Table.over(
-        [(name, column[~np.isnan(column)]) for name, column in by_condition],
+        zip(table.conditions, given, strict=True),
         [name, count, mean, *quartiles],
         name="quartiles",
         caption="Numbers shown in the figure; Table 4 lists the individual scores.",
@@ -135,20 +137,18 @@ _COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
 
 
 def _tests_json(main: Reading) -> Json:
-    test = main.friedman
-    w_ends = test.kendall_w_interval if isinstance(test, Friedman) else test
+    test, w_ends = main.friedman, at(main.friedman, "kendall_w_interval")
+    sums = () if isinstance(test, NotEstimable) else test.rank_sums
     return {
         "friedman": estimates_json.friedman_json(main),
         "skillings_mack": estimates_json.skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
-        "kendall_w": test.kendall_w if isinstance(test, Friedman) else None,
+        "kendall_w": or_null(at(test, "kendall_w")),
         **why("kendall_w", test),
         "kendall_w_interval": or_null(w_ends),
         **why("kendall_w_interval", w_ends),
         "interval_coverage": {"design": DESIGN, "coverage": dict(COVERAGE)},
-        "rank_sums": dict(zip(main.table4.table.conditions, test.rank_sums, strict=True))
-        if isinstance(test, Friedman)
-        else None,
+        "rank_sums": dict(zip(main.table4.table.conditions, sums, strict=True)) if sums else None,
         **why("rank_sums", test),
         "pairwise": [estimates_json.pair_json(pair) for pair in main.pairwise],
     }
@@ -160,7 +160,6 @@ def _tests_json(main: Reading) -> Json:
 def agreement(found: Findings) -> Section:
     """Return intraclass correlations, additive effects and ordinal effects."""
     return Section(
-        name="agreement",
         title="Agreement and effects",
         blocks=[
             _icc_table(found.table),
@@ -232,35 +231,36 @@ def _additive_line(table: TableStatistics) -> str:
 
 
 def _ordinal_line(trials: TrialStatistics) -> str:
-    fits = [
-        f"{link}: not estimable ({effects.reason})"
-        if isinstance(effects, NotEstimable)
-        else f"{link}: between-subject standard deviation {number(effects.subject_sd)}, "
-        f"log-likelihood {number(effects.log_likelihood, 4)}"
-        for link, effects in trials.ordinal.items()
-    ]
-    return " ".join([f"Ordinal mixed model, {'; '.join(fits)}.", *_interaction_line(trials)])
+    """Tell how much subjects differ, in their effects as well if they repeated conditions."""
+    alone = _by_link(
+        trials.ordinal,
+        lambda fit: (
+            f"between-subject standard deviation {number(fit.subject_sd)}, "
+            f"log-likelihood {number(fit.log_likelihood, 4)}"
+        ),
+    )
+    fits = {link: fit for link, fit in trials.ordinal.items() if isinstance(fit, OrdinalEffects)}
+    if not (fits and trials.has_repeats):
+        return f"Ordinal mixed model, {alone}."
+    within = _by_link(
+        {link: fit.interaction for link, fit in fits.items()},
+        lambda it: (
+            f"standard deviation {number(it.sd)}{beside(it.sd_interval)}, "
+            f"likelihood ratio {number(it.likelihood_ratio)}, {p_equals(it.p)}"
+        ),
+    )
+    return (
+        f"Ordinal mixed model, {alone}. With a random intercept of each subject under each "
+        f"condition (subject × condition) beside it, {within}."
+    )
 
 
-def _interaction_line(trials: TrialStatistics) -> list[str]:
-    """Say by how much subjects differ in their effects, if they repeated conditions."""
-    if not trials.has_repeats:
-        return []
-    fits = [
-        f"{link}: not estimable ({found.reason})"
-        if isinstance(found, NotEstimable)
-        else f"{link}: standard deviation {number(found.sd)}{beside(found.sd_interval)}, "
-        f"likelihood ratio {number(found.likelihood_ratio)}, {p_equals(found.p)}"
-        for link, found in (
-            (link, effects.interaction)
-            for link, effects in trials.ordinal.items()
-            if isinstance(effects, OrdinalEffects)
-        )
-    ]
-    return [
-        "With a random intercept of each subject under each condition (subject × condition) "
-        f"beside it, {'; '.join(fits)}."
-    ] * bool(fits)
+def _by_link(fits: Mapping[str, Fit | NotEstimable], told: Callable[[Fit], str]) -> str:
+    said = {
+        link: f"not estimable ({fit.reason})" if isinstance(fit, NotEstimable) else told(fit)
+        for link, fit in fits.items()
+    }
+    return "; ".join(f"{link}: {words}" for link, words in said.items())
 
 
 def _condition_table(found: Findings) -> Table:

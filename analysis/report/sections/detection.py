@@ -28,11 +28,10 @@ def section(found: Findings) -> Section:
     Every d′ here is from counts alone; that of M3 is at a contrast.
     """
     if not found.trials.noticed:
-        return Section(name="detection")
+        return Section()
     *conditions, whole = found.trials.noticed
     parts = _noticed_parts(found)
     return Section(
-        name="detection",
         title="Detection of changes",
         blocks=[
             _noticed_by_condition(conditions, whole, parts),

@@ -27,14 +27,13 @@ def section(found: Findings) -> Section:
     """Return the effects, the means by level and a figure by factor; nothing without factors."""
     tests = found.factors
     if tests is None:
-        return Section(name="factors")
+        return Section()
     latent = found.trials.latent_factorial
     readings = {
         name: {it.name: it.p_holm for it in (of.factors.effects if of.factors else ())}
         for name, of in found.reread()
     }
     return Section(
-        name="factors",
         title="Factors",
         blocks=[
             _effects(tests.effects, latent, readings),

@@ -34,12 +34,11 @@ def section(found: Findings) -> Section:
     """Return the comparisons between groups; nothing for a study without groups."""
     made = found.groups
     if made is None:
-        return Section(name="groups")
+        return Section()
     tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
     readings = {name: of.groups.p_holm for name, of in found.reread() if of.groups}
     people = _people(found)
     return Section(
-        name="groups",
         title="Do the groups differ?",
         blocks=[
             of_groups(made, adjusted=not found.loaded.table.given.all()),

@@ -25,14 +25,13 @@ def section(found: Findings) -> Section:
     """Return contrasts and sensitivities by the recorded touches; nothing if there are none."""
     measured = found.measured
     if measured is None:
-        return Section(name="measured")
+        return Section()
     left_out = [
         f"{count} scored trial{'s' * (count > 1)}, because {reason}; left out of the fits to "
         "measured contrasts."
         for reason, count in measured.left_out.items()
     ]
     return Section(
-        name="measured",
         title="Sensitivity to measured friction",
         blocks=[
             _headline(measured),
@@ -115,17 +114,12 @@ def _gains_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table
 
 
 def _spread_table(trials: TrialStatistics, measured: MeasuredStatistics) -> Table:
-    # The headline first.
-    fits = [
-        ("M2", "predicted", trials.m2),
-        ("M2", "measured", measured.m2),
-        ("M1", "predicted", trials.m1),
-        ("M1", "measured", measured.m1),
-        ("M3", "predicted", trials.m3),
-        ("M3", "measured", measured.m3),
-    ]
     return Table.over(
-        [SimpleNamespace(model=model, kind=kind, fit=fit) for model, kind, fit in fits],
+        [
+            SimpleNamespace(model=model, kind=kind, fit=getattr(of, model.lower()))
+            for model in ("M2", "M1", "M3")  # the headline first
+            for kind, of in (("predicted", trials), ("measured", measured))
+        ],
         [
             Column("model", "model"),
             Column("contrasts", "kind"),
@@ -156,12 +150,11 @@ def _predictor_table(measured: MeasuredStatistics) -> Table:
 
 
 def _json(measured: MeasuredStatistics) -> Json:
-    models = {"M1": measured.m1, "M2": measured.m2, "M3": measured.m3}
     return {
         "conditions": plain(measured.conditions),
         "left_out": plain(measured.left_out),
         "coverage": COVERAGE,
-        "models": {name: fit_json(fit) for name, fit in models.items()},
+        "models": {of: fit_json(getattr(measured, of.lower())) for of in ("M1", "M2", "M3")},
         "noise_share": or_null(measured.noise_share),
         **why("noise_share", measured.noise_share),
         "differences": plain(measured.differences),

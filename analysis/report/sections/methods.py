@@ -24,7 +24,6 @@ from protocol.study.study import Study
 def section(found: Findings) -> Section:
     """Return the methods in three paragraphs: data, tests and models."""
     return Section(
-        name="methods",
         title="Methods",
         blocks=[_data(found), _tests(found.trials), _model(found.trials, found.origin.rig)],
     )
@@ -131,7 +130,6 @@ def provenance(found: Findings) -> Section:
     """Return the facts needed to reproduce the report."""
     facts = _facts(found)
     return Section(
-        name="provenance",
         title="Provenance",
         blocks=[Definitions(entries=facts)],
         data={"provenance": facts},

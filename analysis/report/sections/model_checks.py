@@ -1,6 +1,6 @@
 """Checks of the models: against studies that they simulate, and against known true parameters."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -11,7 +11,6 @@ from analysis.report.estimates_json import unknown
 from analysis.report.figure_data import predictive_figure
 from analysis.report.findings import Findings, Scale
 from analysis.report.wording import interval, number
-from analysis.sensitivity.lines import SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveCheck
 from analysis.trials.contrasts import BEAM_MODELS, FACTORS, ContrastRange
@@ -27,7 +26,6 @@ def predictive(found: Findings) -> Section:
     """Return how well each model predicts answers and scores like those of the study."""
     checks = found.trials.predictive
     return Section(
-        name="predictive",
         title="Posterior predictive checks",
         blocks=[
             "Each model simulates the study with parameters drawn from its posterior. A model "
@@ -84,20 +82,22 @@ def recovery(found: Findings) -> Section:
     virtual, m2 = found.loaded.virtual, found.trials.m2
     lines = {} if isinstance(m2, NotEstimable) else {it.subject: it for it in m2.lines.subjects}
     pairs = [
-        (line, _on_scale(truth, found.scale))
+        SimpleNamespace(line=line, truth=_on_scale(truth, found.scale))
         for name, truth in virtual.items()
         # A virtual person whose trials are all left out has no line.
         if (line := lines.get(name))
     ]
+    for each in pairs:
+        low, high = each.line.gain_interval
+        each.covered = low <= each.truth.sensitivity <= high
     simulated = list(dict.fromkeys((truth.law, truth.rung) for truth in virtual.values()))
     blocks: list[Block] = [_explanation(simulated), _table(pairs)] if pairs else []
     data = {
-        "simulated": [_model_json(*model) for model in simulated],
-        "reported": _model_json(*_REPORTED),
-        "subjects": [_subject_json(*pair) for pair in pairs],
+        "simulated": [{"law": law, "rung": rung} for law, rung in simulated],
+        "reported": {"law": LAW, "rung": RUNG},
+        "subjects": list(map(_subject_json, pairs)),
     }
     return Section(
-        name="recovery",
         title="Recovered against true parameters",
         blocks=blocks,
         data={"recovery": data} if virtual else {},
@@ -130,16 +130,16 @@ def _explanation(simulated: list[tuple[str, str]]) -> str:
     )
 
 
-def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
+def _table(pairs: Sequence[SimpleNamespace]) -> Table:
     return Table.over(
-        [SimpleNamespace(line=line, truth=truth) for line, truth in pairs],
+        pairs,
         [
             Column("subject", "line.subject"),
             Column("true bias", "truth.bias", 2),
             *estimate("bias", "line.bias"),
             Column("true gain", "truth.sensitivity", 2),
             *estimate("gain", "line.gain"),
-            Column("gain covered", lambda it: "yes" if _covers(it.line, it.truth) else "no"),
+            Column("gain covered", "covered", {True: "yes", False: "no"}.__getitem__),
         ],
         name="recovered",
         caption="Bias and gain that each virtual participant was given, and M2's estimates with "
@@ -148,26 +148,17 @@ def _table(pairs: Iterable[tuple[SubjectLine, VirtualTruth]]) -> Table:
     )
 
 
-def _covers(line: SubjectLine, truth: VirtualTruth) -> bool:
-    low, high = line.gain_interval
-    return low <= truth.sensitivity <= high
-
-
-def _model_json(law: str, rung: str) -> Json:
-    return {"law": law, "rung": rung}
-
-
-def _subject_json(line: SubjectLine, truth: VirtualTruth) -> Json:
-    true = truth.to_json()
+def _subject_json(pair: SimpleNamespace) -> Json:
+    line, true = pair.line, pair.truth.to_json()
     return {
         "subject": line.subject,
         "true": {name: value for name, value in true.items() if name not in {"law", "rung"}},
-        "sensitivity": truth.sensitivity,
+        "sensitivity": pair.truth.sensitivity,
         "bias": line.bias,
         "bias_ci": plain(line.bias_interval),
         "gain": line.gain,
         "gain_ci": plain(line.gain_interval),
-        "gain_covered": _covers(line, truth),
+        "gain_covered": pair.covered,
     }
 
 
@@ -188,7 +179,6 @@ def section(found: Findings) -> Section:
     """Return ranges of the contrasts, and gains from those at a place alone."""
     trials = found.trials
     return Section(
-        name="contrasts",
         title="How certain the contrasts are",
         blocks=[
             _KINDS,

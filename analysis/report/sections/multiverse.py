@@ -112,10 +112,9 @@ def section(found: Findings) -> Section:
     """Return the claims under all choices; nothing where they were not asked for."""
     made = found.multiverse
     if made is None:
-        return Section(name=MULTIVERSE)
+        return Section()
     alone = [f"{choice.capitalize()}: {why}." for choice, why in made.single.items()]
     return Section(
-        name=MULTIVERSE,
         title="Other choices of analysis",
         blocks=[
             _INTRODUCTION,

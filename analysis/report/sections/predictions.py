@@ -25,7 +25,6 @@ def section(found: Findings) -> Section:
     """Return the model's predictions, and how well they fit the ratings."""
     felt, predicted = _first_signal(found.trials)
     return Section(
-        name="model",
         title="Ratings against the model",
         blocks=[
             _signal_line(felt, predicted),

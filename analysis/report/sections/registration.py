@@ -326,14 +326,13 @@ def section(found: Findings) -> Section:
     """Return what was registered and how it came out; nothing for a study without registration."""
     lock = found.loaded.lock
     if lock is None:
-        return Section(name="registration")
+        return Section()
     results = named_results(found, lock)
     departed = deviations(lock.registration, conduct(found, lock))
     later = _later_contrasts(found)
     # A data set does not tell the time of the registration.
     when = f" at {lock.utc:%Y-%m-%d %H:%M} UTC" if lock.utc > UNKNOWN_UTC else ""
     return Section(
-        name="registration",
         title="Registration",
         blocks=[
             f"Plan and analysis were registered{when} with touchbeam "

@@ -26,7 +26,6 @@ def section(found: Findings) -> blocks.Section:
     """Return the scores, and the means under each reading of missing scores."""
     main = found.table.main.table4
     return blocks.Section(
-        name="table4",
         title="Other readings of withheld scores",
         blocks=[score_table(found), notes(found), _readings_table(found)],
         data={
@@ -44,7 +43,6 @@ def own_questions(found: Findings) -> blocks.Section:
     """Return a table of the answers to each of the study's own questions."""
     asked = answers_by_question(found.study, found.loaded.answers)
     return blocks.Section(
-        name="questions",
         title="Questions of the study",
         blocks=[
             blocks.Table(
@@ -243,7 +241,6 @@ def _readings_json(readings: tuple[Reading, ...]) -> Json:
 def trials(found: Findings) -> blocks.Section:
     """Return a table of all trials per subject."""
     return blocks.Section(
-        name="trials",
         title="Trials",
         blocks=[
             "All analysed trials, with the contrast that each friction law predicts for them "

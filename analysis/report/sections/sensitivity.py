@@ -27,7 +27,6 @@ def section(found: Findings) -> Section:
     """Return bias and gain of each subject, and the detection of changes."""
     trials = found.trials
     return Section(
-        name="sensitivity",
         title="Sensitivity",
         blocks=[
             _headline(trials.m2, trials.ranges),
@@ -291,8 +290,6 @@ def _sensitivity_json(trials: TrialStatistics) -> Json:
             **({"reason": trials.m1.reason} if isinstance(trials.m1, NotEstimable) else {}),
         },
         "sensitivity_models": {
-            "M1": fit_json(trials.m1),
-            "M2": fit_json(trials.m2),
-            "M3": fit_json(trials.m3),
+            model: fit_json(getattr(trials, model.lower())) for model in ("M1", "M2", "M3")
         },
     }

@@ -32,7 +32,6 @@ def section(found: Findings) -> blocks.Section:
     carried = trial_checks.carry_over(scored.every, scored.previous) if known else _UNORDERED
     moved = trial_checks.drift(scored.every, scored.place) if known else _UNORDERED
     return blocks.Section(
-        name="checks",
         title="Sessions, touches and reaction times",
         blocks=[
             blocks.Items(
@@ -288,7 +287,6 @@ def left_out(found: Findings) -> blocks.Section:
         # A published table does not tell, which is not the same as none.
         unfinished = "unknown for a published table"
     return blocks.Section(
-        name="left-out",
         title="Exclusions and interruptions",
         blocks=[
             f"Prespecified exclusion rules: {'; '.join(rules)}."

@@ -47,11 +47,10 @@ def section(found: Findings) -> Section:
     """Return the thresholds of people and of the cohort; nothing for a study without tracks."""
     made, study = found.thresholds, found.study
     if made is None:
-        return Section(name="thresholds")
+        return Section()
     # People come track by track.
     by_track = groupby(made.people, attrgetter("track"))
     return Section(
-        name="thresholds",
         title="Thresholds",
         blocks=[
             METHOD,

@@ -26,7 +26,7 @@ from analysis.statistics.groups import (
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
-from analysis.trials.track_fits import CohortThreshold, Thresholds
+from analysis.trials.track_fits import CohortThreshold
 from device.friction.changes import LAW
 from protocol.registration.registration import GAINS, OMNIBUS
 
@@ -47,7 +47,7 @@ MOST_PAIRS = 3
 def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the questions that these data can answer, each with its answer."""
     if found.thresholds is not None:
-        yield THRESHOLDS, _thresholds(found.thresholds)
+        yield THRESHOLDS, " ".join(threshold_lines(found, "In"))
     if found.loaded.table.conditions:
         yield from _of_conditions(found)
 
@@ -85,22 +85,16 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     yield from _ranking(found)
 
 
-def threshold_lines(found: Findings) -> list[str]:
-    """Return for the terminal the mean threshold of each track; nothing without tracks."""
+def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
+    """Return the mean threshold of each track, with the share that defines it."""
     cohort = found.thresholds.cohort if found.thresholds else ()
-    return [f"Threshold in the track {each.track}: {_mean_threshold(each)}" for each in cohort]
-
-
-def _thresholds(found: Thresholds) -> str:
-    """Tell the mean threshold of each track, with the share that defines it."""
-    return " ".join(f"In the track {each.track}: {_mean_threshold(each)}" for each in found.cohort)
+    return [f"{of} the track {each.track}: {_mean_threshold(each)}" for each in cohort]
 
 
 def _mean_threshold(each: CohortThreshold) -> str:
     if isinstance(each.threshold, NotEstimable):
         return f"not known, because {each.threshold.reason}."
-    unit = f" {each.unit}" * bool(each.unit)
-    ends = each.threshold_interval
+    unit, ends = f" {each.unit}" * bool(each.unit), each.threshold_interval
     said = "" if isinstance(ends, NotEstimable) else f", 95% CI [{ends[0]:.3g}, {ends[1]:.3g}]"
     of = f"geometric mean of {each.people} {'person' if each.people == 1 else 'people'}"
     note = f", {each.flagged} of them with notes in the section Thresholds" * bool(each.flagged)
@@ -128,10 +122,8 @@ def _noticed(found: Findings) -> str:
     all_together = whole.found
     if isinstance(all_together, NotEstimable):
         return f"Not known: {all_together.reason}."
-    hits, alarms = (
-        f"{rate.share:.0%} of {rate.trials:,}"
-        for rate in (all_together.hits, all_together.false_alarms)
-    )
+    rates = (all_together.hits, all_together.false_alarms)
+    hits, alarms = (f"{rate.share:.0%} of {rate.trials:,}" for rate in rates)
     at_all = counts(found, CHANGES_NOTICED)
     more = [each.of["condition"] for each in conditions if each.noticed and at_all]
     others = [each.of["condition"] for each in conditions if not each.noticed]
@@ -152,13 +144,11 @@ def _noticed(found: Findings) -> str:
 
 def _who(found: Findings) -> str:
     given = found.loaded.table.given
-    subjects, conditions = int(given.any(axis=1).sum()), int(given.any(axis=0).sum())
+    subjects, conditions = (int(given.any(axis=axis).sum()) for axis in (1, 0))
     if not subjects:
         return "Nobody gave a score."
-    return sentence(
-        f"{count_of(subjects, 'participant')} rated {count_of(conditions, 'condition')} "
-        f"from {found.scale}."
-    )
+    of = count_of(conditions, "condition")
+    return sentence(f"{count_of(subjects, 'participant')} rated {of} from {found.scale}.")
 
 
 def _omnibus(found: Findings, main: Reading) -> str:
@@ -281,9 +271,8 @@ def _factors(tests: Factorial) -> str:
     """Tell the effects that were found with their sizes, and which levels are the extreme ones."""
     known = [it for it in tests.effects if isinstance(it.effect, Effect)]
     if not known:
-        why = (it.effect for it in tests.effects)
-        reasons = dict.fromkeys(each.reason for each in why if isinstance(each, NotEstimable))
-        return f"No effect of a factor could be tested: {'; '.join(reasons)}."
+        why = (it.effect.reason for it in tests.effects if isinstance(it.effect, NotEstimable))
+        return f"No effect of a factor could be tested: {'; '.join(dict.fromkeys(why))}."
     told = [_effect(tests, it) for it in known if it.found]
     rest = [it.name for it in known if not it.found]
     none = f"No effect was found of {', '.join(rest)}, which does not show that there is none."
@@ -294,10 +283,11 @@ def _factors(tests: Factorial) -> str:
 def _effect(tests: Factorial, it: TestedEffect) -> str:
     effect = it.effect
     assert isinstance(effect, Effect)
-    size = f"partial η² = {bounded(effect.partial_eta2)}"
-    ends = _ci(effect.partial_eta2_interval, bounded=True)
-    test = f"F({effect.df[0]}, {effect.df[1]}) = {number(effect.f, 2)}, {p_equals(it.p_holm)}"
-    said = f"{test}, {size}{ends}"
+    said = (
+        f"F({effect.df[0]}, {effect.df[1]}) = {number(effect.f, 2)}, {p_equals(it.p_holm)}, "
+        f"partial η² = {bounded(effect.partial_eta2)}"
+        f"{_ci(effect.partial_eta2_interval, bounded=True)}"
+    )
     if len(it.factors) > 1:
         return f"the effect of {it.factors[0]} depended on {it.factors[1]}, {said}"
     levels = [each for each in tests.levels if each.factor == it.name]

@@ -86,10 +86,8 @@ def _answer_table(asked: Answers) -> blocks.Table:
 def _caption(question: StudyQuestion) -> str:
     # In the language of the page if the study has it.
     text = question.text.get(REFERENCE) or next(iter(question.text.values()), "")
-    scale = ""
-    if question.form == "scale":
-        low, high, _ = question.scale
-        scale = f" From {low:g} to {high:g}."
+    is_scale = question.form == "scale"
+    scale = " From {:g} to {:g}.".format(*question.scale) if is_scale else ""
     unit = f" In {question.unit}." if question.unit else ""
     return f"{question.name}: {text}{scale}{unit}"
 
@@ -141,9 +139,9 @@ def score_table(found: Findings) -> blocks.Table:
 def _is_wide(found: Findings) -> bool:
     """Return whether conditions have room as rows alone."""
     table = found.loaded.table
+    many = len(table.conditions) > max(MOST_COLUMNS, len(table.subjects))
     # Factors make many conditions; the tables of other studies stay as they were.
-    crossed = bool(found.study.factors)
-    return crossed and len(table.conditions) > max(MOST_COLUMNS, len(table.subjects))
+    return many and bool(found.study.factors)
 
 
 def _mean(text: str, target: str = "") -> blocks.Cell:
@@ -275,10 +273,11 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
         blocks.Column(name="answer", kind="word"),
         *blocks.columns("as expected", "score", *predicted, "touch"),
     ]
-    tables = [(subject, _rows(row, of, places)) for row, (subject, of) in enumerate(own.items())]
     return [
-        blocks.Table(name="", caption=f"Trials of {subject}", columns=header, rows=rows)
-        for subject, rows in tables
+        blocks.Table(
+            name="", caption=f"Trials of {name}", columns=header, rows=_rows(row, of, places)
+        )
+        for row, (name, of) in enumerate(own.items())
     ]
 
 
@@ -307,6 +306,10 @@ def _rows(
 
 def _cells(record: Mapping[str, Any]) -> list[str]:
     kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    # The source of the touch for which the contrast is predicted.
+    touch = "measured" if record["touch_measured"] else "as planned"
+    if kind == "published":
+        touch = "standard"
     return [
         record["condition"] or record.get("track") or MISSING,
         str(record["session"]),
@@ -317,12 +320,5 @@ def _cells(record: Mapping[str, Any]) -> list[str]:
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
         MISSING if record["score"] is None else f"{record['score']:g}",
         *(number(contrast, 4) for contrast in record["predicted"].values()),
-        _touch(record),
+        touch,
     ]
-
-
-def _touch(record: Mapping[str, Any]) -> str:
-    """Return the source of the touch for which the contrast is predicted."""
-    if record["kind"] == "published":
-        return "standard"
-    return "measured" if record["touch_measured"] else "as planned"

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.estimates import Json, NotEstimable, plain
 from analysis.loading.study_data import StudyData, rules_in_words
 from analysis.report import blocks, figure_data
-from analysis.report.blocks import columns
+from analysis.report.blocks import at, columns
 from analysis.report.estimates_json import unknown, with_reasons
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
@@ -59,8 +59,7 @@ def section(found: Findings) -> blocks.Section:
                 "catch_trials": {
                     "overall": _discrimination_json(catch.overall),
                     "subjects": {
-                        name: _discrimination_json(answers)
-                        for name, answers in catch.subjects.items()
+                        name: _discrimination_json(own) for name, own in catch.subjects.items()
                     },
                 },
             }
@@ -157,16 +156,16 @@ def _course_figure(found: Findings) -> blocks.Figure:
 
 
 def _reaction_times(found: Findings) -> blocks.Figure:
-    trials = found.loaded.scored
-    times = trials[["condition", "reaction_time_s"]].dropna()
+    times = found.loaded.scored[["condition", "reaction_time_s"]].dropna()
+    own = {
+        name: times["reaction_time_s"][times["condition"] == name]
+        for name in found.study.conditions
+    }
     return _strips(
         "reaction-times",
         "Reaction times",
         "Time from the question to the first answer of each scored trial; bars show medians.",
-        {
-            name: times["reaction_time_s"][times["condition"] == name]
-            for name in found.study.conditions
-        },
+        own,
         ("reaction time, s", "condition"),
         # Reaction times are skewed to the right: on a linear axis a few slow ones would take all
         # the room.
@@ -209,12 +208,10 @@ def _places(found: Findings) -> blocks.Figure:
 
 def _by_subject(found: Findings, values: Any, touches: Any) -> dict[str, Any]:
     """Return values of the touches of the trials that count, by subject of those shown."""
-    subjects, names = found.loaded.table.subjects, found.loaded.trials["participant"]
-    shown = [
-        subjects[place] for place in figure_data.thinned(len(subjects), figure_data.MOST_INTERVALS)
-    ]
-    who = touches["attempt_id"].map(names)
-    return {name: values[who == name] for name in shown}
+    subjects = found.loaded.table.subjects
+    who = touches["attempt_id"].map(found.loaded.trials["participant"])
+    shown = figure_data.thinned(len(subjects), figure_data.MOST_INTERVALS)
+    return {subjects[place]: values[who == subjects[place]] for place in shown}
 
 
 def _strips(
@@ -234,16 +231,19 @@ def _strips(
     most = figure_data.MOST_POINTS // len(given)
     drawn = {group: own[figure_data.thinned(len(own), most)] for group, own in given.items()}
     medians = [float(np.median(own)) for own in given.values()]
-    draw = partial(figure_data.strips_figure, drawn, medians, axis=axis, across=across, **style)
     count, of = (sum(map(len, groups.values())) for groups in (drawn, given))
-    table = blocks.Table.over(
-        given.items(),
-        blocks.spread_columns(across),
+    return blocks.Figure(
         name=name,
-        caption=f"Numbers shown in the figure: {axis}.",
+        title=title,
+        caption=caption + of_all(count, of, "points"),
+        draw=partial(figure_data.strips_figure, drawn, medians, axis=axis, across=across, **style),
+        table=blocks.Table.over(
+            given.items(),
+            blocks.spread_columns(across),
+            name=name,
+            caption=f"Numbers shown in the figure: {axis}.",
+        ),
     )
-    caption += of_all(count, of, "points")
-    return blocks.Figure(name=name, title=title, caption=caption, draw=draw, table=table)
 
 
 def _catch_table(catch: CatchAnswers) -> blocks.Table:
@@ -268,8 +268,7 @@ def _catch_cells(answers: trial_checks.Discrimination | NotEstimable) -> list[st
 def _discrimination_json(answers: trial_checks.Discrimination | NotEstimable) -> Json:
     found: Json = plain(answers)
     if isinstance(answers, trial_checks.Discrimination):
-        for name, rate in (("hits", answers.hits), ("false_alarms", answers.false_alarms)):
-            found[name] = with_reasons(rate)
+        found |= {name: with_reasons(at(answers, name)) for name in ("hits", "false_alarms")}
     return found
 
 
@@ -338,17 +337,15 @@ _MOST_LINES = 12
 
 def left_out_lines(loaded: StudyData) -> list[str]:
     """Return for the terminal who and what the report leaves out, and why."""
-    said = [f"Left out: {place_of(entry)} ({entry.by}): {entry.why}" for entry in loaded.left_out]
-    if len(said) > _MOST_LINES:
-        more = len(said) - _MOST_LINES
-        said[_MOST_LINES:] = [f"Left out: {more} more, listed under Exclusions in the report"]
+    said = [f"{place_of(entry)} ({entry.by}): {entry.why}" for entry in loaded.left_out]
+    if (more := len(said) - _MOST_LINES) > 0:
+        said[_MOST_LINES:] = [f"{more} more, listed under Exclusions in the report"]
     counts = _counts(loaded)
-    said += [
-        f"Left out: {what}: {counts[what]}"
-        for what in ("rehearsals", "sessions withdrawn")
-        if counts[what]
+    said += [f"{of}: {counts[of]}" for of in ("rehearsals", "sessions withdrawn") if counts[of]]
+    return [
+        *(f"Left out: {each}" for each in said),
+        *(f"Not finished: {which}" for which in _unfinished(loaded)[:_MOST_LINES]),
     ]
-    return [*said, *(f"Not finished: {which}" for which in _unfinished(loaded)[:_MOST_LINES])]
 
 
 def _unfinished(loaded: StudyData) -> list[str]:
@@ -374,6 +371,5 @@ def _interruptions_line(found: Findings) -> str:
         return "Interruptions are unknown for a published table."
     if found.loaded.incidents:
         return ""
-    if found.loaded.unfinished:
-        return "No other incident was recorded."
-    return "No interruptions or notes were recorded."
+    other = "other incident was" if found.loaded.unfinished else "interruptions or notes were"
+    return f"No {other} recorded."

@@ -169,11 +169,6 @@ class Dataset:
         return self.kinds == ("published",)
 
     @cached_property
-    def sources(self) -> tuple[str, ...]:
-        """The files that published scores come from, with their digests."""
-        return tuple(self.sessions["imported_from"].dropna().unique())
-
-    @cached_property
     def conditions(self) -> tuple[str, ...]:
         """All conditions of the sessions, in order of appearance."""
         return tuple(dict.fromkeys(chain.from_iterable(self.sessions["conditions"])))
@@ -246,10 +241,10 @@ class Dataset:
         if column.name == "condition":
             return self.condition_levels()
         if column.name == "track":
+            units = {axis: f", {unit}" * bool(unit) for axis, unit in AXIS_UNITS.items()}
             return {
-                each.name: f"{each.task}, {each.method}; levels of {each.axis}{unit}"
+                each.name: f"{each.task}, {each.method}; levels of {each.axis}{units[each.axis]}"
                 for each in self.study.track
-                for unit in [f", {AXIS_UNITS[each.axis]}" if AXIS_UNITS[each.axis] else ""]
             }
         if column.name == "language":
             return {code: language(self.study, code).name for code in study_codes(self.study)}
@@ -267,7 +262,9 @@ class Dataset:
 
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
-        conditions, imported = ", ".join(self.conditions), "; ".join(self.sources)
+        conditions = ", ".join(self.conditions)
+        # The files that published scores come from, with their digests.
+        imported = "; ".join(self.sessions["imported_from"].dropna().unique())
         tracks = ", ".join(track.name for track in self.study.track)
         scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:

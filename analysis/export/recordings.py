@@ -76,16 +76,11 @@ class RecordedTouch:
         # A reading without the device's time cannot be placed among the samples.
         known = [entry for entry in self.read_back if entry.device_time_s is not None]
         read_s = np.array([entry.device_time_s for entry in known]) + recorded.clock_offset_s
-        columns = [
-            np.interp(times_s, read_s, values, np.nan, np.nan)
-            # A gauge has a clock of its own, to which the times of the drive say nothing.
-            if known and recorded.source == "board"
-            else np.full(len(times_s), np.nan)
-            for values in (
-                [entry.voltage_v for entry in known],
-                [entry.frequency_hz for entry in known],
-            )
-        ]
+        columns = [np.full(len(times_s), np.nan)] * 2
+        # A gauge has a clock of its own, to which the times of the drive say nothing.
+        if known and recorded.source == "board":
+            drives = zip(*((entry.voltage_v, entry.frequency_hz) for entry in known), strict=True)
+            columns = [np.interp(times_s, read_s, drive, np.nan, np.nan) for drive in drives]
         begin_s, end_s = recorded.moved_s
         return np.column_stack([*columns, (times_s >= begin_s) & (times_s < end_s)])
 

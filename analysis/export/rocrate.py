@@ -55,13 +55,13 @@ _MEDIA = {
 _MEANINGS = {
     "README.md": "What is here, how to read it, and what is not here.",
     "trials.csv": "A row for each trial that was begun.",
-    "trials.json": "Meaning, unit and levels of each column of trials.csv.",
     "touches.csv": "A row for each touch of these trials.",
-    "touches.json": "Meaning, unit and levels of each column of touches.csv.",
     "contrasts.csv": "A row for each trial and friction law: the predicted contrast of friction.",
-    "contrasts.json": "Meaning, unit and levels of each column of contrasts.csv.",
     "participants.csv": "A row for each participant, with the answers that were given once.",
-    "participants.json": "Meaning, unit and levels of each column of participants.csv.",
+    **{
+        f"{table}.json": f"Meaning, unit and levels of each column of {table}.csv."
+        for table in ("trials", "touches", "contrasts", "participants")
+    },
     "recordings/recordings.json": "Meaning and unit of each column of the other files here.",
     _STUDY: "The study file, with the study's own languages.",
     _REGISTRATION: "What was registered before the first session; its digest seeds the orders.",
@@ -92,18 +92,15 @@ def crate_metadata(data: Dataset, files: Mapping[str, bytes], today: date) -> st
         today: when it is made.
     """
     facts = data.facts
-    persons = [_named(f"#author-{n}", "Person", name) for n, name in _counted(facts.authors)]
+    persons = [_named(f"#author-{n}", "Person", name) for n, name in enumerate(facts.authors, 1)]
     texts = [
-        _named(f"#reference-{n}", "CreativeWork", text) for n, text in _counted(facts.references)
+        _named(f"#reference-{n}", "CreativeWork", text)
+        for n, text in enumerate(facts.references, 1)
     ]
-    places = [
-        {
-            **_named("#institution", "Organization", name),
-            **known({"address": facts.institution_address}),
-        }
-        for name in [facts.institution]
-        if name
-    ]
+    places: list[dict[str, Any]] = []
+    if facts.institution:
+        address = known({"address": facts.institution_address})
+        places = [_named("#institution", "Organization", facts.institution) | address]
     licence = [_licence(facts.licence)] if facts.licence else []
     actions = _actions(data, files, today)
     root = {
@@ -152,22 +149,16 @@ def _actions(data: Dataset, files: Mapping[str, bytes], today: date) -> list[dic
     events = [path for path in files if path.endswith(SUFFIX)]
     source = [path for path in files if path in _SETTLED]
     made = [path for path in files if path not in {*events, *source}]
-    export = {
-        "@id": "#export",
-        "@type": "CreateAction",
-        "name": "Export",
+    export = _named("#export", "CreateAction", "Export") | {
         "description": "touchbeam made the tables and the report of the study and its journal.",
         "endTime": today.isoformat(),
-        "instrument": {"@id": _application_id(data.touchbeam)},
+        "instrument": _references([_application(data.touchbeam)]),
         "object": _references({"@id": path} for path in (*source, *events)),
         "result": _references({"@id": path} for path in made),
     }
-    sessions = {
-        "@id": "#sessions",
-        "@type": "CreateAction",
-        "name": "Sessions",
+    sessions = _named("#sessions", "CreateAction", "Sessions") | {
         "description": "touchbeam ran the sessions and kept a journal of their events.",
-        "instrument": _references({"@id": _application_id(version)} for version in _ran(data)),
+        "instrument": _references(map(_application, _ran(data))),
         "object": _references({"@id": path} for path in source),
         "result": _references({"@id": path} for path in events),
     }
@@ -181,12 +172,8 @@ def _ran(data: Dataset) -> list[str]:
     return list(dict.fromkeys(told.split(CHANGED))) if told else []
 
 
-def _application_id(version: str) -> str:
-    return f"#touchbeam-{version}"
-
-
 def _application(version: str) -> dict[str, str]:
-    application = _named(_application_id(version), "SoftwareApplication", "touchbeam")
+    application = _named(f"#touchbeam-{version}", "SoftwareApplication", "touchbeam")
     return {**application, "softwareVersion": version}
 
 
@@ -209,12 +196,8 @@ def _licence(named: str) -> dict[str, str]:
     return _named(named if is_address else "#licence", "CreativeWork", named)
 
 
-def _named(identifier: str, kind: str, name: str) -> dict[str, str]:
+def _named(identifier: str, kind: str, name: str) -> dict[str, Any]:
     return {"@id": identifier, "@type": kind, "name": name}
-
-
-def _counted(names: Sequence[str]) -> Iterable[tuple[int, str]]:
-    return enumerate(names, 1)
 
 
 def _references(entities: Iterable[Mapping[str, Any]]) -> Any:

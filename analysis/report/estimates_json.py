@@ -73,13 +73,10 @@ def pair_json(pair: PairwiseTest) -> Json:
     """Return the signed-rank test of a pair of conditions."""
     names = {"a": pair.a, "b": pair.b}
     if isinstance(pair.test, NotEstimable):
-        nothing = unknown(
-            pair.test,
-            *("statistic", "n", "n_zero", "p", "method", "p_holm"),
-            *("rank_biserial", "rank_biserial_interval"),
-            *("mean_difference", "mean_difference_interval"),
-        )
-        return {**names, **nothing}
+        tested = ("statistic", "n", "n_zero", "p", "method", "p_holm")
+        sizes = ("rank_biserial", "rank_biserial_interval")
+        differences = ("mean_difference", "mean_difference_interval")
+        return {**names, **unknown(pair.test, *tested, *sizes, *differences)}
     return {**names, **with_reasons(pair.test), "p_holm": or_null(pair.p_holm)}
 
 
@@ -109,15 +106,8 @@ def _lines_json(lines: Lines) -> Json:
 
 def subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
     """Return the subjects' lines, with a reason where one cannot be compared with others."""
-    return [
-        _line_json(plain(line))
-        | (
-            {}
-            if line.relative_gain_known
-            else {"relative_gain_reason": "a single subject has no others to compare with"}
-        )
-        for line in lines
-    ]
+    alone = {"relative_gain_reason": "a single subject has no others to compare with"}
+    return [_line_json(plain(line)) | ({} if line.relative_gain_known else alone) for line in lines]
 
 
 def _line_json(line: Json) -> Json:

@@ -129,7 +129,7 @@ class Findings:
         told = _TRIAL | (_TRACK if self.loaded.trials["track"].notna().any() else {})
         trials = zip(*(values(self.loaded.trials[of]) for of in told.values()), strict=True)
         by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
-        records = [
+        records: list[dict[str, Any]] = [
             {
                 **dict(zip(told, trial, strict=True)),
                 "touch_measured": measured,
@@ -141,19 +141,13 @@ class Findings:
                 trials, contrasts.measured.tolist(), by_law, strict=True
             )
         ]
-        if self.measured is None:
-            return records
-        felt = self.measured.trials
-        numbers = zip(records, plain(felt.value), plain(felt.error), felt.why, strict=True)
-        return [
-            record
-            | (
-                {"measured": {"contrast": contrast, "error": error}}
-                if why is None
-                else {"measured_reason": why}
-            )
-            for record, contrast, error, why in numbers
-        ]
+        if self.measured is not None:
+            felt = self.measured.trials
+            numbers = zip(records, plain(felt.value), plain(felt.error), felt.why, strict=True)
+            for record, contrast, error, why in numbers:
+                known = {"measured": {"contrast": contrast, "error": error}}
+                record.update(known if why is None else {"measured_reason": why})
+        return records
 
     @cached_property
     def design(self) -> Design | None:

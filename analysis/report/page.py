@@ -70,9 +70,9 @@ _TERMS = {
 
 def glossary(_: Findings) -> blocks.Section:
     """Return the terms in alphabetical order."""
-    entries = {name: text.replace("{laws}", ", ".join(LAWS)) for name, text in _TERMS.items()}
-    in_order = sorted(entries.items(), key=lambda entry: entry[0].casefold())
-    return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=dict(in_order))])
+    in_order = sorted(_TERMS, key=str.casefold)
+    entries = {name: _TERMS[name].replace("{laws}", ", ".join(LAWS)) for name in in_order}
+    return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=entries)])
 
 
 # What stands above the results: title, authors, and the facts that a reader asks for first.

@@ -11,19 +11,9 @@ import numpy as np
 from analysis.estimates import LEVEL, Json, NotEstimable, plain
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_lock import StudyLock
+from analysis.report import results as in_words
 from analysis.report.blocks import Block, Column, Items, Section, Table, at, columns
 from analysis.report.findings import Findings
-from analysis.report.results import (
-    DIFFER,
-    FACTORS,
-    FOLLOW,
-    GROUPS,
-    NOTICE,
-    ORDERED,
-    THRESHOLDS,
-    WHICH,
-    paragraphs,
-)
 from analysis.report.wording import interval, number, p_equals, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
@@ -32,22 +22,8 @@ from analysis.statistics.signed_rank import LARGEST_EXACT, signed_rank
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from protocol.journal.shared_form import UNKNOWN_UTC
+from protocol.registration import registration as hypothesis
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
-from protocol.registration.registration import (
-    FOLLOWS,
-    GAINS,
-    NOTICED,
-    OMNIBUS,
-    ORDER,
-    above,
-    between,
-    effect_of,
-    factors_of,
-    hypotheses,
-    hypotheses_of_tracks,
-    threshold_of,
-    weber_below,
-)
 
 # The settings of the analysis that a registration fixes beside the study file.
 
@@ -110,7 +86,7 @@ class NamedResult:
 
 def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
-    results, estimated = [], {threshold_of(track.name) for track in found.study.track}
+    results, estimated = [], {hypothesis.threshold_of(track.name) for track in found.study.track}
     for name in lock.registration.hypotheses:
         made = _computed(found, lock, name)
         told, p, supported = (made.reason, None, None) if isinstance(made, NotEstimable) else made
@@ -144,16 +120,16 @@ _Computed = tuple[str, float | None, bool | None]
 
 
 def _computed(found: Findings, lock: StudyLock, name: str) -> _Computed | NotEstimable:
-    if name == OMNIBUS:
+    if name == hypothesis.OMNIBUS:
         return _tested(found.table.main.omnibus_p)
-    if name == GAINS:
+    if name == hypothesis.GAINS:
         return _tested(at(found.table, "heterogeneity.p"))
-    if name == FOLLOWS:
+    if name == hypothesis.FOLLOWS:
         return _gain(found)
-    if name == ORDER:
+    if name == hypothesis.ORDER:
         return _order(found, lock.registration.law)
-    if name.endswith(NOTICED):
-        return _noticed(found, name.removesuffix(NOTICED).strip())
+    if name.endswith(hypothesis.NOTICED):
+        return _noticed(found, name.removesuffix(hypothesis.NOTICED).strip())
     return (
         _of_weber(found, name)
         or _of_tracks(found, name)
@@ -175,7 +151,7 @@ def _of_tracks(found: Findings, name: str) -> _Computed | NotEstimable | None:
         for track in tracks
     }
     for each in made.cohort if made else ():
-        if name == threshold_of(each.track):
+        if name == hypothesis.threshold_of(each.track):
             if isinstance(each.threshold, NotEstimable):
                 return each.threshold
             told = f"{number(each.threshold, 3)} {each.unit}".strip()
@@ -183,7 +159,7 @@ def _of_tracks(found: Findings, name: str) -> _Computed | NotEstimable | None:
                 told += f", 95% CI {interval(each.threshold_interval, 3)}"
             return told, None, None
     for higher, lower in permutations(tracks, 2):
-        if name == threshold_of(higher, lower):
+        if name == hypothesis.threshold_of(higher, lower):
             both = [who for who in logs[higher] if who in logs[lower]]
             differences = np.array([logs[higher][who] - logs[lower][who] for who in both])
             test = signed_rank(differences)
@@ -192,12 +168,16 @@ def _of_tracks(found: Findings, name: str) -> _Computed | NotEstimable | None:
             ratio = exp(differences.mean())
             told = f"ratio {number(ratio, 2)}, {p_equals(test.p)}"
             return told, test.p, ratio > 1 and test.p < LEVEL
-    return NotEstimable("nobody has a threshold") if name in map(threshold_of, tracks) else None
+    return (
+        NotEstimable("nobody has a threshold")
+        if name in map(hypothesis.threshold_of, tracks)
+        else None
+    )
 
 
 def _of_weber(found: Findings, name: str) -> _Computed | NotEstimable | None:
     """Return whether a Weber fraction is below its limit; None where the name is of no such."""
-    if (limited := weber_below(name)) is None:
+    if (limited := hypothesis.weber_below(name)) is None:
         return None
     track, limit = limited
     cohort = found.thresholds.cohort if found.thresholds else ()
@@ -216,7 +196,7 @@ def _of_factors(found: Findings, name: str) -> _Computed | NotEstimable | None:
     """Return the effect of a factor or of two; None where the name is of no such hypothesis."""
     tests = found.trials.factorial
     for it in tests.effects if tests else ():
-        if name in {effect_of(*it.factors), effect_of(*reversed(it.factors))}:
+        if name in {hypothesis.effect_of(*it.factors), hypothesis.effect_of(*reversed(it.factors))}:
             return _tested(at(it.effect, "p"))
     return None
 
@@ -266,7 +246,7 @@ def _pair(found: Findings, name: str) -> _Computed | NotEstimable:
     for pair in found.table.main.pairwise:
         # Tests know a pair in one order, a hypothesis may name it in the other.
         for higher, lower, sign in ((pair.a, pair.b, 1), (pair.b, pair.a, -1)):
-            if name == above(higher, lower):
+            if name == hypothesis.above(higher, lower):
                 if isinstance(pair.test, NotEstimable):
                     return pair.test
                 by, p = sign * pair.test.mean_difference, pair.p_holm
@@ -279,14 +259,14 @@ def _pair(found: Findings, name: str) -> _Computed | NotEstimable:
 
 def _of_groups(found: Findings, name: str) -> _Computed | NotEstimable | None:
     """Return the result of a hypothesis on two groups; None if it is about something else."""
-    if name not in {between(a, b) for a, b in permutations(found.study.groups, 2)}:
+    if name not in {hypothesis.between(a, b) for a, b in permutations(found.study.groups, 2)}:
         return None
     score = NotEstimable("no group has a score") if found.groups is None else found.groups.score
     if isinstance(score, NotEstimable):
         return score
     for pair in score.pairs:
         for higher, lower, sign in ((pair.a, pair.b, 1), (pair.b, pair.a, -1)):
-            if name == between(higher, lower):
+            if name == hypothesis.between(higher, lower):
                 told = f"shift {number(sign * pair.shift, 2)}, {p_equals(pair.p_holm)} (Holm)"
                 return told, pair.p_holm, sign * pair.shift > 0 and pair.differs
     return NotEstimable("these groups have no scores to compare")
@@ -296,17 +276,28 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the results in words; those of a registered study say whether they were registered."""
     lock = found.loaded.lock
     if lock is None:
-        yield from paragraphs(found)
+        yield from in_words.paragraphs(found)
         return
     names = lock.registration.hypotheses
     # Every other hypothesis is of a pair of conditions; no paragraph answers that on gains.
-    asked = {OMNIBUS: DIFFER, GAINS: "", FOLLOWS: FOLLOW, ORDER: ORDERED}
-    asked |= {between(a, b): GROUPS for a, b in permutations(found.study.groups, 2)}
-    asked |= {name: NOTICE for name in names if name.endswith(NOTICED)}
+    asked = {
+        hypothesis.OMNIBUS: in_words.DIFFER,
+        hypothesis.GAINS: "",
+        hypothesis.FOLLOWS: in_words.FOLLOW,
+        hypothesis.ORDER: in_words.ORDERED,
+    }
+    asked |= {
+        hypothesis.between(a, b): in_words.GROUPS for a, b in permutations(found.study.groups, 2)
+    }
+    asked |= {name: in_words.NOTICE for name in names if name.endswith(hypothesis.NOTICED)}
     asked |= dict.fromkeys(
-        set(names) & set(hypotheses_of_tracks(found.study.track, names)), THRESHOLDS
+        set(names) & set(hypothesis.hypotheses_of_tracks(found.study.track, names)),
+        in_words.THRESHOLDS,
     )
-    asked |= dict.fromkeys(hypotheses((), (), factors_of(found.study)).keys() - asked, FACTORS)
+    asked |= dict.fromkeys(
+        hypothesis.hypotheses((), (), hypothesis.factors_of(found.study)).keys() - asked,
+        in_words.FACTORS,
+    )
     secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",
@@ -314,8 +305,10 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         "other result on this page. Section Registration has the results of what was registered, "
         "and all deviations.",
     )
-    for question, answer in paragraphs(found):
-        registered = ", ".join(name for name in names if asked.get(name, WHICH) == question)
+    for question, answer in in_words.paragraphs(found):
+        registered = ", ".join(
+            name for name in names if asked.get(name, in_words.WHICH) == question
+        )
         yield (
             f"{question} ({f'registered: {registered}' if registered else 'not registered'})",
             answer,

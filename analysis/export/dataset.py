@@ -20,12 +20,7 @@ from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
-from protocol.study.participant_texts import (
-    language,
-    scale_in_words,
-    study_codes,
-    study_wording,
-)
+from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
 from protocol.study.rules import PAPERS_SCALE, Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS

@@ -76,9 +76,7 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
             *[Column("latent p", lambda it: wald[it.factors].p, p_cell)] * bool(wald),
             *(
                 Column(
-                    f"Holm, {READ_AS[name]}",
-                    partial(lambda of, it: of.get(it.name), again),
-                    p_cell,
+                    f"Holm, {READ_AS[name]}", partial(lambda of, it: of.get(it.name), again), p_cell
                 )
                 for name, again in readings.items()
             ),

@@ -130,9 +130,7 @@ def provenance(found: Findings) -> Section:
     """Return the facts needed to reproduce the report."""
     facts = _facts(found)
     return Section(
-        title="Provenance",
-        blocks=[Definitions(entries=facts)],
-        data={"provenance": facts},
+        title="Provenance", blocks=[Definitions(entries=facts)], data={"provenance": facts}
     )
 
 

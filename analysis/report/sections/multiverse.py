@@ -131,9 +131,8 @@ def in_words(curve: Curve) -> str:
     """Return in how many analyses a claim is supported, and which choice matters most."""
     tally, words = curve.tally, curve.claim.words
     if tally.analyses == 1:
-        found = "supported" if tally.supported else "not supported"
-        p = "p < .05" if tally.significant else "p ≥ .05"
-        said = f"{words}: {found} by the only analysis ({p})"
+        found, sign = "not " * (not tally.supported), "<" if tally.significant else "≥"
+        said = f"{words}: {found}supported by the only analysis (p {sign} .05)"
     elif curve.claim.signed:
         beyond = f"p < .05 in {tally.significant:,}"
         said = f"{words} in {tally.supported:,} of {tally.analyses:,} analyses ({beyond})"
@@ -145,10 +144,8 @@ def in_words(curve: Curve) -> str:
 
 
 def _what_matters(curve: Curve) -> str:
-    if curve.decides == Choice.EXCLUSIONS:
-        return "; the exclusions decide"
-    if curve.decides is not None:
-        return f"; the {curve.decides} decides"
+    if (choice := curve.decides) is not None:
+        return f"; the {choice} {'decide' if choice == Choice.EXCLUSIONS else 'decides'}"
     choice = curve.moves_most
     if choice is None:
         return "" if curve.tally.analyses == 1 else "; no choice moves the effect"

@@ -42,9 +42,7 @@ def section(found: Findings) -> Section:
     )
 
 
-def _first_signal(
-    trials: TrialStatistics,
-) -> tuple[Proportion | NotEstimable, dict[str, float]]:
+def _first_signal(trials: TrialStatistics) -> tuple[Proportion | NotEstimable, dict[str, float]]:
     """Return how many felt the first signal as expected, and what each law predicts of it."""
     answers = trials.data.trials
     answered = answers["trial_kind"].eq("signal") & answers["agrees"].notna()

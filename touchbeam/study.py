@@ -288,15 +288,13 @@ class Study:
 
         # A text is a sequence, too: of its letters.
         named = (sections,) if isinstance(sections, str) else sections
-        asked = asked_report(
-            self.folder,
-            rehearsals=self.rehearsals,
-            named=None if named is None else tuple(named),
-            read=self._read,
-        )
-        made = asked.written(
-            lambda: (self.file, self._counted, self.broken, self.recorded), figures=figures
-        )
+        names = None if named is None else tuple(named)
+        asked = asked_report(self.folder, rehearsals=self.rehearsals, named=names, read=self._read)
+
+        def found() -> Found:
+            return self.file, self._counted, self.broken, self.recorded
+
+        made = asked.written(found, figures=figures)
         folder = self.folder.report if out is None else Path(out)
         # A folder that the user names may be a link; one within the study may come from a stranger.
         own = self.folder.path if out is None else None

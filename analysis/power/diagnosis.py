@@ -10,7 +10,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.power.people_cohorts import Cohort
+from analysis.power.people_cohorts import RatedCohort
 from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.linear_model import linear_lines, own_gains
 from analysis.sensitivity.lines import Ratings, medians
@@ -216,7 +216,7 @@ def _rows(scores: FloatArray) -> FloatArray:
     )
 
 
-def estimates_of_cohorts(cohorts: Sequence[Cohort]) -> FloatArray:
+def estimates_of_cohorts(cohorts: Sequence[RatedCohort]) -> FloatArray:
     """Return, for each cohort, what the sensitivity models estimate."""
     # A study without an estimate adds nothing to any sum.
     empty = [0.0] * len(SUMS) + [float("nan")]
@@ -237,7 +237,7 @@ def _gains_p(scores: FloatArray) -> float:
     return float("nan") if isinstance(found, NotEstimable) else found.p
 
 
-def _of_model(model: str, cohort: Cohort) -> dict[str, list[float]]:
+def _of_model(model: str, cohort: RatedCohort) -> dict[str, list[float]]:
     # Without what a report tells besides: neither the evidence of equal gains nor JNDs count here.
     mixture = (ordinal_lines if model == "M2" else linear_lines)(cohort.ratings)
     if isinstance(mixture, NotEstimable):

@@ -78,37 +78,31 @@ def designed(study: Study, design: Design) -> Study:
     Raises:
         BadInput: the study cannot be run so; the message gives the first problem.
     """
+    people, refused = design.participants, f"{design} cannot be planned"
     # Every test compares people, and one has nobody to be compared with.
-    if not 2 <= design.participants <= MOST_PARTICIPANTS:
-        raise BadInput(
-            f"participants must lie in [2, {MOST_PARTICIPANTS}], got {design.participants}; give "
-            "other numbers with --participants"
-        )
+    if not 2 <= people <= MOST_PARTICIPANTS:
+        rule = f"participants must lie in [2, {MOST_PARTICIPANTS}], got {people}"
+        raise BadInput(f"{rule}; give other numbers with --participants")
     if design.repeats > MOST_REPEATS:
-        raise BadInput(
-            f"{design} cannot be planned: repeats must be at most {MOST_REPEATS}; give fewer with "
-            "--repeats"
-        )
+        rule = f"repeats must be at most {MOST_REPEATS}; give fewer with --repeats"
+        raise BadInput(f"{refused}: {rule}")
     if design.levels > design.repeats:
-        raise BadInput(
-            f"{design} cannot be planned: levels must be at most repeats, so that each comes "
-            "equally often; give fewer with --levels, or more with --repeats"
-        )
+        rule = "levels must be at most repeats, so that each comes equally often"
+        raise BadInput(f"{refused}: {rule}; give fewer with --levels, or more with --repeats")
     levels = {"levels": tuple(step / design.levels for step in range(1, design.levels + 1))}
     conditions = (it.model_copy(update=levels if design.levels else {}) for it in study.condition)
     # Validated anew, because `model_copy` checks nothing.
-    wanted = {"participants": design.participants, "repeats": design.repeats}
-    keys = {**study.design.model_dump(), **wanted}
+    keys = study.design.model_dump() | {"participants": people, "repeats": design.repeats}
     try:
         asked = DesignOfStudy.model_validate(keys)
     except ValidationError as error:
         found = schema_problems(keys, error)[0].located("study.toml")
-        raise BadInput(f"{design} cannot be planned: {found}") from error
-    group = _resized(study.group, design.participants)
+        raise BadInput(f"{refused}: {found}") from error
+    group = _resized(study.group, people)
     changed = {"design": asked, "condition": tuple(conditions), "group": group}
     made = study.model_copy(update=changed)
     if wrong := problems(made):
-        raise BadInput(f"{design} cannot be planned: {wrong[0].located('study.toml')}")
+        raise BadInput(f"{refused}: {wrong[0].located('study.toml')}")
     return made
 
 
@@ -124,10 +118,8 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
     shares = [round(participants * end / ends[-1]) for end in ends.tolist()]
     sizes = np.diff([0, *shares]).tolist()
     if 0 in sizes:
-        raise BadInput(
-            f"{participants} participants are too few for the study's {len(groups)} groups; give "
-            "more with --participants"
-        )
+        rule = f"{participants} participants are too few for the study's {len(groups)} groups"
+        raise BadInput(f"{rule}; give more with --participants")
     pairs = zip(groups, sizes, strict=True)
     return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
 
@@ -217,11 +209,9 @@ def numbers(job: Job, task: Task) -> FloatArray:
     # Asked where the work is done: a cluster may run another version.
     from importlib.metadata import version
 
-    if version("touchbeam") != job.version:
-        raise WorkFailed(
-            f"a worker has touchbeam {version('touchbeam')}, but {job.version} asks; "
-            "install the same version on all"
-        )
+    if (own := version("touchbeam")) != job.version:
+        said = f"a worker has touchbeam {own}, but {job.version} asks"
+        raise WorkFailed(f"{said}; install the same version on all")
     # The kind is not a part of the key beyond this, so that a fitted study is one of the tested
     # ones.
     nature = f"{job.seed}/{task.design.key}/{'null' if task.kind == 'null' else 'study'}"

@@ -10,8 +10,7 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.sensitivity.lines import Ratings
-from analysis.simulation.cohort import Cohort as SimulatedCohort
-from analysis.simulation.cohort import TrialKind
+from analysis.simulation.cohort import AlikeTrials, Cohort
 from analysis.simulation.simulation import Simulation, Tables, counted_trials, names_of
 from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
@@ -27,7 +26,7 @@ from protocol.study.touch import Touch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cohort:
+class RatedCohort:
     """The scored trials of a simulated study that its exclusions leave, and the truth.
 
     `bias` and `gain` are the subjects' true ones, shape (subjects,), in points of the study's
@@ -91,7 +90,7 @@ class PeopleCohorts:
         """Return what the tests take of the studies of `keys`."""
         return self._simulation.tables(self.participants, keys)
 
-    def cohort(self, key: str) -> Cohort:
+    def cohort(self, key: str) -> RatedCohort:
         """Return the study of `key`.
 
         A person's true gain is per unit of the predicted contrast, as the estimated one is, so
@@ -106,7 +105,7 @@ class PeopleCohorts:
         unit = self.study.rating.span / PAPERS_SCALE.span
         zero = self.study.rating.minimum - unit * PAPERS_SCALE.minimum
         people = made.people.rows(kept)
-        return Cohort(
+        return RatedCohort(
             ratings=self._ratings(made, counted, kept, tuple(names[who] for who in kept)),
             bias=zero + unit * people.bias,
             gain=unit * people.gain * people.skin,
@@ -114,7 +113,7 @@ class PeopleCohorts:
         )
 
     def _ratings(
-        self, made: SimulatedCohort, counted: BoolArray, kept: IntArray, names: tuple[str, ...]
+        self, made: Cohort, counted: BoolArray, kept: IntArray, names: tuple[str, ...]
     ) -> Ratings:
         """Return the trials of those who are `kept`, with contrasts as a report has them."""
         who, trial = np.nonzero(counted[kept])
@@ -133,7 +132,7 @@ class PeopleCohorts:
             rating=made.score[kept[who], trial][predicted],
         )
 
-    def _contrasts(self, made: SimulatedCohort, who: IntArray, trial: IntArray) -> FloatArray:
+    def _contrasts(self, made: Cohort, who: IntArray, trial: IntArray) -> FloatArray:
         """Return the contrast of each trial of a person under each law, shape (trials, laws)."""
         of, resonance_hz = self._simulation.planned.kinds, self.study.rig.nominal_resonance_hz
         changes = [
@@ -185,7 +184,7 @@ class _Touched(NamedTuple):
 
 
 def _touched(
-    kind: TrialKind, number: int, force_n: float, offset_m: float, resonance_hz: float
+    kind: AlikeTrials, number: int, force_n: float, offset_m: float, resonance_hz: float
 ) -> _Touched:
     """Return a touch as the rig would have measured it: see `loaded_sessions`."""
     touch, mark = kind.trial.touches[number].at(resonance_hz), kind.marks[number]

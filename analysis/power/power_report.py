@@ -8,14 +8,8 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json
-from analysis.power.diagnosands import (
-    EstimateQuality,
-    Findings,
-    Measured,
-    TestPower,
-    finite,
-    too_often,
-)
+from analysis.power import diagnosands
+from analysis.power.diagnosands import Findings, Measured, finite, too_often
 from analysis.power.diagnosis import BY_GROUP
 from analysis.report.drawing import Panel, Series, panels_files
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
@@ -93,7 +87,7 @@ def _design_record(found: Findings, study: Study) -> Json:
     }
 
 
-def _estimate_record(estimate: EstimateQuality) -> Json:
+def _estimate_record(estimate: diagnosands.EstimateQuality) -> Json:
     measured: dict[str, Measured] = {name: getattr(estimate, name) for name in _DIAGNOSANDS}
     return {
         "name": estimate.name,
@@ -106,7 +100,7 @@ def _estimate_record(estimate: EstimateQuality) -> Json:
     }
 
 
-def _calibration(estimate: EstimateQuality) -> Json:
+def _calibration(estimate: diagnosands.EstimateQuality) -> Json:
     """Return how far the ranks of the truth are from a uniform distribution, and how far may be."""
     count = len(estimate.ranks)
     if not count:
@@ -223,11 +217,11 @@ def _pairs_with_power(found: Findings) -> list[str]:
     return names
 
 
-def _pairs(found: Findings) -> list[TestPower]:
+def _pairs(found: Findings) -> list[diagnosands.TestPower]:
     return [test for test in found.tests if test.after == (OMNIBUS,)]
 
 
-def _of_design(found: Findings) -> list[TestPower]:
+def _of_design(found: Findings) -> list[diagnosands.TestPower]:
     """Return the questions about groups and factors."""
     known = {OMNIBUS, GAINS, NOTICED}
     return [test for test in found.tests if not test.after and test.name not in known]

@@ -6,16 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import LEVEL, FloatArray, Json
-from analysis.power.diagnosands import (
-    Held,
-    Measured,
-    RegisteredPower,
-    finite,
-    ratio,
-    registered_power,
-    root,
-    share,
-)
+from analysis.power import diagnosands
+from analysis.power.diagnosands import Held, Measured, RegisteredPower, finite, ratio, share
 from analysis.power.track_power import pairs_of_tracks, track_columns
 from protocol.registration.registration import threshold_of, weber_below
 from protocol.study.study import Study
@@ -102,7 +94,7 @@ def track_findings(
         studies=len(rows),
         tracks=tuple(_quality(each.name, of, participants) for each in study.track),
         differences=tuple(_difference(a.name, b.name, of) for a, b in pairs_of_tracks(study)),
-        registered=registered_power(held, hypotheses),
+        registered=diagnosands.registered_power(held, hypotheses),
     )
 
 
@@ -135,7 +127,7 @@ def _quality(name: str, of: Mapping[tuple[str, ...], FloatArray], participants: 
     return TrackPower(
         name=name,
         bias_db=bias,
-        rmse_db=root(squares),
+        rmse_db=diagnosands.root(squares),
         coverage=coverage,
         trials=trials,
         beyond=share(1 - known / participants),

@@ -1,7 +1,7 @@
 """The answers of many virtual people to their trials, all at once."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -23,7 +23,7 @@ from protocol.study.touch import Mark, mark_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialKind:
+class AlikeTrials:
     """What trials that are alike have in common; `expected` as in `answering.meaning`."""
 
     trial: Trial
@@ -57,7 +57,7 @@ class PlannedTrials:
 
     study: Study
     session: int = 1
-    kinds: list[TrialKind] = field(default_factory=list)
+    kinds: list[AlikeTrials] = field(default_factory=list)
     _numbers: dict[object, int] = field(default_factory=dict)
     _places: list[tuple[str, int]] = field(default_factory=list, init=False)
     _plans: dict[int, Plan] = field(default_factory=dict, init=False)
@@ -97,7 +97,7 @@ class PlannedTrials:
         if known not in self._numbers:
             self._numbers[known] = len(self.kinds)
             marks = tuple(mark_of(touch, self.study.touch) for touch in trial.touches)
-            self.kinds.append(TrialKind(trial=trial, marks=marks))
+            self.kinds.append(AlikeTrials(trial=trial, marks=marks))
         return self._numbers[known]
 
 
@@ -105,6 +105,10 @@ Drive = tuple[float, Direction]
 """Frequency relative to the resonance, and the direction of the finger."""
 Parts = tuple[tuple[int, int], IntArray]
 """A kind of trial and one of its touches, and some of the parts of that touch's time."""
+Touched = dict[tuple[int, int], FloatArray]
+"""Friction by kind of trial and touch, shape (trials of the kind, parts)."""
+Trials = dict[int, tuple[IntArray, IntArray]]
+"""Who has trials of a kind, and which, by kind."""
 _NEVER = 9
 """Stands for an expected answer where none is: nobody gives it."""
 
@@ -138,20 +142,30 @@ def cohort(
     `names` are those of their sessions (`person.session_name`), `slots` which plan each has.
     """
     kinds = planned.kinds_of(slots)
-    table = np.array([len(kind.marks) for kind in planned.kinds])
-    touches = table[kinds]
+    touches = np.array([len(kind.marks) for kind in planned.kinds])[kinds]
     first_touch = np.cumsum(touches, axis=1) - touches
     most = int(touches.sum(axis=1).max())
     u = uniforms_of([f"touches/{name}" for name in names], most, answers.TOUCH_NUMBERS)
-    feeling = _Feeling(planned, people, world)
     force_n = np.full(u.shape[:2], np.nan)
-    for number, kind in enumerate(planned.kinds):
-        who, trial = np.nonzero(kinds == number)
-        if not who.size:  # of another session
-            continue
-        for touch in range(len(kind.marks)):
+    # Touches with a like drive are felt together.
+    asked: dict[Drive, list[tuple[Parts, Fingers]]] = defaultdict(list)
+    friction: Touched = {}
+    found = enumerate(np.nonzero(kinds == number) for number in range(len(planned.kinds)))
+    # Without kinds of another session.
+    trials: Trials = {number: (who, trial) for number, (who, trial) in found if who.size}
+    for number, (who, trial) in trials.items():
+        kind, touching = planned.kinds[number], people.rows(who)
+        for touch, mark in enumerate(kind.marks):
             at = first_touch[who, trial] + touch
-            force_n[who, at] = feeling.touch(number, touch, who, trial, u[who, at])
+            way = answers.course(touching, u[who, at], mark)
+            force_n[who, at] = way.force_n
+            # A person compares the last touch with the first one, and forgets those between: their
+            # friction would be computed for nothing.
+            if touch in {0, len(kind.marks) - 1}:
+                friction[number, touch] = np.empty((len(who), len(answers.fractions(mark))))
+                for drive, which, fingers in _fingers(planned.study, kind, touch, way, touching):
+                    asked[drive].append((((number, touch), which), fingers))
+    _feel(asked, friction, world)
     numbers = ("reaction_s", "score", "score_reaction_s")
     made = Cohort(
         people=people,
@@ -162,7 +176,7 @@ def cohort(
         force_n=force_n,
         **{name: np.full(kinds.shape, np.nan) for name in numbers},
     )
-    _answer(made, planned, names, feeling.contrasts(kinds.shape))
+    _answer(made, planned, names, _contrasts(planned.kinds, trials, friction, kinds.shape))
     return made
 
 
@@ -180,91 +194,68 @@ def joined(sessions: Sequence[Cohort]) -> Cohort:
     return replace(sessions[0], **beside)
 
 
-class _Feeling:
-    """Collects touches, so that those with a like drive are felt together."""
+def _fingers(
+    study: Study, kind: AlikeTrials, number: int, way: answers.Course, people: People
+) -> Iterator[tuple[Drive, IntArray, Fingers]]:
+    """Yield the parts of a touch that have one drive each, and the fingers in them."""
+    to_make, parts = kind.trial.touches[number], answers.fractions(kind.marks[number])
+    places_m = way.places_m(parts)
+    # A touch without a beam of its own is on the one that the study mounts.
+    beam = to_make.beam or study.touch.beam
+    height_m = BODY_HEIGHT_M * (beam is None or study.beams[beam] > 0)
+    # A finger that stays at its place slides to and fro there.
+    sliding_m_s = np.where(way.speed_m_s > 0, way.speed_m_s, REFERENCE_SPEED_M_S)
+    voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
+    # Relative to the rig's resonance, also if given in Hz: the model has another one.
+    frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
+    # One frequency at a time, because the beam is solved once for each.
+    for frequency in np.unique(frequencies).tolist():
+        which = np.flatnonzero(frequencies == frequency)
+        shape = (len(places_m), len(which))
+        fingers = Fingers(
+            place_m=places_m[:, which].ravel(),
+            force_n=np.repeat(way.force_n, len(which)),
+            speed_m_s=np.repeat(sliding_m_s, len(which)),
+            voltage_v=np.broadcast_to(voltages_v[which], shape).ravel(),
+            body_height_m=np.full(shape, height_m).ravel(),
+            skin=np.repeat(people.skin, len(which)),
+            mu0=np.repeat(people.mu0, len(which)),
+        )
+        yield (frequency, to_make.direction), which, fingers
 
-    def __init__(self, planned: PlannedTrials, people: People, world: World) -> None:
-        self._study = planned.study
-        self._kinds = planned.kinds
-        self._people = people
-        self._world = world
-        self._trials: dict[int, tuple[IntArray, IntArray]] = {}
-        self._asked: dict[Drive, list[tuple[Parts, Fingers]]] = defaultdict(list)
-        self._friction: dict[tuple[int, int], FloatArray] = {}
 
-    def touch(
-        self, number: int, touch: int, who: IntArray, trial: IntArray, u: FloatArray
-    ) -> FloatArray:
-        """Collect a touch of the trials of one kind, and return its forces, N.
+def _feel(
+    asked: Mapping[Drive, list[tuple[Parts, Fingers]]], friction: Touched, world: World
+) -> None:
+    """Put the friction of all fingers into its places, those of one drive at once."""
+    for (frequency, direction), own in asked.items():
+        parts = [vars(fingers) for _, fingers in own]
+        every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        model_hz = frequency * world.resonance_hz
+        found = felt_friction(world, Fingers(**every), model_hz, direction)
+        ends = np.cumsum([fingers.place_m.size for _, fingers in own])
+        for ((key, which), _), felt in zip(own, np.split(found, ends[:-1]), strict=True):
+            friction[key][:, which] = felt.reshape(-1, len(which))
 
-        A person compares the last touch with the first one, and forgets those between.
-        """
-        self._trials[number] = who, trial
-        kind = self._kinds[number]
-        mark, made = kind.marks[touch], self._people.rows(who)
-        way = answers.course(made, u, mark)
-        parts = answers.fractions(mark)
-        # The friction of touches between would be computed for nothing; their force is recorded.
-        if touch not in {0, len(kind.marks) - 1}:
-            return way.force_n
-        self._friction[number, touch] = np.empty((len(who), len(parts)))
-        places_m = way.places_m(parts)
-        # Relative to the rig's resonance, also if given in Hz: the model has another one.
-        to_make = kind.trial.touches[touch]
-        # A touch without a beam of its own is on the one that the study mounts.
-        beam = to_make.beam or self._study.touch.beam
-        height_m = BODY_HEIGHT_M * (beam is None or self._study.beams[beam] > 0)
-        # A finger that stays at its place slides to and fro there.
-        sliding_m_s = np.where(way.speed_m_s > 0, way.speed_m_s, REFERENCE_SPEED_M_S)
-        voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
-        frequencies = to_make.frequency + parts * (to_make.end_frequency - to_make.frequency)
-        # One frequency at a time, because the beam is solved once for each.
-        for frequency in np.unique(frequencies).tolist():
-            which = np.flatnonzero(frequencies == frequency)
-            shape = (len(places_m), len(which))
-            fingers = Fingers(
-                place_m=places_m[:, which].ravel(),
-                force_n=np.repeat(way.force_n, len(which)),
-                speed_m_s=np.repeat(sliding_m_s, len(which)),
-                voltage_v=np.broadcast_to(voltages_v[which], shape).ravel(),
-                body_height_m=np.full(shape, height_m).ravel(),
-                skin=np.repeat(made.skin, len(which)),
-                mu0=np.repeat(made.mu0, len(which)),
-            )
-            asked = self._asked[frequency, to_make.direction]
-            asked.append((((number, touch), which), fingers))
-        return way.force_n
 
-    def contrasts(self, shape: tuple[int, ...]) -> FloatArray:
-        """Return the change that each trial makes, shape (people, trials)."""
-        for (frequency, direction), asked in self._asked.items():
-            parts = [vars(fingers) for _, fingers in asked]
-            every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-            model_hz = frequency * self._world.resonance_hz
-            found = felt_friction(self._world, Fingers(**every), model_hz, direction)
-            ends = np.cumsum([fingers.place_m.size for _, fingers in asked])
-            for ((key, which), _), own in zip(asked, np.split(found, ends[:-1]), strict=True):
-                self._friction[key][:, which] = own.reshape(-1, len(which))
-        resting = self._resting()
-        contrast = np.zeros(shape)
-        for number, kind in enumerate(self._kinds):
-            if kind.trial.question is not None and number in self._trials:
-                who, trial = self._trials[number]
-                felt = [
-                    answers.Felt(mark=kind.marks[touch], friction=self._friction[number, touch])
-                    # A trial of one touch has the same first and last; it counts once.
-                    for touch in dict.fromkeys([0, len(kind.marks) - 1])
-                ]
-                known = felt[0].friction[:, 0] if resting is None else resting[who]
-                contrast[who, trial] = answers.felt_contrast(kind.trial.question, felt, known)
-        return contrast
-
-    def _resting(self) -> FloatArray | None:
-        """Return what people remember of the beam at rest; None if they never touched it."""
-        for number, kind in enumerate(self._kinds):
-            if kind.trial.question is None and number in self._trials:
-                return self._friction[number, len(kind.marks) - 1][:, -1]
-        return None
+def _contrasts(
+    kinds: Sequence[AlikeTrials], trials: Trials, friction: Touched, shape: tuple[int, ...]
+) -> FloatArray:
+    """Return the change that each trial makes, shape (people, trials)."""
+    contrast, at_rest = np.zeros(shape), [it for it in trials if kinds[it].trial.question is None]
+    # What people remember of the beam at rest, if they touched it.
+    resting = friction[at_rest[0], len(kinds[at_rest[0]].marks) - 1][:, -1] if at_rest else None
+    for number, (who, trial) in trials.items():
+        kind = kinds[number]
+        if kind.trial.question is not None:
+            felt = [
+                answers.Felt(mark=kind.marks[touch], friction=friction[number, touch])
+                # A trial of one touch has the same first and last; it counts once.
+                for touch in dict.fromkeys([0, len(kind.marks) - 1])
+            ]
+            known = felt[0].friction[:, 0] if resting is None else resting[who]
+            contrast[who, trial] = answers.felt_contrast(kind.trial.question, felt, known)
+    return contrast
 
 
 def _answer(

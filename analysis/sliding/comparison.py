@@ -11,7 +11,7 @@ from scipy.stats import f as f_distribution
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
 from analysis.sliding import rig_model
-from analysis.sliding.rig_model import MODE, Course, Curve, Repeats, RigProperties, Setting
+from analysis.sliding.rig_model import MODE, Course, MeanCurve, Repeats, RigProperties, Setting
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import MODAL_RUNGS, SEGMENTED_RUNGS, TOP_RUNG, rung_resonance_hz
@@ -198,7 +198,10 @@ def predicted(
 
 
 def mismatches(
-    curves: Sequence[Curve], located: Sequence[Extreme], paper: RigProperties, fitted: RigProperties
+    curves: Sequence[MeanCurve],
+    located: Sequence[Extreme],
+    paper: RigProperties,
+    fitted: RigProperties,
 ) -> tuple[Mismatch, ...]:
     """Return the mismatch of each law on each rung, for the paper's rig and for the fitted one."""
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
@@ -211,7 +214,7 @@ def mismatches(
 
 
 def _errors(
-    curves: Sequence[Curve], located: Sequence[Extreme], rig: RigProperties, law: str, rung: str
+    curves: Sequence[MeanCurve], located: Sequence[Extreme], rig: RigProperties, law: str, rung: str
 ) -> dict[str, float]:
     off: list[FloatArray] = []
     distances: list[float] = []
@@ -233,7 +236,7 @@ def _errors(
 
 
 def figure_panels(
-    curves: Sequence[Curve], nominal: RigProperties, fitted: RigProperties
+    curves: Sequence[MeanCurve], nominal: RigProperties, fitted: RigProperties
 ) -> tuple[Panel, ...]:
     """Return Fig 16 redrawn: the laws at the drive nearest to the paper's, and at resonance.
 
@@ -257,7 +260,7 @@ def figure_panels(
 
 
 def _panel(
-    curve: Curve, what: str, rig: RigProperties, lines: Mapping[str, tuple[str, str]]
+    curve: MeanCurve, what: str, rig: RigProperties, lines: Mapping[str, tuple[str, str]]
 ) -> Panel:
     """Return a measured curve beside predictions: law and rung by label."""
     own, x_m = curve.setting, _fine_m(curve)
@@ -270,5 +273,5 @@ def _panel(
     return Panel(title=title, x_label="x, mm", y_label="μ'", series=(measured, *series))
 
 
-def _fine_m(curve: Curve) -> FloatArray:
+def _fine_m(curve: MeanCurve) -> FloatArray:
     return np.linspace(curve.x_m[0], curve.x_m[-1], _FINE * curve.x_m.size)

@@ -72,7 +72,7 @@ class SlidingFindings:
         return rig_model.grouped(self.courses)
 
     @cached_property
-    def curves(self) -> tuple[rig_model.Curve, ...]:
+    def curves(self) -> tuple[rig_model.MeanCurve, ...]:
         """Mean friction by place under each setting."""
         means = {id(one): mean for one, mean in zip(self.courses, self.fit.means, strict=True)}
         covariance = self.fit.noise.covariance

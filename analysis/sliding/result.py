@@ -13,7 +13,7 @@ from analysis.report.blocks import Block, Definitions, Figure, Items, Section, T
 from analysis.report.page import Masthead, rendered
 from analysis.sliding import experiment
 from analysis.sliding.comparison import Extreme, figure_panels
-from analysis.sliding.rig_model import Curve
+from analysis.sliding.rig_model import MeanCurve
 from protocol.errors import BadInput
 
 _UNKNOWN = "not determined"
@@ -32,7 +32,7 @@ class SlidingResult:
     found: experiment.SlidingFindings
 
     @cached_property
-    def curve(self) -> Curve:
+    def curve(self) -> MeanCurve:
         """The driven curve nearest the measured resonance, where friction changes most."""
         driven = [curve for curve in self.found.curves if curve.setting.voltage_v > 0]
         middle_hz = self.drawn.resonance.frequency_hz

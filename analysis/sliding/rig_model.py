@@ -146,7 +146,7 @@ def grouped(courses: Iterable[Course]) -> list[Repeats]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
+class MeanCurve:
     """Friction by place over repeated passes, shape (places,), with its standard error."""
 
     setting: Setting
@@ -156,7 +156,7 @@ class Curve:
     error: FloatArray
 
 
-def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> Curve:
+def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> MeanCurve:
     """Return the mean of repeated passes, each bin weighted by the inverse of its variance.
 
     `variances` are those of the bins of each pass.
@@ -169,7 +169,7 @@ def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> Curve:
     place = np.unique(number, return_inverse=True)[1]
     total = np.bincount(place, weights=weight)
     x_m, mu = (np.bincount(place, weights=weight * values) / total for values in by_bin)
-    return Curve(
+    return MeanCurve(
         setting=setting, passes=len(courses), x_m=x_m, mu=mu, error=np.asarray(total**-0.5)
     )
 

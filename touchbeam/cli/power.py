@@ -29,13 +29,11 @@ def _numbers(given: str | None, option: str) -> list[int]:
     texts = [] if given is None else given.split(",")
     # Before `int`, which refuses numbers of more than 4300 digits in words of its own.
     if any(len(text.strip()) > _MOST_DIGITS for text in texts):
-        raise BadInput(
-            f"{option} must be numbers of at most {_MOST_DIGITS} digits, got a longer one"
-        )
+        rule = f"must be numbers of at most {_MOST_DIGITS} digits"
+        raise BadInput(f"{option} {rule}, got a longer one")
     if not all(text.strip().isdecimal() and int(text) > 0 for text in texts):
-        raise BadInput(
-            f"{option} must be whole numbers above 0 by commas, such as 9,12,20, got {given!r}"
-        )
+        rule = "must be whole numbers above 0 by commas, such as 9,12,20"
+        raise BadInput(f"{option} {rule}, got {given!r}")
     return sorted({int(text) for text in texts})
 
 

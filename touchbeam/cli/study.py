@@ -8,17 +8,8 @@ import typer
 
 from protocol.errors import BadInput
 from runner.clock import Pace, WallClock
-from touchbeam.cli import options
-from touchbeam.cli.output import (
-    complain,
-    counted,
-    print_json,
-    print_json_text,
-    program,
-    progress,
-    require_confirmation,
-    say,
-)
+from touchbeam.cli import options, output
+from touchbeam.cli.output import complain, counted, print_json, program, say
 
 app = typer.Typer()
 
@@ -45,7 +36,10 @@ def demo(
     population = SENSITIVE if people is None else options.people_in_file(people)
     folder = options.study_folder(out or numbered(Path("demo")))
     # If the demo fails before its first session, its folder is removed again.
-    with new_study(folder, template("paper")), progress("participants", participants) as step:
+    with (
+        new_study(folder, template("paper")),
+        output.progress("participants", participants) as step,
+    ):
         rehearse_cohort(folder, participants, seed, step, population)
     # Rehearsals: a simulated device makes nothing else.
     write_report(folder, None, rehearsals=True, as_json=False)
@@ -113,7 +107,7 @@ def check(
     for problem in problems:
         complain(f"touchbeam: {problem}")
     for line in lines:
-        (print_json_text if as_json else say)(line)
+        (output.print_json_text if as_json else say)(line)
     if problems:
         raise typer.Exit(2)
 
@@ -253,7 +247,7 @@ def run(
         people=None if people is None else options.people_in_file(people),
         at_window=at_window,
     )
-    state = run_session(asked, say=say, confirm=require_confirmation)
+    state = run_session(asked, say=say, confirm=output.require_confirmation)
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
     # A generator reads back no force, so that each of its touches would count.
     unfelt = sum(state.unfelt.values()) if asked.folder.study().rig.dialect == "board" else 0

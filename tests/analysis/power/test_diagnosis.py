@@ -16,7 +16,7 @@ from analysis.power.diagnosis import (
     rows_of_tables,
 )
 from analysis.power.job import Design, designed
-from analysis.power.people_cohorts import Cohort, PeopleCohorts, without_effect
+from analysis.power.people_cohorts import PeopleCohorts, RatedCohort, without_effect
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.simulation.simulation import Simulation
 from analysis.statistics.detection import Detection
@@ -38,7 +38,7 @@ def simulated(participants: int = 9, repeats: int = 1) -> PeopleCohorts:
     return PeopleCohorts(study=study, participants=participants)
 
 
-def estimated(cohort: Cohort) -> dict[str, float]:
+def estimated(cohort: RatedCohort) -> dict[str, float]:
     """What the models estimate of a cohort, by the names of its columns."""
     row = estimates_of_cohorts([cohort])[0]
     names = columns(asked_by(parsed_study(template("paper"))), models=True)

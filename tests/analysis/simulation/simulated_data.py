@@ -8,7 +8,7 @@ from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
 from analysis.loading.study_data import StudyData, study_data
-from analysis.simulation.cohort import Cohort, PlannedTrials, TrialKind
+from analysis.simulation.cohort import AlikeTrials, Cohort, PlannedTrials
 from analysis.simulation.simulation import Simulation, names_of
 from device.people.answering import answer_of
 from device.people.person import World, truth_of
@@ -92,7 +92,7 @@ def _given(value: float) -> float | None:
 
 
 def _add_touch(
-    rows: Rows, planned: PlannedTrials, kind: TrialKind, number: int, force_n: float
+    rows: Rows, planned: PlannedTrials, kind: AlikeTrials, number: int, force_n: float
 ) -> None:
     resonance_hz = planned.study.rig.nominal_resonance_hz
     touch = kind.trial.touches[number].at(resonance_hz)

@@ -11,7 +11,7 @@ from scipy.stats import f as f_distribution
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
 from analysis.sliding import rig_model
-from analysis.sliding.rig_model import MODE, Course, MeanCurve, Repeats, RigProperties, Setting
+from analysis.sliding.rig_model import MODE, BinnedPass, MeanCurve, Repeats, RigProperties, Setting
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import MODAL_RUNGS, SEGMENTED_RUNGS, TOP_RUNG, rung_resonance_hz
@@ -75,13 +75,13 @@ def _shape(setting: Setting, ends_m: Interval, rig: RigProperties, spread_m: flo
 
 def extremes(repeats: Repeats, rig: RigProperties, noise: rig_model.Noise) -> tuple[Extreme, ...]:
     """Return the extremes of repeated passes with the drive on, from left to right."""
-    setting, courses = repeats
-    low_m = min(float(one.x_m.min()) for one in courses)
-    high_m = max(float(one.x_m.max()) for one in courses)
+    setting, binned = repeats
+    low_m = min(float(one.x_m.min()) for one in binned)
+    high_m = max(float(one.x_m.max()) for one in binned)
     length_m = rig.beam().length_m
     ends = max(low_m - _REACH_M - _AROUND_M, GRID_M), min(high_m + _REACH_M + _AROUND_M, length_m)
     x_m, mu = _shape(setting, ends, rig, 0.0)
-    shape = _shape(setting, ends, rig, float(np.mean([one.spread_m for one in courses])))
+    shape = _shape(setting, ends, rig, float(np.mean([one.spread_m for one in binned])))
     found = [
         _located(repeats, shape, noise, kind, float(place))
         for kind in get_args(Kind)
@@ -94,8 +94,8 @@ def extremes(repeats: Repeats, rig: RigProperties, noise: rig_model.Noise) -> tu
 def _located(
     repeats: Repeats, shape: Shape, noise: rig_model.Noise, kind: Kind, expected_m: float
 ) -> Extreme:
-    setting, courses = repeats
-    near = [it for one in courses if (it := _near(one, expected_m)).x_m.size >= _LEAST_BINS]
+    setting, binned = repeats
+    near = [it for one in binned if (it := _near(one, expected_m)).x_m.size >= _LEAST_BINS]
     steps = np.asarray(np.arange(-_REACH_M, _REACH_M + GRID_M / 2, GRID_M), dtype=np.float64)
     place_m: float | NotEstimable = NotEstimable("too few samples near it")
     interval: Interval | None = None
@@ -120,14 +120,14 @@ def _located(
     )
 
 
-def _near(one: Course, place_m: float) -> Course:
+def _near(one: BinnedPass, place_m: float) -> BinnedPass:
     kept = np.abs(one.x_m - place_m) <= _AROUND_M
     by_bin = {name: getattr(one, name)[kept] for name in ("bin", "x_m", "t_s", "mu", "count")}
     return replace(one, **by_bin)
 
 
 def _squares(
-    near: Sequence[Course], shape: Shape, noise: rig_model.Noise, steps: FloatArray
+    near: Sequence[BinnedPass], shape: Shape, noise: rig_model.Noise, steps: FloatArray
 ) -> tuple[FloatArray, int]:
     """Return the least sum of squares of each shift, and the number of bins."""
     white = []

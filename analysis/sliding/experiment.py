@@ -56,25 +56,25 @@ ALWAYS_UNKNOWN: Mapping[str, tuple[str, str]] = {
 class SlidingFindings:
     """What passes say about friction along the beam and about the rig.
 
-    `session` is the one that the passes come from, `data_sha256` their digest; `courses` are passes
+    `session` is the one that the passes come from, `data_sha256` their digest; `binned` are passes
     by place, and `nominal` is the paper's rig, with μ at rest and resonance as measured.
     """
 
     session: str
     data_sha256: str
-    courses: tuple[rig_model.Course, ...]
+    binned: tuple[rig_model.BinnedPass, ...]
     nominal: rig_model.RigProperties
     fit: RigFit
 
     @cached_property
     def repeats(self) -> list[rig_model.Repeats]:
         """Repeated passes together."""
-        return rig_model.grouped(self.courses)
+        return rig_model.grouped(self.binned)
 
     @cached_property
     def curves(self) -> tuple[rig_model.MeanCurve, ...]:
         """Mean friction by place under each setting."""
-        means = {id(one): mean for one, mean in zip(self.courses, self.fit.means, strict=True)}
+        means = {id(one): mean for one, mean in zip(self.binned, self.fit.means, strict=True)}
         covariance = self.fit.noise.covariance
         return tuple(
             rig_model.mean_curve(
@@ -178,18 +178,18 @@ def sliding_findings(
 
     Without a pass with the output off, friction at rest is fitted from driven passes alone.
     """
-    courses = tuple(rig_model.course(one) for one in passes)
-    if not any(one.setting.voltage_v > 0 for one in courses):
+    binned = tuple(rig_model.binned_pass(one) for one in passes)
+    if not any(one.setting.voltage_v > 0 for one in binned):
         return NotEstimable("no pass was driven")
-    at_rest = [one for one in courses if one.setting.voltage_v == 0] or courses
+    at_rest = [one for one in binned if one.setting.voltage_v == 0] or binned
     mu = float(np.mean([one.mu.mean() for one in at_rest]))
     nominal = rig_model.RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
     return SlidingFindings(
         session=session,
         data_sha256=data_digest(passes),
-        courses=courses,
+        binned=binned,
         nominal=nominal,
-        fit=fitted_rig(courses, nominal),
+        fit=fitted_rig(binned, nominal),
     )
 
 

@@ -56,19 +56,19 @@ class RigFit:
     points: int
 
 
-def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProperties) -> RigFit:
+def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigProperties) -> RigFit:
     """Return the rig that fits the passes best.
 
-    `courses` are driven passes, and with the output off. The search begins at `nominal`, whose
+    `binned` are driven passes, and with the output off. The search begins at `nominal`, whose
     resonance is the measured one.
     """
-    problem, given_up = _Problem(tuple(courses), nominal), dict[str, NotEstimable]()
-    seen, found = tuple(one.mu for one in courses), rig_model.coordinates(nominal)
+    problem, given_up = _Problem(tuple(binned), nominal), dict[str, NotEstimable]()
+    seen, found = tuple(one.mu for one in binned), rig_model.coordinates(nominal)
     fit = _Fit(problem, rig_model.Noise(), seen, found, rig_model.PROPERTIES)
     for _ in range(_NOISES):
         fit = fit.kept(given_up).best()
         means = problem.split(fit.friction(fit.found))
-        fit = replace(fit, noise=rig_model.fitted_noise(problem.courses, means), means=means)
+        fit = replace(fit, noise=rig_model.fitted_noise(problem.binned, means), means=means)
     # Once more, so that the patches' slope is that at the best place.
     fit = fit.kept(given_up).best().best()
     return RigFit(
@@ -83,16 +83,16 @@ def fitted_rig(courses: Sequence[rig_model.Course], nominal: rig_model.RigProper
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    courses: tuple[rig_model.Course, ...]
+    binned: tuple[rig_model.BinnedPass, ...]
     nominal: rig_model.RigProperties
 
     @cached_property
     def places(self) -> rig_model.Places:
-        settings, x_m = zip(*((one.setting, one.x_m) for one in self.courses), strict=True)
-        return rig_model.Places.along(settings, x_m, [one.spread_m for one in self.courses])
+        settings, x_m = zip(*((one.setting, one.x_m) for one in self.binned), strict=True)
+        return rig_model.Places.along(settings, x_m, [one.spread_m for one in self.binned])
 
     def split(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        ends = np.cumsum([one.x_m.size for one in self.courses])[:-1]
+        ends = np.cumsum([one.x_m.size for one in self.binned])[:-1]
         return tuple(np.split(values, ends))
 
 
@@ -120,7 +120,7 @@ class _Fit:
 
     @cached_property
     def factors(self) -> tuple[FloatArray, ...]:
-        pairs = zip(self.problem.courses, self.means, strict=True)
+        pairs = zip(self.problem.binned, self.means, strict=True)
         return tuple(self.noise.factor(one, mean) for one, mean in pairs)
 
     def white(self, values: FloatArray) -> FloatArray:
@@ -130,7 +130,7 @@ class _Fit:
 
     @cached_property
     def seen(self) -> FloatArray:
-        return self.white(np.concatenate([one.mu for one in self.problem.courses]))
+        return self.white(np.concatenate([one.mu for one in self.problem.binned]))
 
     @cached_property
     def patch_slope(self) -> FloatArray:
@@ -217,7 +217,7 @@ class _Fit:
         text = f"its standard error would be {known}; {factor * LIMITS[name]:g} {unit} is due"
         if name == "damping_ratio":
             own_hz = self.problem.nominal.resonance_hz
-            drives = [one.setting for one in self.problem.courses if one.setting.voltage_v > 0]
+            drives = [one.setting for one in self.problem.binned if one.setting.voltage_v > 0]
             off = (abs(one.frequency_hz / own_hz - 1) for one in drives)
             nearest = 100 * min(off, default=np.inf)
             text += f". The nearest drive is {nearest:.2g}% from the resonance"

@@ -75,7 +75,7 @@ class Setting(Drawn):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Course:
+class BinnedPass:
     """A pass by place: means over bins of half a millimetre, each of shape (bins,).
 
     `bin` is the number of each bin, counted from the clamp; `x_m`, `t_s` (from the beginning of the
@@ -93,7 +93,7 @@ class Course:
     spread_m: float
 
 
-def course(made: Pass) -> Course:
+def binned_pass(made: Pass) -> BinnedPass:
     """Return a pass by place.
 
     Raises:
@@ -111,7 +111,7 @@ def course(made: Pass) -> Course:
     )
     speed_m_s = abs(float(np.polyfit(t_s, made.x_m, 1)[0]))
     setting = Setting(**{name: getattr(made, name) for name in _DRAWN}, speed_m_s=speed_m_s)
-    return Course(
+    return BinnedPass(
         setting=setting,
         bin=kept.astype(np.float64),
         x_m=x_m,
@@ -124,18 +124,18 @@ def course(made: Pass) -> Course:
     )
 
 
-Repeats: TypeAlias = tuple[Setting, tuple[Course, ...]]
+Repeats: TypeAlias = tuple[Setting, tuple[BinnedPass, ...]]
 """Passes that share a curve, and the setting of the slowest."""
 
 
-def grouped(courses: Iterable[Course]) -> list[Repeats]:
+def grouped(binned: Iterable[BinnedPass]) -> list[Repeats]:
     """Return repeated passes together."""
 
-    def key(one: Course) -> tuple[Any, ...]:
+    def key(one: BinnedPass) -> tuple[Any, ...]:
         return tuple(getattr(one.setting, name) for name in _DRAWN)
 
-    groups: list[list[Course]] = []
-    for one in sorted(courses, key=lambda one: (*key(one), one.setting.speed_m_s)):
+    groups: list[list[BinnedPass]] = []
+    for one in sorted(binned, key=lambda one: (*key(one), one.setting.speed_m_s)):
         first = groups[-1][0] if groups else None
         most_m_s = _SAME_SPEED * first.setting.speed_m_s if first else 0.0
         if first and key(first) == key(one) and one.setting.speed_m_s <= most_m_s:
@@ -161,16 +161,16 @@ def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> MeanCurve:
 
     `variances` are those of the bins of each pass.
     """
-    setting, courses = repeats
+    setting, binned = repeats
     number, *by_bin = (
-        np.concatenate([getattr(one, name) for one in courses]) for name in ("bin", "x_m", "mu")
+        np.concatenate([getattr(one, name) for one in binned]) for name in ("bin", "x_m", "mu")
     )
     weight = 1 / np.concatenate(list(variances))
     place = np.unique(number, return_inverse=True)[1]
     total = np.bincount(place, weights=weight)
     x_m, mu = (np.bincount(place, weights=weight * values) / total for values in by_bin)
     return MeanCurve(
-        setting=setting, passes=len(courses), x_m=x_m, mu=mu, error=np.asarray(total**-0.5)
+        setting=setting, passes=len(binned), x_m=x_m, mu=mu, error=np.asarray(total**-0.5)
     )
 
 
@@ -389,7 +389,7 @@ class Noise:
     correlation_s: float = 0.02
     sensor: float = 0.02
 
-    def covariance(self, one: Course, mu: FloatArray) -> FloatArray:
+    def covariance(self, one: BinnedPass, mu: FloatArray) -> FloatArray:
         """Return the covariance of the bins of a pass about friction `mu`, shape (bins, bins)."""
         width = one.count * one.spacing_s / self.correlation_s
         # (5), mathematics/sliding: means of e^{-|t|} over a bin and over two bins that do not
@@ -407,7 +407,7 @@ class Noise:
         found[np.diag_indices_from(found)] += self.sensor**2 / one.count
         return np.asarray(found)
 
-    def factor(self, one: Course, mu: FloatArray) -> FloatArray:
+    def factor(self, one: BinnedPass, mu: FloatArray) -> FloatArray:
         """Return the lower Cholesky factor of `covariance`."""
         return np.asarray(cholesky(self.covariance(one, mu), lower=True, check_finite=False))
 
@@ -417,7 +417,7 @@ def whitened(factor: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(solve_triangular(factor, values, lower=True, check_finite=False))
 
 
-def fitted_noise(courses: Sequence[Course], means: Sequence[FloatArray]) -> Noise:
+def fitted_noise(binned: Sequence[BinnedPass], means: Sequence[FloatArray]) -> Noise:
     """Return the noise under which the passes are likeliest about their means.
 
     What a mean leaves unexplained counts as noise, correlated as it is.
@@ -429,7 +429,7 @@ def fitted_noise(courses: Sequence[Course], means: Sequence[FloatArray]) -> Nois
 
     def deviance(logs: FloatArray) -> float:
         total = 0.0
-        for one, mean in zip(courses, means, strict=True):
+        for one, mean in zip(binned, means, strict=True):
             factor = noise(logs).factor(one, mean)
             residual = whitened(factor, one.mu - mean)
             total += float(residual @ residual) + 2 * float(np.log(np.diag(factor)).sum())

@@ -78,7 +78,7 @@ def test_tables_say_what_is_not_known_and_why() -> None:
 
 def test_the_findings_are_those_of_all_passes() -> None:
     found = findings()
-    assert (found.session, len(found.courses), len(found.curves)) == ("slide/1", 11, 9)
+    assert (found.session, len(found.binned), len(found.curves)) == ("slide/1", 11, 9)
     assert set(found.estimates) >= {"damping_ratio", "resonance_hz", "speed_ratio"}
     assert found.fit.deviance / found.fit.points == pytest.approx(1, abs=0.05)
 

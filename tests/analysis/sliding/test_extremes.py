@@ -7,7 +7,7 @@ import pytest
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.sliding.comparison import Kind, extremes, turning_places
-from analysis.sliding.rig_model import Noise, course, grouped
+from analysis.sliding.rig_model import Noise, binned_pass, grouped
 from tests.analysis.sliding.rigs import PATH_M, Rig, Setting, paper_rig, passes, quiet, rig
 
 FINE_M = np.arange(*PATH_M, 1e-5).astype(np.float64)
@@ -31,7 +31,7 @@ def test_passes_without_noise_turn_where_friction_does(direction: str) -> None:
     setting = Setting(
         frequency_hz=own.measured_hz, direction="left" if direction == "left" else "right"
     )
-    [group] = grouped([course(one) for one in quiet(own, [setting])])
+    [group] = grouped([binned_pass(one) for one in quiet(own, [setting])])
     found = extremes(group, own.true, Noise())
     assert [one.kind for one in found] in (
         ["peak", "trough"] * 4,
@@ -51,7 +51,7 @@ def test_a_shape_from_another_rig_is_moved_to_where_the_passes_turn() -> None:
     own = paper_rig()
     setting = Setting(frequency_hz=0.99 * own.measured_hz)
     wrong = replace(own.true, resonance_hz=1.01 * own.true.resonance_hz, gain=1.2)
-    [group] = grouped([course(one) for one in quiet(own, [setting])])
+    [group] = grouped([binned_pass(one) for one in quiet(own, [setting])])
     for one in extremes(group, wrong, Noise()):
         true_m = true_places(own, setting, one.kind)
         assert isinstance(one.place_m, float)
@@ -65,7 +65,7 @@ def test_intervals_of_noisy_passes_contain_the_places() -> None:
     for seed in range(4):
         own = rig(seed)
         plan = [Setting(frequency_hz=part * own.measured_hz) for part in (0.98, 1.0, 1.01)]
-        for group in grouped([course(one) for one in passes(own, plan, seed)]):
+        for group in grouped([binned_pass(one) for one in passes(own, plan, seed)]):
             setting = Setting(frequency_hz=group[0].frequency_hz)
             for one in extremes(group, own.true, Noise()):
                 if one.interval_m is not None:
@@ -79,7 +79,7 @@ def test_intervals_of_noisy_passes_contain_the_places() -> None:
 def test_too_little_swing_gives_a_reason() -> None:
     own = paper_rig()
     setting = Setting(voltage_v=2.0, frequency_hz=23_200.0, speed_m_s=0.04)
-    [group] = grouped([course(one) for one in passes(own, [setting], 1)])
+    [group] = grouped([binned_pass(one) for one in passes(own, [setting], 1)])
     found = [one.place_m for one in extremes(group, own.true, Noise())]
     reasons = [place.reason for place in found if isinstance(place, NotEstimable)]
     assert reasons

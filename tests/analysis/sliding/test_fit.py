@@ -8,7 +8,7 @@ import pytest
 
 from analysis.estimates import Estimate, NotEstimable
 from analysis.sliding.fit import RigFit, fitted_rig
-from analysis.sliding.rig_model import RigProperties, course
+from analysis.sliding.rig_model import RigProperties, binned_pass
 from tests.analysis.sliding.rigs import (
     PAPER_HZ,
     Rig,
@@ -32,7 +32,7 @@ def nominal(own: Rig) -> RigProperties:
 def noisy_fit(seed: int) -> RigFit:
     own = rig(seed)
     made = passes(own, default_plan(own.measured_hz), seed)
-    return fitted_rig([course(one) for one in made], nominal(own))
+    return fitted_rig([binned_pass(one) for one in made], nominal(own))
 
 
 SEEDS = (1, 2)
@@ -43,7 +43,7 @@ def test_a_rig_is_recovered_from_passes_without_noise(centre_m: float) -> None:
     own = with_patches_at(paper_rig(), centre_m)
     own = replace(own, true=replace(own.true, damping_ratio=0.006, gain=1.05))
     made = quiet(own, default_plan(own.measured_hz, references=1))
-    fit = fitted_rig([course(one) for one in made], nominal(own))
+    fit = fitted_rig([binned_pass(one) for one in made], nominal(own))
     assert all(isinstance(found, Estimate) for found in fit.estimates.values())
     assert fit.rig.resonance_hz == pytest.approx(own.true.resonance_hz, rel=5e-5)
     assert fit.rig.damping_ratio == pytest.approx(0.006, rel=0.02)
@@ -86,7 +86,7 @@ def test_the_noise_of_the_passes_is_found() -> None:
 def test_more_jitter_makes_wider_intervals() -> None:
     own = rig(1)
     made = passes(own, default_plan(own.measured_hz), 1, jitter=0.15)
-    fit = fitted_rig([course(one) for one in made], nominal(own))
+    fit = fitted_rig([binned_pass(one) for one in made], nominal(own))
     wide, usual = (each.estimates["damping_ratio"] for each in (fit, noisy_fit(1)))
     assert isinstance(usual, Estimate)
     if isinstance(wide, Estimate):
@@ -100,7 +100,7 @@ def test_the_papers_single_frequency_gives_a_reason_instead_of_a_damping_ratio(s
     own = rig(seed)
     rest = Setting(voltage_v=0.0, frequency_hz=PAPER_HZ)
     made = passes(own, (Setting(frequency_hz=PAPER_HZ), rest, rest), seed)
-    fit = fitted_rig([course(one) for one in made], nominal(own))
+    fit = fitted_rig([binned_pass(one) for one in made], nominal(own))
     damping, resonance = fit.estimates["damping_ratio"], fit.estimates["resonance_hz"]
     assert isinstance(damping, NotEstimable)
     assert "% from the resonance, where friction hardly depends on the damping" in damping.reason
@@ -115,14 +115,14 @@ def test_without_a_reference_friction_at_rest_is_still_told() -> None:
     own = paper_rig()
     made = quiet(own, default_plan(own.measured_hz, references=0))
     start = replace(nominal(own), friction_coefficient=0.45)
-    fit = fitted_rig([course(one) for one in made], start)
+    fit = fitted_rig([binned_pass(one) for one in made], start)
     assert fit.rig.friction_coefficient == pytest.approx(0.4, rel=0.01)
 
 
 def test_an_interval_ends_where_the_search_does() -> None:
     own = rig(3)
     made = passes(own, default_plan(own.measured_hz, speed_m_s=0.04), 3, jitter=0.06)
-    found = fitted_rig([course(one) for one in made], nominal(own)).estimates["patch_centre_m"]
+    found = fitted_rig([binned_pass(one) for one in made], nominal(own)).estimates["patch_centre_m"]
     if isinstance(found, Estimate):
         assert found.interval[0] >= 0.086 - 0.008 - 1e-9
         assert found.interval[1] <= 0.086 + 0.008 + 1e-9

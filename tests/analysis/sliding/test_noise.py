@@ -7,10 +7,10 @@ from scipy.signal import lfilter
 from analysis.sliding.rig_model import (
     DRIFT_N_PER_S,
     ZERO_N,
-    Course,
+    BinnedPass,
     Noise,
     Pass,
-    course,
+    binned_pass,
     fitted_noise,
     whitened,
 )
@@ -18,7 +18,7 @@ from analysis.sliding.rig_model import (
 LOAD_N = 0.56
 
 
-def noisy(seed: int, jitter: float = 0.05, correlation_s: float = 0.02) -> Course:
+def noisy(seed: int, jitter: float = 0.05, correlation_s: float = 0.02) -> BinnedPass:
     draw = np.random.default_rng(seed)
     count = 8000
     decay = np.exp(-1e-3 / correlation_s)
@@ -35,14 +35,14 @@ def noisy(seed: int, jitter: float = 0.05, correlation_s: float = 0.02) -> Cours
         x_m=0.01 + 0.009 * t_s,
         mu=0.4 * (1 + stuck) + draw.normal(0, 0.02, count),
     )
-    return course(made)
+    return binned_pass(made)
 
 
 def test_the_covariance_is_that_of_bins_of_correlated_jitter() -> None:
-    courses = [noisy(seed) for seed in range(300)]
-    one = courses[0]
+    binned = [noisy(seed) for seed in range(300)]
+    one = binned[0]
     middle = slice(20, 50)
-    seen = np.cov(np.array([each.mu for each in courses])[:, middle], rowvar=False)
+    seen = np.cov(np.array([each.mu for each in binned])[:, middle], rowvar=False)
     due = Noise(jitter=0.05, correlation_s=0.02, sensor=0.02).covariance(
         one, np.full(one.mu.size, 0.4)
     )[middle, middle]
@@ -55,9 +55,9 @@ def test_the_covariance_is_that_of_bins_of_correlated_jitter() -> None:
 
 def test_whitened_noise_is_independent() -> None:
     noise = Noise(jitter=0.05, correlation_s=0.02, sensor=0.02)
-    courses = [noisy(seed) for seed in range(60)]
+    binned = [noisy(seed) for seed in range(60)]
     white = np.array(
-        [whitened(noise.factor(one, np.full(one.mu.size, 0.4)), one.mu - 0.4) for one in courses]
+        [whitened(noise.factor(one, np.full(one.mu.size, 0.4)), one.mu - 0.4) for one in binned]
     )
     assert white.std() == pytest.approx(1, abs=0.03)
     neighbours = np.mean(white[:, 1:] * white[:, :-1])
@@ -66,15 +66,15 @@ def test_whitened_noise_is_independent() -> None:
 
 @pytest.mark.parametrize(("jitter", "correlation_s"), [(0.05, 0.02), (0.1, 0.05)])
 def test_jitter_and_its_correlation_are_recovered(jitter: float, correlation_s: float) -> None:
-    courses = [noisy(seed, jitter, correlation_s) for seed in range(8)]
-    found = fitted_noise(courses, [np.full(one.mu.size, 0.4) for one in courses])
+    binned = [noisy(seed, jitter, correlation_s) for seed in range(8)]
+    found = fitted_noise(binned, [np.full(one.mu.size, 0.4) for one in binned])
     # A mean over a long time depends on this product alone.
     power = found.jitter**2 * found.correlation_s
     assert power == pytest.approx(jitter**2 * correlation_s, rel=0.25)
 
 
 def test_what_a_mean_leaves_unexplained_counts_as_noise() -> None:
-    courses = [noisy(seed) for seed in range(4)]
-    wrong = [0.4 + 0.1 * np.sin(one.x_m / 0.003) for one in courses]
-    found = fitted_noise(courses, wrong)
+    binned = [noisy(seed) for seed in range(4)]
+    wrong = [0.4 + 0.1 * np.sin(one.x_m / 0.003) for one in binned]
+    found = fitted_noise(binned, wrong)
     assert found.jitter**2 * found.correlation_s > 4 * 0.05**2 * 0.02

@@ -19,8 +19,8 @@ from analysis.statistics.groups import (
     INTERACTION,
     SCORE,
     Compared,
+    GroupInteraction,
     GroupStatistics,
-    Interaction,
     TwoGroups,
 )
 from analysis.statistics.omnibus import SkillingsMack
@@ -251,7 +251,7 @@ def _compared(made: GroupStatistics, name: str, what: str, found: Compared | Not
     )
 
 
-def _profiles(made: GroupStatistics, found: Interaction | NotEstimable) -> str:
+def _profiles(made: GroupStatistics, found: GroupInteraction | NotEstimable) -> str:
     if isinstance(found, NotEstimable):
         return f"Group × condition could not be tested: {found.reason}."
     differed = "differed" if made.holds(INTERACTION) else "were not found to differ"

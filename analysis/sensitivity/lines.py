@@ -346,9 +346,10 @@ def _jnd(known: LineMixture) -> Medians:
 def log_prior_of_spread(log_sd: FloatArray) -> FloatArray:
     """Return the log prior density of the logarithm of a standard deviation between subjects.
 
-    (3): the density of s is s / (1 + s²)^(3/2), in standard units. It is flat in the variance where
+    The density of s is s / (1 + s²)^(3/2), in standard units. It is flat in the variance where
     this is small relative to that of the ratings, so that intervals of single subjects have their
     nominal coverage (Morris and Tang, Statistical Science 26, 2011, 271-287), and proper because
     it falls off beyond.
     """
+    # (3)
     return np.asarray(2 * log_sd - 1.5 * np.log1p(np.exp(2 * log_sd)))

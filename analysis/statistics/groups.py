@@ -238,7 +238,7 @@ def compared(values: FloatArray, groups: IntArray, names: Sequence[str]) -> Comp
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interaction:
+class GroupInteraction:
     """Whether groups differ in what conditions do: a test of people's centred profiles.
 
     `share` is how much of the variation of people's profiles the groups explain, 0 to 1; `people`
@@ -251,7 +251,7 @@ class Interaction:
     people: int
 
 
-def interaction(scores: FloatArray, groups: IntArray) -> Interaction | NotEstimable:
+def interaction(scores: FloatArray, groups: IntArray) -> GroupInteraction | NotEstimable:
     """Return the test of group x condition, or why there is none.
 
     (5): scores less their condition's mean and then less the person's own; people with their whole
@@ -275,7 +275,7 @@ def interaction(scores: FloatArray, groups: IntArray) -> Interaction | NotEstima
         for own in (profiles[of == group] for group in np.unique(of))
     )
     tested = permuted(profiles, of)
-    return Interaction(
+    return GroupInteraction(
         share=explained / squares, p=tested.p, error=tested.error, people=int(known.sum())
     )
 
@@ -302,7 +302,7 @@ class GroupStatistics:
 
     score: Compared | NotEstimable
     gain: Compared | NotEstimable
-    interaction: Interaction | NotEstimable
+    interaction: GroupInteraction | NotEstimable
     conditions: Mapping[str, Compared | NotEstimable]
     p_holm: Mapping[str, float]
 

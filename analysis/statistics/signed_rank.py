@@ -128,7 +128,7 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for multiple tests, in the order given (Holm 1979), (15).
+    """Return p-values corrected for multiple tests, in the order given (Holm 1979).
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
@@ -149,6 +149,7 @@ def holm_of_rows(p: FloatArray) -> FloatArray:
     >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
     array([[0.03,  nan, 0.06, 0.06]])
     """
+    # (15), mathematics/ordinal
     order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
     factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
     stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)

@@ -74,7 +74,7 @@ class Curve(NamedTuple):
         return np.asarray(np.clip(p, LEAST_SHARE, 1 - LEAST_SHARE))
 
 
-class Answers(NamedTuple):
+class LevelAnswers(NamedTuple):
     """Answers at levels on an axis whose range that could be asked is [0, 1].
 
     `at` has shape (levels,), -inf for no stimulus on a logarithmic axis; `step` is the smallest
@@ -116,7 +116,7 @@ class Posterior:
         return np.array([axis[place] for axis, place in zip(self.axes, index, strict=True)])
 
 
-def posterior(answers: Answers, curve: Curve) -> Posterior:
+def posterior(answers: LevelAnswers, curve: Curve) -> Posterior:
     """Return the posterior on the smallest grid that holds all of it but a negligible part."""
     rates = answers.lapse, answers.guess
     widths = (answers.step, 3.0)
@@ -136,9 +136,7 @@ def posterior(answers: Answers, curve: Curve) -> Posterior:
     )
     for _ in range(MOST_PASSES):
         before, box = box, _closer(box, _by_log_width(density(box, coarse), box))
-        if all(
-            _length(new) >= SAME_BOX * _length(old) for new, old in zip(box, before, strict=True)
-        ):
+        if (np.diff(box) >= SAME_BOX * np.diff(before)).all():
             break
     log_density = density(box, fine)
     mass = np.exp(_by_log_width(log_density, box))
@@ -148,10 +146,6 @@ def posterior(answers: Answers, curve: Curve) -> Posterior:
     return Posterior(
         _axes(box, fine), mass / mass.sum(), box, tuple((low + high) / 2 for low, high in mode)
     )
-
-
-def _length(ends: tuple[float, float]) -> float:
-    return ends[1] - ends[0]
 
 
 def _axes(box: Box, cells: Cells) -> tuple[FloatArray, ...]:
@@ -193,7 +187,7 @@ def _closer(box: Box, log_density: FloatArray) -> Box:
     return tuple(found)
 
 
-def _log_density(axes: Sequence[FloatArray], answers: Answers, curve: Curve) -> FloatArray:
+def _log_density(axes: Sequence[FloatArray], answers: LevelAnswers, curve: Curve) -> FloatArray:
     """Return log prior plus log likelihood, (4) and (5), at the points of a grid."""
     threshold, log_width, lapse, guess = np.ix_(*axes)
     width = np.exp(log_width)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
 from analysis.estimates import ENDS, FloatArray, Interval
-from analysis.thresholds.curve_posterior import Answers, Curve, Shape, posterior
+from analysis.thresholds.curve_posterior import Curve, LevelAnswers, Shape, posterior
 from protocol.errors import BadInput
 
 Task: TypeAlias = Literal["yes or no", "two intervals", "three intervals"]
@@ -151,7 +151,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         )
     unit = float(high - low)
     step = min(np.diff(felt), default=unit) / unit
-    answers = Answers(
+    answers = LevelAnswers(
         (axis - low) / unit,
         number,
         right,
@@ -236,7 +236,7 @@ def _jnd(threshold: float, slope: float, curve: Curve) -> float:
 
 
 def _deviance_p(
-    answers: Answers, drawn: FloatArray, curve: Curve, rng: np.random.Generator
+    answers: LevelAnswers, drawn: FloatArray, curve: Curve, rng: np.random.Generator
 ) -> float:
     """Return (8) and (9), the posterior predictive p of the deviance, of draws from it."""
     p = curve.share_correct(answers.at, list(drawn))
@@ -252,7 +252,7 @@ def _deviance(right: FloatArray, number: FloatArray, p: FloatArray) -> FloatArra
 
 
 def _flags(
-    answers: Answers, thresholds: FloatArray, asked: FloatArray, p: float
+    answers: LevelAnswers, thresholds: FloatArray, asked: FloatArray, p: float
 ) -> tuple[str, ...]:
     """Return in a few words each what speaks against believing the estimate."""
     lowest, highest = asked[0], asked[-1]
@@ -272,7 +272,7 @@ def _flags(
     return tuple(name for name, holds in found.items() if holds)
 
 
-def _trend(answers: Answers) -> float:
+def _trend(answers: LevelAnswers) -> float:
     """Return z of the Cochran-Armitage test that the share correct rises from level to level."""
     total = answers.trials.sum()
     share = answers.correct.sum() / total

@@ -85,7 +85,7 @@ def trial_contrasts(
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
-    number_of: dict[Felt, int] = {}
+    number_of: dict[FeltChange, int] = {}
     numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
     by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), rung)
@@ -95,11 +95,11 @@ def trial_contrasts(
     )
 
 
-Felt = tuple[Change | None, Calibration]
+FeltChange = tuple[Change | None, Calibration]
 """A change, None where none is known, and the rig on which it was felt."""
 
 
-def contrasts_by_law(felt: tuple[Felt, ...], rung: str) -> dict[str, FloatArray]:
+def contrasts_by_law(felt: tuple[FeltChange, ...], rung: str) -> dict[str, FloatArray]:
     """Return the contrasts of changes, shape (changes,), by law; NaN where none is predicted."""
 
     def contrasts(law: str) -> list[float]:
@@ -354,22 +354,17 @@ def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:
 
 def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -> ContrastRange:
     """Return the contrast of a condition with its values under other assumptions."""
-    damping_ratio, speed = rig.damping_ratio, change.before.sliding_speed_m_s
+    speed, ratios = change.before.sliding_speed_m_s, [rig.damping_ratio * it for it in FACTORS]
+    damped = [predicted_contrast(change, rig=replace(rig, damping_ratio=it)) for it in ratios]
     return ContrastRange(
         condition=condition,
         kind=change.kind,
         value=predicted_contrast(change, rig=rig),
         by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in BEAM_MODELS},
         by_law={law: predicted_contrast(change, law, rig=rig) for law in LAWS},
-        by_damping={
-            f"{factor * damping_ratio:.4g}": predicted_contrast(
-                change, rig=replace(rig, damping_ratio=factor * damping_ratio)
-            )
-            for factor in FACTORS
-        },
+        by_damping={f"{it:.4g}": found for it, found in zip(ratios, damped, strict=True)},
         by_speed={
-            f"{factor * speed:.4g}": predicted_contrast(_faster(change, factor), rig=rig)
-            for factor in FACTORS
+            f"{it * speed:.4g}": predicted_contrast(_faster(change, it), rig=rig) for it in FACTORS
         },
     )
 

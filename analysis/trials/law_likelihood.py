@@ -283,10 +283,8 @@ def _largest(sums: LineSums) -> float:
 
     def cost(point: FloatArray) -> float:
         noise, (level, slope) = point[0] ** 2, point[1:3]
-        both, both_size = (
-            level * slope * np.tanh(point[3]),
-            (level * slope / np.cosh(point[3])) ** 2,
-        )
+        both = level * slope * np.tanh(point[3])
+        both_size = (level * slope / np.cosh(point[3])) ** 2
         between = np.array([noise * level**2, noise * both, noise * slope**2, both_size])
         determinant = grams @ between + noise**2
         weighted = fixed @ (1 / determinant)

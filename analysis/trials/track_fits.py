@@ -18,8 +18,8 @@ from analysis.thresholds.person_effects import Mixed, mixed
 from analysis.thresholds.psychometric import CHANCE, Threshold, fitted
 from analysis.trials.track_readings import (
     Choice,
+    CohortReading,
     Felt,
-    Reading,
     cohort_readings,
     felt_in,
     geometric_mean,
@@ -132,7 +132,7 @@ class Thresholds:
 
     people: tuple[PersonThreshold, ...]
     cohort: tuple[CohortThreshold, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[CohortReading, ...]
 
 
 def thresholds(
@@ -152,7 +152,7 @@ def thresholds(
     if not tracks:
         return None
     people: list[PersonThreshold] = []
-    read: list[Reading] = []
+    read: list[CohortReading] = []
     for track in tracks:
         own = trials[trials["track"].eq(track.name)]
         felt = partial(contrast_of_level, study, track, rig)

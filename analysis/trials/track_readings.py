@@ -113,7 +113,7 @@ def readings(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
+class CohortReading:
     """The cohort's threshold by one choice: geometric mean, its interval, and people's SD in dB.
 
     `axis` is that of the track, `predicted` or `measured` for the contrast of friction.
@@ -131,7 +131,7 @@ class Reading:
 def cohort_readings(
     track: Track,
     people: Iterable[tuple[Mapping[Choice, float], Callable[[float], float | None], Felt | None]],
-) -> Iterator[Reading]:
+) -> Iterator[CohortReading]:
     """Yield the cohort's threshold by each choice, on each axis that is known of all people.
 
     `people` have thresholds by choice, the predicted contrast of a level, and what was felt.
@@ -152,7 +152,7 @@ def cohort_readings(
         if len(logs) < len(values):
             continue
         threshold, ends = geometric_mean(logs)
-        yield Reading(
+        yield CohortReading(
             track=track.name,
             axis=axis,
             choice=choice,

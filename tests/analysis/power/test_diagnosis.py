@@ -21,7 +21,7 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensi
 from analysis.simulation.simulation import Simulation
 from analysis.statistics.detection import Detection
 from analysis.statistics.factorial import Effect
-from analysis.statistics.groups import Compared, Interaction, group_statistics
+from analysis.statistics.groups import Compared, GroupInteraction, group_statistics
 from analysis.statistics.many_tables import unnamed_table
 from analysis.statistics.signed_rank import SignedRank, pairwise_signed_ranks
 from analysis.trials.trial_statistics import TrialStatistics
@@ -157,7 +157,7 @@ def test_groups_factors_and_sessions_are_tested_as_in_the_report() -> None:
         data.table.scores, np.zeros(12), of, study.groups, data.table.conditions
     )
     assert isinstance(made.score, Compared)
-    assert isinstance(made.interaction, Interaction)
+    assert isinstance(made.interaction, GroupInteraction)
     assert row[f"{GROUP_SCORE} p"] == pytest.approx(made.score.p)
     assert row["young - old between groups shift"] == pytest.approx(made.score.pairs[0].shift)
     assert row[f"{BY_GROUP} p"] == pytest.approx(made.interaction.p)

@@ -14,8 +14,8 @@ from analysis.statistics.groups import (
     MOST_LISTED,
     SCORE,
     Compared,
+    GroupInteraction,
     GroupStatistics,
-    Interaction,
     TwoGroups,
     compared,
     group_statistics,
@@ -125,8 +125,8 @@ def test_a_level_that_differs_is_no_interaction() -> None:
     groups = np.repeat([0, 1], 5)
     before = interaction(profiles(), groups)
     after = interaction(profiles() + 3.0 * groups[:, None], groups)
-    assert isinstance(before, Interaction)
-    assert isinstance(after, Interaction)
+    assert isinstance(before, GroupInteraction)
+    assert isinstance(after, GroupInteraction)
     assert after.p == before.p
     assert after.share == pytest.approx(before.share)
 
@@ -150,7 +150,7 @@ def test_an_interaction_counts_every_way_to_choose_people() -> None:
     observed = spread([0, 1, 2])
     every = [spread(list(chosen)) for chosen in combinations(range(8), 3)]
     found = interaction(scores, groups)
-    assert isinstance(found, Interaction)
+    assert isinstance(found, GroupInteraction)
     assert found.people == 8
     assert found.p == pytest.approx(np.mean(np.array(every) >= observed * (1 - 1e-9)))
     assert found.share == pytest.approx(observed / np.nansum(centred**2))

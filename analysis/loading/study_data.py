@@ -306,8 +306,8 @@ class OnlyRehearsals(NothingToReport):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recording:
-    """Under what the scores were recorded: each value once, in order of appearance."""
+class RecordedUnder:
+    """What the scores were recorded under: each value once, in order of appearance."""
 
     versions: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
@@ -363,7 +363,7 @@ class StudyData:
     answers: pd.DataFrame
     left_out: tuple[Exclusion, ...]
     incidents: tuple[Incident, ...]
-    recording: Recording
+    recording: RecordedUnder
     empty: EmptyCells
     orders: tuple[SessionOrder, ...]
     virtual: Mapping[str, VirtualTruth]
@@ -489,8 +489,8 @@ def _answers(found: Sessions, names: pd.DataFrame, trials: pd.DataFrame) -> pd.D
     return of_trial[of_trial["attempt_id"].isna() | of_trial["trial_kind"].notna()]
 
 
-def _recording(sessions: pd.DataFrame) -> Recording:
-    return Recording(
+def _recording(sessions: pd.DataFrame) -> RecordedUnder:
+    return RecordedUnder(
         versions=_once(
             ", ".join(f"{name} {number}" for name, number in versions.items())
             for versions in sessions["versions"]

@@ -189,10 +189,8 @@ def _recorded_lines(channel: ForceChannel) -> Iterator[str]:
             yield "Recorded    nothing: the gauge needs force_channel.rate_hz"
         return
     measures, share = "board" if channel.gauge is None else "gauge", preview.line_share(channel)
-    yield (
-        f"Recorded    forces and place in each touch, {channel.rate_hz} samples/s by the "
-        f"{measures}: {share:.0%} of {preview.LINE_BAUD:,} baud"
-    )
+    sent = f"{channel.rate_hz} samples/s by the {measures}: {share:.0%}"
+    yield f"Recorded    forces and place in each touch, {sent} of {preview.LINE_BAUD:,} baud"
     if share > 1:
         yield "            (more than a serial line carries: connect it by USB or a network)"
 
@@ -275,10 +273,8 @@ def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Itera
         yield "max_session_s would have to change with design.repeats."
     yield "<: this study. Of the scale: the relative gain's at the largest change predicted here."
     yield "Assumed SDs ([forecast], by default those of the paper's Table 4): scores about a"
-    yield (
-        f"person's line {people.residual_sd:.2f}, conditions off the line "
-        f"{people.off_the_line_sd:.2f}, gains {people.gain_sd:.2f}."
-    )
+    others = f"{people.off_the_line_sd:.2f}, gains {people.gain_sd:.2f}"
+    yield f"person's line {people.residual_sd:.2f}, conditions off the line {others}."
     yield "Scores at the ends of the scale make intervals wider."
     if preview.confounded(preview.scored_contrasts(shown, model)):
         yield "Each condition has a single predicted change here, so that other effects cannot be"

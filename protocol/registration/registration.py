@@ -140,20 +140,17 @@ def registration_in(text: str, source: str = FILE) -> Registration:
 
 def _require_form(made: Registration, schema: object) -> None:
     """Raise TypeError unless the schema is this one, numbers are numbers, and texts are texts."""
-    rig, power = made.calibration, made.power.values()
-    counts = (made.participants, made.sessions, *made.groups.values())
-    numbers = [value for name, value in rig.items() if name != "origin"]
-    texts = (
-        *(made.study, made.study_sha256, made.law, made.rung, made.touchbeam, made.primary),
-        *(*made.secondary, *made.exclusions, *power, rig.get("origin", "")),
+    rig, power = dict(made.calibration), made.power.values()
+    named = (made.study, made.study_sha256, made.law, made.rung, made.touchbeam, made.primary)
+    texts = (*named, *made.secondary, *made.exclusions, *power, rig.pop("origin", ""))
+    kinds: tuple[tuple[Iterable[object], Any], ...] = (
+        (texts, str),
+        ((made.participants, made.sessions, *made.groups.values()), int),
+        (rig.values(), int | float),
+        (made.analysis.values(), str | int | float),
     )
-    if not (
-        schema == _SCHEMA
-        and all(isinstance(value, int) for value in counts)
-        and all(isinstance(value, int | float) for value in numbers)
-        and all(isinstance(value, str) for value in texts)
-        and all(isinstance(value, str | int | float) for value in made.analysis.values())
-    ):
+    fits = all(isinstance(value, kind) for values, kind in kinds for value in values)
+    if schema != _SCHEMA or not fits:
         raise TypeError("another form")
 
 
@@ -362,11 +359,9 @@ def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> s
         return f"the digest gives {len(drawn.trials)} trials, the journal has {len(under.trials)}"
     for trial, recorded in zip(drawn.trials, under.trials, strict=True):
         if not _is_recorded(planned_trial(trial), recorded):
-            return (
-                f"its order does not follow from the registration: trial {recorded.index} is "
-                f"{recorded.condition or recorded.kind}, the digest gives "
-                f"{trial.condition or trial.kind}"
-            )
+            made, due = recorded.condition or recorded.kind, trial.condition or trial.kind
+            told = f"trial {recorded.index} is {made}, the digest gives {due}"
+            return f"its order does not follow from the registration: {told}"
     return ""
 
 

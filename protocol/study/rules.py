@@ -70,10 +70,8 @@ class TouchRules(Record):
     @model_validator(mode="after")
     def _enough_touches_are_looked_at(self) -> Self:
         if self.practise_until > self.practise_of:
-            raise ValueError(
-                f"practise_until must be at most practise_of = {self.practise_of}, "
-                f"got {self.practise_until}"
-            )
+            most, wanted = self.practise_of, self.practise_until
+            raise ValueError(f"practise_until must be at most practise_of = {most}, got {wanted}")
         return self
 
 
@@ -95,9 +93,8 @@ class Exclusions(Record):
     def _some_time_is_left(self) -> Self:
         fastest, slowest = self.min_reaction_s, self.max_reaction_s
         if fastest is not None and slowest is not None and fastest >= slowest:
-            raise ValueError(
-                f"min_reaction_s must be less than max_reaction_s = {slowest:g}, got {fastest:g}"
-            )
+            rule = f"min_reaction_s must be less than max_reaction_s = {slowest:g}"
+            raise ValueError(f"{rule}, got {fastest:g}")
         return self
 
 
@@ -168,10 +165,10 @@ class Design(Record):
         if least >= most:
             raise ValueError(f"hours_between must rise, got {least:g} to {most:g}")
         if max(least, most if most != inf else 0.0) > MOST_HOURS_BETWEEN:
-            raise ValueError(
-                f"hours_between must be at most {MOST_HOURS_BETWEEN}, ten years, or inf at the "
-                f"end, got {least:g} to {most:g}"
+            rule = (
+                f"hours_between must be at most {MOST_HOURS_BETWEEN}, ten years, or inf at the end"
             )
+            raise ValueError(f"{rule}, got {least:g} to {most:g}")
         if self.hours_between is not None and self.sessions == 1:
             raise ValueError("sessions must be above 1 where hours_between is given, got 1")
         return self
@@ -179,10 +176,8 @@ class Design(Record):
     @model_validator(mode="after")
     def _some_repeats_are_not_opposite(self) -> Self:
         if self.opposite_repeats >= self.repeats:
-            raise ValueError(
-                f"opposite_repeats must be less than repeats = {self.repeats}, "
-                f"got {self.opposite_repeats}"
-            )
+            rule = f"opposite_repeats must be less than repeats = {self.repeats}"
+            raise ValueError(f"{rule}, got {self.opposite_repeats}")
         return self
 
 

@@ -186,12 +186,12 @@ def _opening_problems(study: Study) -> Iterator[Problem]:
 def _key_problems(study: Study) -> Iterator[Problem]:
     """Yield keys that another key of the study, or a beam that a touch names, asks to be other."""
     rig, channel, wanted = study.rig, study.force_channel, study.as_instructed.practise_until
-    told = Problem.of_key
+    told, touches = Problem.of_key, (it for _, _, item in _items(study) for it in item.touches)
     if wanted and not study.design.practice_trials:
         rule = f"must be above 0 where as_instructed.practise_until = {wanted}"
         hint = "give practice_trials, or leave practise_until out"
         yield told("design.practice_trials", rule, 0, hint)
-    if study.touch.beam is None and _names_a_beam(study):
+    if study.touch.beam is None and any(touch.beam for touch in touches):
         hint = f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]"
         yield told("touch.beam", "must be given when a touch names a beam", "nothing", hint)
     # A generator is set in volts before the amplifier: without its gain nothing is driven.
@@ -286,10 +286,6 @@ def _items(study: Study) -> Iterator[tuple[str, Path, Item]]:
         yield f"opening {opening.kind}", ("opening", number), opening
     for condition in study.condition:
         yield f"condition {condition.name}", ("condition", condition.written), condition
-
-
-def _names_a_beam(study: Study) -> bool:
-    return any(touch.beam for *_, item in _items(study) for touch in item.touches)
 
 
 def _of_factor(study: Study, item: Item, problem: Problem) -> Problem:

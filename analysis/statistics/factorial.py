@@ -21,7 +21,7 @@ from analysis.statistics.signed_rank import DECIMALS, holm_of
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""
-MOST_LISTED = 300_000
+MOST_ARRANGEMENTS = 300_000
 """Arrangements that are listed for an exact p."""
 MOST_SHUFFLES = 20_000
 _SHUFFLES = 999
@@ -262,7 +262,7 @@ def exact_p(own: FloatArray) -> float | None:
     `own` has shape (people, levels of each factor): deviations of each person.
     """
     shape = own.shape[1:]
-    if prod(factorial(levels) for levels in shape) > MOST_LISTED:
+    if prod(factorial(levels) for levels in shape) > MOST_ARRANGEMENTS:
         return None
     orders = [np.ix_(*order) for order in product(*(permutations(range(n)) for n in shape))]
     # The same rearrangement of everybody changes nothing, so that the first person's scores stay.
@@ -271,7 +271,7 @@ def exact_p(own: FloatArray) -> float | None:
         images = np.round([person[order].ravel() for order in orders], DECIMALS)
         # Each different image comes of equally many arrangements.
         images = np.unique(images, axis=0)
-        if len(sums) * len(images) > MOST_LISTED:
+        if len(sums) * len(images) > MOST_ARRANGEMENTS:
             return None
         sums = (sums[:, None] + images).reshape(-1, images.shape[1])
     return float(_reach(sums, own).mean())

@@ -18,7 +18,7 @@ from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm, ho
 
 LARGEST_EXACT = 100
 """People in two groups up to whom rank sums have exact chances: some 50 ms."""
-MOST_LISTED = 100_000
+MOST_WAYS = 100_000
 """Ways to put people into groups that are listed; of more, random ones are drawn."""
 
 
@@ -29,7 +29,7 @@ MOST_LISTED = 100_000
 def _ways(sizes: tuple[int, ...]) -> tuple[IntArray, bool]:
     """Return groups of people, shape (ways, people), and whether these are all ways."""
     people = sum(sizes)
-    if prod(comb(sum(sizes[: k + 1]), size) for k, size in enumerate(sizes)) <= MOST_LISTED:
+    if prod(comb(sum(sizes[: k + 1]), size) for k, size in enumerate(sizes)) <= MOST_WAYS:
         ways, left = np.zeros((1, 0), dtype=np.int64), np.array([sizes])
         for _ in range(people):
             row, group = np.nonzero(left)

@@ -137,7 +137,7 @@ def test_random_shufflings_agree_with_all_of_them(monkeypatch: pytest.MonkeyPatc
         scores = scores_of(3, 4, 3, 2, effect=0.4)
         exact = effect_of(scores, *factors).p_permuted
         with monkeypatch.context() as patched:
-            patched.setattr(module, "MOST_LISTED", 0)
+            patched.setattr(module, "MOST_ARRANGEMENTS", 0)
             shuffled = effect_of(scores, *factors).monte_carlo
         assert shuffled is not None
         assert abs(shuffled.p - exact) < 4 * shuffled.error

@@ -11,7 +11,7 @@ from analysis.statistics.groups import (
     GAIN,
     INTERACTION,
     LARGEST_EXACT,
-    MOST_LISTED,
+    MOST_WAYS,
     SCORE,
     Compared,
     GroupInteraction,
@@ -215,4 +215,4 @@ def test_the_ways_that_are_listed_are_all_and_few_enough() -> None:
     values = np.random.default_rng(1).normal(size=18)
     values -= values.mean()
     assert permuted(values[:, None], np.repeat([0, 1], 9)).error == 0.0
-    assert MOST_LISTED < 184_756
+    assert MOST_WAYS < 184_756

@@ -186,15 +186,13 @@ def weighted_points(
         found = effective * (weights * away.T) @ away
         covariance = (found + size * covariance) / (effective + size)
     some = weights > NEGLIGIBLE
-    halves = (
-        weights * (np.arange(number) < number // 2),
-        weights * (np.arange(number) >= number // 2),
-    )
+    early = np.arange(number) < number // 2
+    halves = [half[some] for half in (weights * early, weights * ~early)]
     return WeightedPoints(
         points=np.clip(points[some], -REACH, REACH),
         weights=weights[some] / weights[some].sum(),
         # A half without any weight agrees with nothing.
-        halves=np.array([half[some] / max(half[some].sum(), NEGLIGIBLE) for half in halves]),
+        halves=np.array([half / max(half.sum(), NEGLIGIBLE) for half in halves]),
         least=least,
         effective=effective,
         unknown=float((known <= NOWHERE).mean()),

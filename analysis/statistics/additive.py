@@ -96,12 +96,10 @@ def _around(
 def _halves(fit: TwoWay) -> tuple[FloatArray, FloatArray]:
     """Return half the widths of the intervals of conditions and of subjects.
 
-    A condition's error is that of the mean of the subjects' own effects, t with a degree of freedom
-    less than there are subjects: subjects may differ in their effects by as much as they like. With
-    scores missing it is the covariance that is robust to dependence within subjects (Liang and
-    Zeger, Biometrika 73, 1986). A subject's error has the variance of the residuals.
+    A condition's error is robust to dependence within subjects (Liang and Zeger, Biometrika 73,
+    1986), who may differ in their effects by as much as they like. A subject's, (8) of
+    mathematics/ordinal, has the variance of the residuals.
     """
-    # (8), mathematics/ordinal
     root, subjects = _root_of_inverse(fit.table.given), len(fit.rows)
     inverse = root @ root.T
     influence = np.where(fit.table.given, fit.residuals, 0.0) @ inverse

@@ -444,7 +444,7 @@ def critical_rank_correlation(pairs: int) -> float | NotEstimable:
     1.0
     """
     if pairs < 3:
-        return NotEstimable(f"a correlation is tested with at least 3 pairs, got {pairs}")
+        return critical_correlation(pairs)
     ranks = 2.0 * np.arange(pairs) - (pairs - 1)
     return _over_all_orders(np.stack([ranks, ranks]))[1]
 

@@ -1,7 +1,7 @@
 """How virtual people answer: the reported change, its score, reaction times, and who leaves."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -47,7 +47,6 @@ def answer_of(question: Question, said: int) -> str:
     return next(answer for answer in ANSWERS[question] if meaning(question, answer) == said)
 
 
-@dataclass
 class Answering:
     """People who answer the questions of their sessions, one after another, all at once.
 
@@ -55,19 +54,16 @@ class Answering:
     (people,).
     """
 
-    people: People
-    left: BoolArray = field(init=False)
-    """Who has left for good; only what the others answer means something."""
-    _asked: int = field(default=0, init=False)
-    _felt: FloatArray = field(init=False)
-    _score: FloatArray = field(init=False)
-    _pending: FloatArray = field(init=False)
-    _u: FloatArray = field(init=False)
+    _pending: FloatArray
+    _u: FloatArray
 
-    def __post_init__(self) -> None:
-        self.left = np.zeros(self.people.size, dtype=np.bool_)
-        self._felt = np.zeros(self.people.size)
-        self._score = np.full(self.people.size, np.nan)
+    def __init__(self, people: People) -> None:
+        self.people = people
+        self.left = np.zeros(people.size, dtype=np.bool_)
+        """Who has left for good; only what the others answer means something."""
+        self._asked = 0
+        self._felt = np.zeros(people.size)
+        self._score = np.full(people.size, np.nan)
 
     def change(
         self, contrast: FloatArray, beyond: FloatArray, two_sided: BoolArray, u: FloatArray

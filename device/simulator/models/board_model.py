@@ -9,7 +9,7 @@ from device.simulator.hardware import power_stage
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.force_sampler import RATE_RANGE_HZ, SCALE, ForceSampler
 from device.simulator.models import scpi
-from device.simulator.models.dialect import Dialect, Happenings, Status, asked
+from device.simulator.models.dialect import Dialect, Happenings, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 IDN = "touchbeam,BOARD,SIM,1.2"
@@ -29,7 +29,7 @@ class BoardDialect(Dialect):
         self._beam = beam
         self.sampler = ForceSampler(beam)
         self._forget()
-        super().__init__(Status(), self._handlers())
+        super().__init__(self._handlers())
 
     def passes(self, time_s: float) -> None:
         self.sampler.take_until(time_s, self._instrument)

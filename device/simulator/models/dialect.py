@@ -16,8 +16,8 @@ _EVENT_BITS = {1: 32, 2: 16, 3: 8, 4: 4}
 
 
 @dataclass
-class Status:
-    """Errors wait until they are asked for; events until the register is read."""
+class Registers:
+    """The status: errors wait until they are asked for; events until the register is read."""
 
     errors: deque[tuple[int, str]] = field(default_factory=deque)
     events: int = POWER_ON
@@ -77,8 +77,8 @@ class Dialect:
     plus = ""
     """What stands before a number that is not negative."""
 
-    def __init__(self, status: Status, handlers: dict[str, Handler], channels: int = 1) -> None:
-        self.status = status
+    def __init__(self, handlers: dict[str, Handler], channels: int = 1) -> None:
+        self.status = Registers()
         self._headers = scpi.Headers({**self._common(), **handlers}, channels)
 
     def answer(self, line: str) -> str | None:

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
-from device.simulator.models.dialect import Dialect, Happenings, Status, asked
+from device.simulator.models.dialect import Dialect, Happenings, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
 SOURCE_OHM = 50.0
@@ -36,8 +36,8 @@ _ROOTS = ("OUTPut", "TRIGger", "SYSTem")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
-    """What a channel keeps and tells: a number with unit and range, one of `words`, or a switch.
+class Command:
+    """Sets or asks what a channel keeps: a number with unit and range, one of `words`, a switch.
 
     `name` is the attribute of the channel that keeps it, '' for one of its `settings`.
     """
@@ -58,17 +58,17 @@ class Setting:
         return scpi.quantity(argument, self.units, self.lowest, self.highest)
 
 
-UNIT = Setting(header="VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
+UNIT = Command(header="VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
 
 
-def function(*words: str) -> Setting:
+def function(*words: str) -> Command:
     """Return the setting of the wave, which is one of `words`."""
-    return Setting(header="FUNCtion[:SHAPe]", name="function", words=words)
+    return Command(header="FUNCtion[:SHAPe]", name="function", words=words)
 
 
-def limits(header: str) -> tuple[Setting, Setting]:
+def limits(header: str) -> tuple[Command, Command]:
     """Return the settings of the voltage limits, which begin with `header`."""
-    volts = Setting(header="", lowest=-10.0, highest=10.0, units=scpi.VOLTS)
+    volts = Command(header="", lowest=-10.0, highest=10.0, units=scpi.VOLTS)
     return (
         replace(volts, header=f"{header}:HIGH", name="limit_high_v"),
         replace(volts, header=f"{header}:LOW", name="limit_low_v"),
@@ -84,7 +84,7 @@ class Model:
     digits: int
     least_emf_vpp: float
     most_hz: float
-    settings: tuple[Setting, ...] = ()
+    settings: tuple[Command, ...] = ()
     limit_switch: str = ""
 
 
@@ -191,7 +191,7 @@ class GeneratorDialect(Dialect):
         self.channels: list[Channel] = []
         """The first one drives the beam."""
         self._preset()
-        super().__init__(Status(), self._handlers(), model.channels)
+        super().__init__(self._handlers(), model.channels)
 
     def answer(self, line: str) -> str | None:
         answer = super().answer(line)
@@ -297,7 +297,7 @@ class GeneratorDialect(Dialect):
             commands |= self._keeping(setting)
         return commands
 
-    def _keeping(self, setting: Setting) -> dict[str, Handler]:
+    def _keeping(self, setting: Command) -> dict[str, Handler]:
         """The two commands of a setting that is only kept."""
         key = setting.name or setting.header
 

@@ -9,9 +9,9 @@ from functools import partial
 from device.simulator.models import scpi
 from device.simulator.models.generator_model import (
     UNIT,
+    Command,
     GeneratorDialect,
     Model,
-    Setting,
     function,
     limits,
 )
@@ -21,15 +21,15 @@ _FUNCTIONS = ("SINusoid", "SQUare", "RAMP", "PULSe", "NOISe", "USER", "HARMonic"
 _SETTINGS = (
     function(*_FUNCTIONS),
     UNIT,
-    Setting(header="MOD[:STATe]"),
-    Setting(header="SWEep:STATe"),
-    Setting(header="BURSt[:STATe]"),
-    Setting(header="HARMonic[:STATe]"),
-    Setting(header="SUM[:STATe]"),
-    Setting(header="PHASe", default=0.0, lowest=0, highest=360),
-    Setting(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
-    Setting(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, units=SECONDS),
-    Setting(header="OUTPut#:SYNC[:STATe]", default=True),
+    Command(header="MOD[:STATe]"),
+    Command(header="SWEep:STATe"),
+    Command(header="BURSt[:STATe]"),
+    Command(header="HARMonic[:STATe]"),
+    Command(header="SUM[:STATe]"),
+    Command(header="PHASe", default=0.0, lowest=0, highest=360),
+    Command(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
+    Command(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, units=SECONDS),
+    Command(header="OUTPut#:SYNC[:STATe]", default=True),
 )
 _GENERATORS = {
     "rigol": Model(

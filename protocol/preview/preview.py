@@ -195,14 +195,12 @@ def t_quantile(probability: float, df: int) -> float:
     2.1009
     """
     low, high = 0.0, 1e6
-    # More halvings than a float has bits, so that the interval ends at two neighbours.
-    for _ in range(200):
-        middle = (low + high) / 2
+    while low < (middle := (low + high) / 2) < high:  # until they are two neighbouring floats
         if 0.5 + _central(middle, df) / 2 < probability:
             low = middle
         else:
             high = middle
-    return (low + high) / 2
+    return middle
 
 
 def _central(t: float, df: int) -> float:

@@ -155,15 +155,15 @@ def _cheap_parts(
     top = top_rung_range(batch.rows(which), choice, resonant=resonant)
     # No μ' is nearer to both ends of a range than its middle.
     open_ = np.flatnonzero((top[1] - top[0]) / 2 <= tolerance)
-    which, top = which[open_], top[:, open_]
     for name in CANDIDATES:
+        which, top = which[open_], top.take(open_, axis=1)
         if which.size:
             prediction = rung_prediction(batch.rows(which), name, choice)
             bound = _bound(top, prediction.mu_effective)
             within = bound <= tolerance
             good = np.flatnonzero(within)
             yield which[good], name, bound[good], prediction.rows(good)
-            which, top = which[~within], top[:, ~within]
+            open_ = np.flatnonzero(~within)
 
 
 def _worthwhile(batch: Batch, which: IndexArray) -> bool:

@@ -12,14 +12,12 @@ from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
+    comparisons,
     conditions,
-    detection,
-    factors,
-    groups,
-    measured,
     methods,
     model_checks,
     multiverse,
+    noticed,
     predictions,
     registration,
     scores,
@@ -156,9 +154,9 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
         "registration": Part(registration.section, of_tracks=True),
         "thresholds": Part(thresholds.section, figures=thresholds.FIGURES, of_tracks=True),
         "tests": Part(conditions.tests, figures=("scores",), front=(conditions.scores_figure,)),
-        "groups": Part(groups.section, figures=("groups",)),
-        "detection": Part(detection.section, figures=("noticed",)),
-        "factors": Part(factors.section, figures=factors.FIGURES),
+        "groups": Part(comparisons.groups, figures=("groups",)),
+        "detection": Part(noticed.section, figures=("noticed",)),
+        "factors": Part(comparisons.factors, figures=comparisons.FIGURES),
         "agreement": Part(conditions.agreement, figures=("people",), fits=LINKS),
         "sensitivity": Part(
             sensitivity.section,
@@ -166,7 +164,7 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
             fits=("M3",),
             front=(sensitivity.relative_figure,),
         ),
-        "measured": Part(measured.section, fits=("M3",)),
+        "measured": Part(sensitivity.measured_section, fits=("M3",)),
         "model": Part(
             predictions.section, figures=("model", "levels"), front=(predictions.ratings_figure,)
         ),

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -184,7 +184,7 @@ def joined(sessions: Sequence[Cohort]) -> Cohort:
     """Return the sessions of the same people as one, the trials of each after those before."""
     if len(sessions) == 1:
         return sessions[0]
-    names = ("kinds", "answered", "change", "reaction_s", "score", "score_reaction_s", "force_n")
+    names = [it.name for it in fields(Cohort) if it.name not in ("people", "slots")]
     beside: dict[str, Any] = {
         name: np.concatenate([getattr(each, name) for each in sessions], axis=1) for name in names
     }

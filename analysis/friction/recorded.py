@@ -11,12 +11,11 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
 from protocol.journal.records import FULL_SCALE, LIFTED_N, DamagedSamplesError, Recording
+from protocol.study.rig_settings import TARE_S
 
 BLOCK_S = 0.025
 """Length of a block: one millimetre of the paper's path, and as long as what counts in friction
 (20 ms: Monnoyer et al. 2023)."""
-TARE_S = 0.5
-"""How long the sensors' zero is measured before a touch."""
 WINDOW_BLOCKS = 4
 """Blocks over which stick-slip is told from what changes slowly."""
 LEAST_BLOCKS = 8

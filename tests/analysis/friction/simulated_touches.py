@@ -7,11 +7,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 from analysis.estimates import FloatArray
-from analysis.friction.recorded import TARE_S, TouchForces, reduced
+from analysis.friction.recorded import TouchForces, reduced
 from device.friction.changes import Moment, friction_at, trial_change
 from device.friction.scenes import Calibration, Structure
 from protocol.journal.records import Recording
 from protocol.plan.trials import Trial
+from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Study
 from protocol.study.touch import Touch, touch_s
 

@@ -62,6 +62,9 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
         "tests/device/rig", "tests/device/simulator/test_in_process.py",
         "tests/device/force_channel/test_recording.py", "tests/device/gauges",
     ),
+    "device/port_owner.py": (
+        "tests/device/gauges", "tests/device/rig", "tests/device/force_channel/test_recording.py",
+    ),
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
     "protocol/journal/state.py": (

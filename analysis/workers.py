@@ -65,5 +65,5 @@ def _environment() -> Iterator[None]:
         yield
     finally:
         for name in _OF_WORKERS:
-            del os.environ[name]
+            os.environ.pop(name, None)
         os.environ.update(before)

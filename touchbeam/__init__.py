@@ -61,4 +61,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     _require_own_packages()
-    return getattr(import_module(f"touchbeam.{_HOME[name]}"), name)
+    # From now on Python finds it without asking here, which takes longer than a prediction.
+    found = globals()[name] = getattr(import_module(f"touchbeam.{_HOME[name]}"), name)
+    return found

@@ -92,7 +92,8 @@ def friction(
     }
     table = column_table("scenes", cells, math.prod(shape))
     options = PredictOptions(law=law, rung=rung, tolerance=tolerance)
-    return predicted_table(table, options).predictions["mu_effective"].reshape(shape)
+    found = predicted_table(table, options, bounded=False)
+    return found.predictions["mu_effective"].reshape(shape)
 
 
 def fit(

@@ -138,12 +138,14 @@ def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
     yield from np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
-def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Chosen:
+def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio, *, bounded: bool) -> Chosen:
     choice = LawChoice(name=options.law, ratio=ratio, overlap=options.eq15_overlap)
     if options.rung == "auto":
         return auto_prediction(batch, choice, options.tolerance)
     prediction = rung_prediction(batch, options.rung, choice)
-    bounds = error_bounds(batch, options.rung, choice, prediction.mu_effective)
+    mu = prediction.mu_effective
+    # To bound the error takes longer than the prediction itself.
+    bounds = error_bounds(batch, options.rung, choice, mu) if bounded else np.full(1, np.nan)
     rungs = np.empty(batch.size, dtype=np.object_)
     rungs.fill(options.rung)  # `np.full` would make a new text for each scene
     return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
@@ -181,8 +183,12 @@ class PredictedTable:
         return (ratio < 0) | (ratio > 1)
 
 
-def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
+def predicted_table(
+    table: SceneTable, options: PredictOptions, *, bounded: bool = True
+) -> PredictedTable:
     """Return the predictions for a table of scenes; warn if the printed law has impossible ones.
+
+    Unless they are to be `bounded`, a rung that is named has no error bounds.
 
     Raises:
         BadInput: a mode lies beyond the cut-off of the rung it needs, or a contact is too short
@@ -194,7 +200,8 @@ def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTabl
     for rows in _groups(table) if count else ():
         ratio = cast(Ratio, _word(table, "ratio", rows))
         try:
-            chosen = _predicted(_group_batch(table, rows, options), options, ratio)
+            batch = _group_batch(table, rows, options)
+            chosen = _predicted(batch, options, ratio, bounded=bounded)
         except OutOfRangeError as error:
             raise table.complaint(rows[error.row], error.name, error.rule, error.value) from None
         which = rows if rows.size < count else slice(None)

@@ -278,3 +278,18 @@ def test_a_scene_at_many_places_is_as_if_each_place_had_its_own_scene(
         due = [float(row[name]) for row in rows]
         assert table.predictions[name] == pytest.approx(due, rel=1e-12, abs=0)
     assert table.rung.tolist() == [row["rung"] for row in rows]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("rung", ["auto", "mode"])
+def test_a_prediction_without_bounds_is_the_same(
+    law: str, rung: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = column_table("s", {"x_m": np.linspace(0.0, 0.1, 40)}, 40)
+    options = PredictOptions(law=law, rung=rung)
+    with_bounds = predicted_table(table, options).predictions
+    if rung != "auto":
+        monkeypatch.delattr("analysis.model.predict.error_bounds")  # nobody asks for them
+    alone = predicted_table(table, options, bounded=False).predictions
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(alone[name], with_bounds[name])

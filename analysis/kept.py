@@ -66,9 +66,16 @@ class Kept:
         return self.made(partial(function, *args, **named), function, args, named)
 
     def made(
-        self, make: Callable[[], Result], returning: Callable[..., Result], *of: object
+        self,
+        make: Callable[[], Result],
+        returning: Callable[..., Result],
+        *of: object,
+        worth: Callable[[Result], bool] = lambda _: True,
     ) -> Result:
-        """Return what `make` does, which depends on `of` alone and is as `returning` returns it."""
+        """Return what `make` does, which depends on `of` alone and is as `returning` returns it.
+
+        It is kept if it is `worth` that.
+        """
         try:
             name = self._name(returning, *of)
         # The result is right all the same; it only cannot be found again.
@@ -76,7 +83,13 @@ class Kept:
             return make()
         if name not in self._memory:
             # Results travel in a tuple, so that a result of None or 0 is told from none.
-            self._remember(name, self._read(name, returning) or self._written(name, make()))
+            known = self._read(name, returning)
+            if known is None:
+                value = make()
+                if not worth(value):
+                    return value
+                known = self._written(name, value)
+            self._remember(name, known)
         # What was used last is dropped last.
         self._memory.move_to_end(name)
         found: Result = self._memory[name][0]

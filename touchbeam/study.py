@@ -5,7 +5,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,24 +72,22 @@ def read_study(
         broken: list[str] = []
         with read_journal(folder.journal) as journal:
             chains = followed(readable_chains(journal, broken), len(journal.sessions()))
-            found = kept_sessions(load_sessions(chains), broken)
-        # What a session added meanwhile is in the tables or not: no digest tells.
-        if journal_digest(folder.journal) != digest:
-            raise _NotToKeep(found)
-        return found
+            return kept_sessions(load_sessions(chains), broken)
 
-    try:
-        # Not the one of the report, which would hold the tables for as long.
-        found = Kept(shelf, code_version()).made(read, KeptSessions, digest)
-    except _NotToKeep as changed:
-        found, digest = changed.made, ""
+    def unchanged(_: KeptSessions) -> bool:
+        return journal_digest(folder.journal) == digest
+
+    # Not the one of the report, which would hold the tables for as long.
+    keep = Kept(shelf, code_version())
+    found = keep.made(read, KeptSessions, digest, worth=unchanged)
     return Study(
         folder=folder,
         file=file,
         recorded=found.sessions(),
         rehearsals=rehearsals,
         broken=found.broken,
-        _read=(digest, text),
+        # What a session added meanwhile is in the tables or not: no digest tells.
+        _read=(digest if unchanged(found) else "", text),
     )
 
 
@@ -342,14 +340,6 @@ class Written:
     broken: tuple[str, ...]
 
 
-class _NotToKeep(Exception):
-    """The journal is another one than was read, or what was made is too large to be kept."""
-
-    def __init__(self, made: Any) -> None:
-        super().__init__()
-        self.made = made
-
-
 @dataclass(frozen=True, kw_only=True)
 class AskedReport:
     """What a report depends on besides its data, and what is kept of such reports.
@@ -402,24 +392,18 @@ class AskedReport:
         """
         from runner.study.kept_files import journal_digest
 
-        def make() -> Written:
-            made = self._written(load(), figures=figures)
-            too_large = sum(map(len, made.files.values())) > _MOST_KEPT
-            # A session went on meanwhile: the report is of another state of the journal.
-            if too_large or journal_digest(self.folder.journal) != self.journal:
-                raise _NotToKeep(made)
-            return made
+        def whole(made: Written) -> bool:
+            """Return whether it is small enough, and of the journal that it was asked of."""
+            size = sum(map(len, made.files.values()))
+            return size <= _MOST_KEPT and journal_digest(self.folder.journal) == self.journal
 
         # All that the report depends on besides the data: with anything else it must be made anew.
         asked = (self.folder.path.resolve().name, self.rehearsals, self.named, self.shown, figures)
         known = (self.journal, self.text, self.unlocked, self.rig, asked)
-        try:
-            return self.keep.made(make, Written, *known)
-        except _NotToKeep as error:
-            made: Written = error.made
-            return made
+        make = partial(self._written, load, figures=figures)
+        return self.keep.made(make, Written, *known, worth=whole)
 
-    def _written(self, found: Found, *, figures: bool) -> Written:
+    def _written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         from analysis.loading.study_data import marks
         from analysis.report.report import FIGURE_FILES, report_files
         from analysis.report.results import threshold_lines
@@ -428,7 +412,7 @@ class AskedReport:
         from analysis.report.table4_text import table4_lines
         from analysis.report.wording import omnibus_line
 
-        result = self.made(*found)
+        result = self.made(*load())
         scored, main = bool(result.loaded.table.conditions), result.table.main
         table4 = table4_lines(main.table4, "–", marks(result.loaded.empty)) if scored else []
         return Written(

@@ -121,9 +121,11 @@ class Computed(Kept):
         super().__init__()
         self.names: set[str] = set()
 
-    def made(self, make: Callable[[], Any], returning: Callable[..., Any], *of: object) -> Any:
+    def made(
+        self, make: Callable[[], Any], returning: Callable[..., Any], *of: object, **named: Any
+    ) -> Any:
         self.names.add(returning.__name__)
-        return super().made(make, returning, *of)
+        return super().made(make, returning, *of, **named)
 
 
 def test_what_is_not_shown_is_not_fitted() -> None:

@@ -19,7 +19,6 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         "tests/touchbeam/cli/test_withdraw.py", "tests/runner/session/test_resume.py",
     ),
     "backup": ("tests/runner/journal/test_backup.py",),
-    "chain": ("tests/runner/journal/test_chain.py", _STORE, _AMENDED),
     "cohort": ("tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/launch"),
     "database": (
         _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
@@ -28,9 +27,9 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
     "location": ("tests/runner/journal/test_location.py",),
     "session_log": ("tests/runner/journal/test_session_log.py", _AMENDED, "tests/runner/session"),
     "store": (
-        _STORE, _AMENDED, "tests/runner/journal/test_database.py",
-        "tests/runner/journal/test_log.py", "tests/runner/journal/test_backup.py",
-        "tests/runner/journal/test_guessing.py",
+        _STORE, _AMENDED, "tests/runner/journal/test_chain.py",
+        "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
+        "tests/runner/journal/test_backup.py", "tests/runner/journal/test_guessing.py",
     ),
     "verification": (
         "tests/runner/journal/test_verification.py", _STORE, _AMENDED,

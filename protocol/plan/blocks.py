@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
-from itertools import accumulate, chain, count, pairwise
-from math import comb, gcd
-from typing import Literal, TypeVar
+from itertools import accumulate, chain, pairwise
+from math import comb
+from typing import TypeVar
 
 from protocol.plan.trials import Beams, beams_of, swap_count
 from protocol.study.rules import Design, Grouping
@@ -186,7 +186,7 @@ def spaced_places(allowed: list[int], number: int, apart: int, stream: Stream) -
     return chosen
 
 
-# Counterbalancing over a cohort: Williams designs, block orders and the next slot to fill.
+# Counterbalancing over a cohort: Williams designs and block orders.
 
 Orders = tuple[tuple[int, ...], ...]
 
@@ -264,38 +264,6 @@ def _williams_cycle(
         if all(order[-1] != after[0] for order, after in zip(before, drawn, strict=False)):
             blocks.append(drawn)
     return tuple(blocks)
-
-
-SlotState = Literal["free", "running", "done", "dropped"]
-
-
-def next_slot(states: Sequence[SlotState]) -> int:
-    """Return the slot, from 0, of the next participant: the first neither running nor done.
-
-    The slot of a participant who dropped out is used again, so that the orders stay balanced over
-    the participants who finish. An interrupted session that may be resumed is still `running`.
-
-    >>> next_slot(["done", "dropped", "running"])
-    1
-    >>> next_slot(["done", "running"])
-    2
-    """
-    free = (slot for slot, state in enumerate(states) if state not in {"running", "done"})
-    return next(free, len(states))
-
-
-def arrivals(study: Study, kind: str) -> Iterator[tuple[str, int]]:
-    """Yield group and slot of each participant of a `kind` of session, in the order of arrival.
-
-    Groups are shuffled in blocks that hold each of them in proportion to its size, so that the
-    seed and the place in the order of arrival decide, and all groups grow alike.
-    """
-    least = gcd(*(group.size for group in study.group))
-    block = [group.name for group in study.group for _ in range(group.size // least)]
-    slots = {name: count() for name in study.groups}
-    for number in count():
-        for name in Stream(study.study.seed, "arrival", kind, number).shuffled(block):
-            yield name, next(slots[name])
 
 
 # Variants of a condition: its touches at another level, at 0 V, or in the opposite order.

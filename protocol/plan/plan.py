@@ -6,6 +6,7 @@ from itertools import groupby, islice, pairwise, product
 from typing import NamedTuple
 
 from protocol.plan import blocks
+from protocol.plan.arrivals import arrivals
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Study
@@ -82,7 +83,7 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
 
 def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
     """Return the plans of the first sessions of a cohort, in the order of arrival."""
-    places = islice(blocks.arrivals(study, "participant"), participants) if study.group else ()
+    places = islice(arrivals(study, "participant"), participants) if study.group else ()
     grouped = (replace(plan(study.of_group(name), slot), group=name) for name, slot in places)
     return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
 

@@ -15,7 +15,7 @@ from analysis.loading.study_data import load_study_data
 from analysis.trials.order_as_run import OrderAsRun, order_as_run
 from protocol.errors import BadInput
 from protocol.journal.events import QuestionAnswered, RigDescribed, SessionOpened
-from protocol.plan.blocks import arrivals
+from protocol.plan.arrivals import arrivals
 from protocol.plan.plan import plan
 from protocol.registration.registration import FILE, order_problem, registration_in
 from protocol.study_file.loading import parsed_study

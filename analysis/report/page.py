@@ -12,8 +12,8 @@ from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections import (
-    comparisons,
     conditions,
+    groups_and_factors,
     methods,
     model_checks,
     multiverse,
@@ -154,9 +154,9 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
         "registration": Part(registration.section, of_tracks=True),
         "thresholds": Part(thresholds.section, figures=thresholds.FIGURES, of_tracks=True),
         "tests": Part(conditions.tests, figures=("scores",), front=(conditions.scores_figure,)),
-        "groups": Part(comparisons.groups, figures=("groups",)),
+        "groups": Part(groups_and_factors.groups, figures=("groups",)),
         "detection": Part(noticed.section, figures=("noticed",)),
-        "factors": Part(comparisons.factors, figures=comparisons.FIGURES),
+        "factors": Part(groups_and_factors.factors, figures=groups_and_factors.FIGURES),
         "agreement": Part(conditions.agreement, figures=("people",), fits=LINKS),
         "sensitivity": Part(
             sensitivity.section,

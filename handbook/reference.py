@@ -32,7 +32,7 @@ _STATISTICS = {
         "statistics.omnibus.monte_carlo_p",
         "statistics.signed_rank.signed_rank",
         "statistics.signed_rank.pairwise_signed_ranks",
-        "statistics.signed_rank.holm",
+        "statistics.corrections.holm",
     ),
     "Sizes of effects and agreement": (
         "statistics.intervals.mean_interval",

@@ -15,7 +15,7 @@ from scipy.special import stdtr, stdtrit
 from analysis.estimates import LEVEL, UPPER, BoolArray, FloatArray, Json
 from analysis.power.diagnosis import ESTIMATES, RANK, SUMS, Asked, between_groups, columns
 from analysis.power.job import Design
-from analysis.statistics.signed_rank import holm_of_rows
+from analysis.statistics.corrections import holm_of_rows
 from protocol.registration.registration import FOLLOWS, NOTICED, above, between, effect_of
 
 

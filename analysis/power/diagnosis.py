@@ -17,11 +17,11 @@ from analysis.sensitivity.lines import Ratings, medians
 from analysis.sensitivity.ordinal_model import ordinal_lines
 from analysis.simulation.simulation import Tables
 from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.corrections import holm_of_rows
 from analysis.statistics.detection import noticed_p
 from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
 from analysis.statistics.groups import CLAIMED, group_statistics
 from analysis.statistics.many_tables import omnibus_p, pairwise_of_tables, unnamed_table
-from analysis.statistics.signed_rank import holm_of_rows
 from device.friction.changes import predicted_contrast, trial_change
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of

@@ -17,6 +17,7 @@ from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse
 from analysis.sensitivity.linear_model import own_gains
 from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.corrections import holm
 from analysis.statistics.factorial import Factorial, factorial_tests
 from analysis.statistics.groups import (
     CLAIMED,
@@ -26,7 +27,6 @@ from analysis.statistics.groups import (
     GroupStatistics,
     group_statistics,
 )
-from analysis.statistics.signed_rank import holm
 from analysis.statistics.summary import TableStatistics, reading
 from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics, crossed_scores

@@ -27,7 +27,7 @@ from analysis.sensitivity.two_stage_model import (
     TwoStageSensitivity,
     two_stage_posterior,
 )
-from analysis.statistics.signed_rank import holm
+from analysis.statistics.corrections import holm
 
 Fit = TypeVar("Fit")
 

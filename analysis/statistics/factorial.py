@@ -15,9 +15,10 @@ from scipy.special import chdtrc, fdtrc, ncfdtr, stdtrit
 
 from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.statistics import ordinal
+from analysis.statistics.corrections import holm_of
 from analysis.statistics.intervals import mean_interval
 from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
-from analysis.statistics.signed_rank import DECIMALS, holm_of
+from analysis.statistics.signed_rank import DECIMALS
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""

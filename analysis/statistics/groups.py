@@ -13,8 +13,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, IntArray, Interval, NotEstimable
+from analysis.statistics.corrections import holm, holm_of
 from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
-from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm, holm_of
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks
 
 LARGEST_EXACT = 100
 """People in two groups up to whom rank sums have exact chances: some 50 ms."""

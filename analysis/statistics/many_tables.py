@@ -11,8 +11,9 @@ from scipy.special import chdtrc
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.corrections import holm_of_rows
 from analysis.statistics.omnibus import exact_p, skillings_mack_p
-from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, holm_of_rows, p_of_ranks
+from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, p_of_ranks
 
 MOST_CONDITIONS_EXACT = 3
 

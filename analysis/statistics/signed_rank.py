@@ -1,15 +1,15 @@
-"""Wilcoxon's signed rank test, exact with ties and zeros, and Holm's correction."""
+"""Wilcoxon's signed rank test, exact with ties and zeros."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.corrections import holm_of
 from analysis.statistics.intervals import mean_interval, rank_biserial_interval
 
 # Differences such as 7.3 - 7.2 and 5.1 - 5.0 are equal but for rounding error.
@@ -125,37 +125,6 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
         PairwiseTest(a=names[a], b=names[b], test=test, p_holm=p)
         for (a, b), test, p in zip(pairs, tests, holm_of(tests), strict=True)
     )
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for multiple tests, in the order given (Holm 1979).
-
-    >>> holm([0.01, 0.04, 0.03])
-    [0.03, 0.06, 0.06]
-    """
-    corrected: list[float] = holm_of_rows(np.array([p_values], dtype=np.float64))[0].tolist()
-    return corrected
-
-
-def holm_of(tests: Sequence[Any]) -> list[float | NotEstimable]:
-    """Return the `p` of tests, corrected, in their order; one that has none counts for nothing."""
-    corrected = iter(holm([test.p for test in tests if not isinstance(test, NotEstimable)]))
-    return [test if isinstance(test, NotEstimable) else next(corrected) for test in tests]
-
-
-def holm_of_rows(p: FloatArray) -> FloatArray:
-    """Return Holm's correction within each row; NaN is left out of it.
-
-    >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
-    array([[0.03,  nan, 0.06, 0.06]])
-    """
-    # (15), mathematics/ordinal
-    order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
-    factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
-    stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)
-    corrected = np.empty_like(p)
-    np.put_along_axis(corrected, order, np.minimum(stepped, 1.0), axis=1)
-    return np.where(np.isnan(p), np.nan, corrected)
 
 
 def p_of_ranks(doubled_ranks: IntArray, positive: int) -> float:

@@ -20,6 +20,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitiv
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
+from analysis.statistics.corrections import holm
 from analysis.statistics.detection import Detection, detection
 from analysis.statistics.factorial import (
     SESSION,
@@ -30,7 +31,6 @@ from analysis.statistics.factorial import (
     latent_factorial,
 )
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.signed_rank import holm
 from analysis.statistics.summary import table4
 from analysis.trials.contrasts import (
     ContrastRange,

@@ -10,6 +10,7 @@ from scipy.special import fdtrc, ncfdtr
 
 import analysis.statistics.factorial as module
 from analysis.estimates import NotEstimable
+from analysis.statistics.corrections import holm
 from analysis.statistics.factorial import (
     SESSION,
     Crossed,
@@ -20,7 +21,6 @@ from analysis.statistics.factorial import (
     latent_factorial,
     within_effect,
 )
-from analysis.statistics.signed_rank import holm
 
 Array = NDArray[np.float64]
 

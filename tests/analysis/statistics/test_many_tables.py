@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
+from analysis.statistics.corrections import holm_of_rows
 from analysis.statistics.many_tables import (
     omnibus_p,
     pairs_of,
@@ -12,12 +13,7 @@ from analysis.statistics.many_tables import (
     unnamed_table,
 )
 from analysis.statistics.omnibus import Friedman, friedman, skillings_mack_p
-from analysis.statistics.signed_rank import (
-    SignedRank,
-    doubled_midranks,
-    holm_of_rows,
-    pairwise_signed_ranks,
-)
+from analysis.statistics.signed_rank import SignedRank, doubled_midranks, pairwise_signed_ranks
 
 
 def tables(seed: int, subjects: int, conditions: int, missing: float = 0.0) -> FloatArray:

@@ -12,11 +12,11 @@ from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
+from analysis.statistics.corrections import holm
 from analysis.statistics.signed_rank import (
     PairwiseTest,
     SignedRank,
     doubled_midranks,
-    holm,
     pairwise_signed_ranks,
     signed_rank,
 )

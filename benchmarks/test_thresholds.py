@@ -9,8 +9,9 @@ from scipy.optimize import minimize
 from scipy.special import expit, ndtr
 
 from analysis.estimates import FloatArray
-from analysis.thresholds.psychometric import CHANCE, Task, fitted
+from analysis.thresholds.psychometric import fitted
 from benchmarks.compared import compare
+from protocol.study.track import GUESS_RATE, Task
 
 ROUNDS = 15
 LEVELS, TRIALS = np.arange(1.0, 8.0), np.full(7, 20)
@@ -26,7 +27,7 @@ def _best(correct: FloatArray, task: Task) -> float:
 
     def loss(values: FloatArray) -> float:
         lapse, false_alarm = 0.5 * expit(values[2:])
-        guess = CHANCE[task] or false_alarm
+        guess = GUESS_RATE[task] or false_alarm
         p = guess + (1 - guess - lapse) * ndtr((LEVELS - values[0]) / np.exp(values[1]))
         likelihood = correct @ np.log(p) + (TRIALS - correct) @ np.log1p(-p)
         return -float(likelihood + 9 * (np.log1p(-lapse) + np.log1p(-guess)))

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.thresholds.curve_posterior import Shape
-    from analysis.thresholds.psychometric import Task
     from device.beam.eq15 import Overlap
+    from protocol.study.track import Task
 
 
 def predict(

@@ -1,9 +1,8 @@
 """Psychometric functions: threshold, slope and lapse rate of a person, with credible intervals."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +11,8 @@ from scipy.special import xlogy
 from analysis.estimates import ENDS, FloatArray, Interval
 from analysis.thresholds.curve_posterior import Curve, LevelAnswers, Shape, posterior
 from protocol.errors import BadInput
+from protocol.study.track import GUESS_RATE, Task
 
-Task: TypeAlias = Literal["yes or no", "two intervals", "three intervals"]
-CHANCE: Final[Mapping[str, float]] = {
-    "yes or no": 0.0,
-    "two intervals": 1 / 2,
-    "three intervals": 1 / 3,
-}
-"""The share correct of a person who only guesses. In yes-no the share of yes is estimated."""
 DRAWS = 400
 """Sets of answers from the posterior, with which the real ones are compared."""
 MOST_LEVELS = 1000
@@ -83,7 +76,7 @@ def curve_share(threshold_at: float | None, task: Task, lapse: float | None = No
     """
     if lapse is not None and not 0 <= lapse < 0.5:
         raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
-    chance, most = CHANCE[task], 1 - (lapse or 0)
+    chance, most = GUESS_RATE[task], 1 - (lapse or 0)
     if threshold_at is None:
         return 0.5
     if not chance < threshold_at < most:
@@ -129,7 +122,10 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     Raises:
         BadInput: an array or a word is wrong.
     """
-    for what, given, known in (("task", task, get_args(Task)), ("shape", shape, get_args(Shape))):
+    for what, given, known in (
+        ("task", task, tuple(GUESS_RATE)),
+        ("shape", shape, get_args(Shape)),
+    ):
         if given not in known:
             raise BadInput(f"{what} must be one of {', '.join(known)}, got {given!r}")
     share = curve_share(threshold_at, task, lapse)
@@ -138,7 +134,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         raise BadInput(
             f"a level must be at least 0 for the shape weibull, got {asked[0]:g}; use normal"
         )
-    chance = CHANCE[task]
+    chance = GUESS_RATE[task]
     defined = chance + (1 - chance) * share
     axis = _axis(asked, shape)
     felt = axis[np.isfinite(axis)]

@@ -15,7 +15,7 @@ from analysis.loading.study_data import StudyData
 from analysis.statistics.detection import Detection, detection
 from analysis.thresholds.curve_posterior import Curve
 from analysis.thresholds.person_effects import Mixed, mixed
-from analysis.thresholds.psychometric import CHANCE, Threshold, fitted
+from analysis.thresholds.psychometric import Threshold, fitted
 from analysis.trials.track_readings import (
     Choice,
     CohortReading,
@@ -30,7 +30,7 @@ from device.friction.changes import friction_difference
 from device.friction.scenes import Calibration
 from device.tracks.posterior import estimate, lattice
 from protocol.study.study import Study
-from protocol.study.track import AXIS_KEY, AXIS_UNITS, Track, decibels
+from protocol.study.track import AXIS_KEY, AXIS_UNITS, GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import Answer, reversal_mean
 
 NOT_AS_INSTRUCTED = 0.1
@@ -377,7 +377,7 @@ def curve_places(track: Track) -> FloatArray:
 
 def curve_of(track: Track, found: PersonThreshold, distance: FloatArray) -> FloatArray:
     """Return the share right (or of yes) that the fit expects at these distances."""
-    fit, chance = found.fit, CHANCE[track.task]
+    fit, chance = found.fit, GUESS_RATE[track.task]
     share = (track.share - chance) / (1 - chance)
     curve = Curve(track.shape, share)
     at, threshold = distance, fit.threshold

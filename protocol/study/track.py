@@ -25,7 +25,7 @@ Axis = Literal["voltage", "frequency", "contrast", "place"]
 Shape = Literal["weibull", "normal"]
 Find = Literal["smoother", "rougher", "stronger", "different"]
 
-GUESS_RATE: dict[Task, float] = {"two intervals": 1 / 2, "three intervals": 1 / 3, "yes or no": 0}
+GUESS_RATE: dict[Task, float] = {"yes or no": 0, "two intervals": 1 / 2, "three intervals": 1 / 3}
 """Share correct by chance; in yes or no, the share of yes without false alarms."""
 AXIS_KEY: dict[Axis, str] = {
     "voltage": "voltage_v",

@@ -5,7 +5,8 @@ import pytest
 from scipy.special import ndtr
 
 from analysis.thresholds.curve_posterior import Shape
-from analysis.thresholds.psychometric import CHANCE, Task, fitted
+from analysis.thresholds.psychometric import fitted
+from protocol.study.track import GUESS_RATE, Task
 
 TRACKS = 500
 LEVELS, TRIALS = 7, 20
@@ -13,7 +14,7 @@ LEVELS, TRIALS = 7, 20
 pytestmark = pytest.mark.soak
 
 
-@pytest.mark.parametrize("task", CHANCE)
+@pytest.mark.parametrize("task", GUESS_RATE)
 @pytest.mark.parametrize("shape", ["normal", "weibull"])
 def test_intervals_of_thresholds_cover_the_truth(task: Task, shape: Shape) -> None:
     """Constant stimuli: midpoints in the middle half of the levels, widths from a third of them."""
@@ -27,7 +28,7 @@ def test_intervals_of_thresholds_cover_the_truth(task: Task, shape: Shape) -> No
         else:
             levels, threshold = np.exp(place), np.exp(at)
             curve = 1 - 2.0 ** -np.exp(scale * 4.0674 / 3.2897 * (place - at))
-        guess = CHANCE[task] or rng.uniform(0, 0.05)
+        guess = GUESS_RATE[task] or rng.uniform(0, 0.05)
         p = guess + (1 - guess - rng.uniform(0, 0.05)) * curve
         trials = np.full(LEVELS, TRIALS)
         found = fitted(levels, trials, rng.binomial(trials, p), task=task, shape=shape)

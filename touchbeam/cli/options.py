@@ -36,7 +36,7 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "law": lambda: _named("device.friction.laws", "LAWS"),
     "eq15_overlap": lambda: get_args(_named("device.beam.eq15", "Overlap")),
     "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
-    "task": lambda: _named("analysis.thresholds.psychometric", "CHANCE"),
+    "task": lambda: _named("protocol.study.track", "GUESS_RATE"),
     "shape": lambda: get_args(_named("analysis.thresholds.curve_posterior", "Shape")),
     "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }

@@ -5,8 +5,9 @@ import pytest
 from scipy.special import ndtr
 
 from analysis.thresholds.curve_posterior import Shape
-from analysis.thresholds.psychometric import CHANCE, Task, Threshold, fitted
+from analysis.thresholds.psychometric import Threshold, fitted
 from protocol.errors import BadInput
+from protocol.study.track import GUESS_RATE, Task
 
 LEVELS = np.array(
     [0.001, 0.0015, 0.002, 0.0025, 0.003, 0.0035, 0.004, 0.0045, 0.005, 0.006, 0.007, 0.008, 0.01]
@@ -39,7 +40,7 @@ def test_one_lapse_does_not_move_the_threshold(shape: Shape) -> None:
     assert with_one.slope == pytest.approx(without.slope, rel=0.02)
 
 
-@pytest.mark.parametrize("task", CHANCE)
+@pytest.mark.parametrize("task", GUESS_RATE)
 @pytest.mark.parametrize("shape", ["normal", "weibull"])
 def test_known_curves_are_recovered(task: Task, shape: Shape) -> None:
     """From the answers that the curve predicts, so many that the prior has no weight."""
@@ -50,7 +51,7 @@ def test_known_curves_are_recovered(task: Task, shape: Shape) -> None:
     else:
         curve, slope = 1 - 2.0 ** -((levels / 7) ** 3), 3.0
         jnd = 7 * 2 ** (1 / 3) - 7
-    guess = CHANCE[task] or 0.04
+    guess = GUESS_RATE[task] or 0.04
     correct = np.round(trials * (guess + (1 - guess - 0.02) * curve))
     found = fitted(levels, trials, correct, task=task, shape=shape)
     assert found.threshold == pytest.approx(7, rel=0.003)

@@ -20,6 +20,16 @@ PALE = "#d5dae0"
 WHITE = "#ffffff"
 BACKGROUND = "#f4f4f0"
 
+
+class Size:
+    """Of text, by where it stands: the length of an em, in units of the canvas."""
+
+    TITLE, PAGE, NOW, COUNT = 30.0, 23.0, 23.0, 46.0
+    BUTTON, HINT, SMALL, BANNER, INTERVAL = 24.0, 22.0, 18.0, 20.0, 20.0
+    ANSWER, SMALL_ANSWER, ENTRY, KEY = 26.0, 20.0, 24.0, 22.0
+    LABEL, CHOSEN, NAME, BAND = 24.0, 36.0, 20.0, 18.0
+
+
 Point = tuple[float, float]
 
 

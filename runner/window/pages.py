@@ -24,6 +24,7 @@ from runner.window.elements import (
     Outline,
     Page,
     Picture,
+    Size,
     Target,
     Text,
     framed,
@@ -121,7 +122,7 @@ def own_finger(finger: screens.OwnFinger, texts: Mapping[str, str]) -> Page:
     return (
         Outline(points=_BAR.corners, fill=WHITE, edge=INK),
         Outline(points=wanted.corners, fill=PALE, edge=ACCENT),
-        Text(text=texts["own.finger"], box=_LABEL, size=SMALL_SIZE),
+        Text(text=texts["own.finger"], box=_LABEL, size=Size.SMALL),
         Dot(x=_bar_x(finger.force), y=_BAR.y, radius=_OWN_RADIUS, fill=INK),
         Dot(x=beam_x(place_m), y=BEAM_Y, radius=_OWN_RADIUS, fill=INK),
     )
@@ -132,8 +133,6 @@ def _bar_x(force: float) -> float:
     return _BAR.x + (share - 0.5) * _BAR.width
 
 
-COUNT_SIZE, NOW_SIZE, PAGE_SIZE, BANNER_SIZE, SMALL_SIZE = 46.0, 23.0, 23.0, 20.0, 18.0
-INTERVAL_SIZE = 20.0
 _WHOLE = Box(x=0, y=45, width=720, height=400)
 _ABOVE = Box(x=0, y=200, width=720, height=130)
 _PICTURE = Box(x=0, y=-20, width=720, height=290)
@@ -159,7 +158,7 @@ def page(screen: screens.Screen, view: parts.PageState, wording: Wording) -> Pag
         case screens.Ask():
             shown = parts.question_page(screen, view, wording)
         case screens.Notice():
-            shown = (Text(text=texts[screen.text], box=parts.MIDDLE, size=parts.TITLE_SIZE),)
+            shown = (Text(text=texts[screen.text], box=parts.MIDDLE, size=Size.TITLE),)
     if screens.is_last(screen):
         return (*shown, *parts.button("button.close", view, texts))
     return (*shown, *_interval(screen, texts), *_around(screen, view, texts))
@@ -200,7 +199,7 @@ def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
 def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     filed = texts["consent"].format(reference=screen.consent)
     return (
-        Text(text=texts["welcome"], box=parts.MIDDLE, size=parts.TITLE_SIZE),
+        Text(text=texts["welcome"], box=parts.MIDDLE, size=Size.TITLE),
         *([] if screen.consent is None else [_small(filed, _CONSENT)]),
         parts.hint(texts["hint.start"], parts.HINT),
         *parts.button("button.ready", view, texts),
@@ -210,10 +209,10 @@ def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str,
 def _instruction(
     screen: screens.Instruction, view: parts.PageState, texts: Mapping[str, str]
 ) -> Page:
-    size, box = parts.TITLE_SIZE, parts.MIDDLE
+    size, box = Size.TITLE, parts.MIDDLE
     drawn: Page = ()
     if is_own_page(screen.text):
-        size, box = PAGE_SIZE, _WHOLE
+        size, box = Size.PAGE, _WHOLE
     if screen.picture is not None:
         box, drawn = _ABOVE, (Picture(name=screen.picture, box=_PICTURE),)
     if screen.touch is not None:
@@ -230,23 +229,23 @@ def _touch(
     screen: screens.LeadIn | screens.Pacing, view: parts.PageState, texts: Mapping[str, str]
 ) -> Page:
     """Return the page whose mark rests, then moves; it hides how long to hold a place."""
-    title = Text(text=texts[screen.text], box=parts.TITLE, size=parts.TITLE_SIZE)
+    title = Text(text=texts[screen.text], box=parts.TITLE, size=Size.TITLE)
     own = () if view.finger is None else own_finger(view.finger, texts)
     beam = (title, *sketch(screen, texts))
     if isinstance(screen, screens.LeadIn):
         return (*beam, *fingers(screen, 0.0), *_lead_in(screen, view, texts), *own)
     # The mark stays at its end until the session shows the next page.
     marks = fingers(screen, min(view.passed_s / screen.duration_s, 1.0))
-    return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=NOW_SIZE), *own)
+    return (*beam, *marks, Text(text=texts["touch.now"], box=_BELOW_BEAM, size=Size.NOW), *own)
 
 
 def _lead_in(screen: screens.LeadIn, view: parts.PageState, texts: Mapping[str, str]) -> Page:
     """Return what to do until the mark moves, and the countdown in three equal steps."""
     soon = texts["touch.soon.full" if screen.several else "touch.soon"]
     if not (screen.countdown and screen.seconds):
-        return (Text(text=soon, box=_BELOW_BEAM, size=NOW_SIZE),)
+        return (Text(text=soon, box=_BELOW_BEAM, size=Size.NOW),)
     left = 3 - min(int(3 * view.passed_s / screen.seconds), 2)
-    return (Text(text=str(left), box=_COUNT, size=COUNT_SIZE), parts.hint(soon, _SOON))
+    return (Text(text=str(left), box=_COUNT, size=Size.COUNT), parts.hint(soon, _SOON))
 
 
 def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
@@ -255,7 +254,7 @@ def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
     if not isinstance(touch, screens.FingerPath) or not touch.interval:
         return ()
     text = texts[f"interval.{touch.interval}"]
-    return framed(Text(text=text, box=_INTERVAL, size=INTERVAL_SIZE, colour=WHITE), fill=ACCENT)
+    return framed(Text(text=text, box=_INTERVAL, size=Size.INTERVAL, colour=WHITE), fill=ACCENT)
 
 
 def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, str]) -> Page:
@@ -265,8 +264,8 @@ def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, s
         number, total = view.progress
         shown = texts["progress"].format(number=number, total=total)
         progress = (_small(shown, _PROGRESS),)
-    call = Text(text=texts["button.call"], box=_CALL, size=SMALL_SIZE)
-    called = Text(text=texts["operator.called"], box=_BANNER, size=BANNER_SIZE, colour=WHITE)
+    call = Text(text=texts["button.call"], box=_CALL, size=Size.SMALL)
+    called = Text(text=texts["operator.called"], box=_BANNER, size=Size.BANNER, colour=WHITE)
     return (
         *progress,
         *framed(call, fill=WHITE, edge=FAINT),
@@ -275,4 +274,4 @@ def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, s
 
 
 def _small(text: str, box: Box) -> Text:
-    return Text(text=text, box=box, size=SMALL_SIZE, colour=FAINT)
+    return Text(text=text, box=box, size=Size.SMALL, colour=FAINT)

@@ -27,6 +27,7 @@ from runner.window.elements import (
     Page,
     Pressed,
     Released,
+    Size,
     Target,
     Text,
     Typed,
@@ -36,7 +37,6 @@ from runner.window.elements import (
 
 # The parts that pages have in common: title, hint, answers, and the button in its states.
 
-TITLE_SIZE, ANSWER_SIZE, BUTTON_SIZE, HINT_SIZE = 30.0, 26.0, 24.0, 22.0
 TITLE = Box(x=0, y=200, width=720, height=130)
 MIDDLE = Box(x=0, y=90, width=640, height=300)
 HINT = Box(x=0, y=-126, width=740, height=84)  # three lines, clear of the buttons
@@ -65,14 +65,14 @@ class PageState:
 
 
 def hint(text: str, box: Box) -> Text:
-    return Text(text=text, box=box, size=HINT_SIZE, colour=FAINT)
+    return Text(text=text, box=box, size=Size.HINT, colour=FAINT)
 
 
 def button(label: str, view: PageState, texts: Mapping[str, str], *, usable: bool = True) -> Page:
     """Return the button, grey unless a press on it counts."""
     fill, colour = (ACCENT, WHITE) if usable and view.button == "live" else (PALE, FAINT)
     text = texts["saved" if view.button == "saved" else label]
-    return framed(Text(text=text, box=BUTTON, size=BUTTON_SIZE, colour=colour), fill)
+    return framed(Text(text=text, box=BUTTON, size=Size.BUTTON, colour=colour), fill)
 
 
 # A scale: its drawing, and which of its places a point means.
@@ -87,9 +87,6 @@ _TICK_GAP = 12.0
 """Ticks at least as far apart can be told apart."""
 _LINE_Y = 50.0
 _BRACKET_Y = -12.0
-LABEL_SIZE = 24.0
-CHOSEN_SIZE = 36.0
-NAME_SIZE, BAND_SIZE = 20.0, 18.0
 _WIDEST_NAME = 170.0
 """Of the name of a place."""
 
@@ -139,7 +136,7 @@ def scale(
         Text(
             text=_shown(place),
             box=Box(x=score_x(place, question), y=_LINE_Y - 34, width=width, height=34),
-            size=LABEL_SIZE,
+            size=Size.LABEL,
         )
         for place in labelled(question, bands)
     ]
@@ -155,7 +152,7 @@ def _mark(chosen: float, question: StudyQuestion) -> Page:
     if question.kind == "analogue":
         return (dot,)
     box = Box(x=x, y=_LINE_Y + 44, width=100, height=46)
-    return (dot, Text(text=_shown(chosen), box=box, size=CHOSEN_SIZE, colour=ACCENT))
+    return (dot, Text(text=_shown(chosen), box=box, size=Size.CHOSEN, colour=ACCENT))
 
 
 def marked(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | float]:
@@ -191,7 +188,7 @@ def _round_steps(question: StudyQuestion) -> set[int]:
 def _room(question: StudyQuestion) -> float:
     """Return what the widest number needs."""
     ends = (question.place(0), question.place(1), question.place(question.places))
-    return max(text_width(_shown(end), LABEL_SIZE) for end in ends) + _LABEL_GAP
+    return max(text_width(_shown(end), Size.LABEL) for end in ends) + _LABEL_GAP
 
 
 def labelled(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | float]:
@@ -236,7 +233,7 @@ def _name(label: Label, question: StudyQuestion, wording: Wording) -> Text:
     edge = CANVAS[0] / 2 - 4 - width / 2
     below = 50.0 if question.kind == "analogue" else 86.0  # the numbers are between
     box = Box(x=min(max(x, -edge), edge), y=_LINE_Y - below, width=width, height=62)
-    return Text(text=label_text(label, wording), box=box, size=NAME_SIZE)
+    return Text(text=label_text(label, wording), box=box, size=Size.NAME)
 
 
 def _band(band: Band, question: StudyQuestion, wording: Wording) -> Page:
@@ -250,17 +247,14 @@ def _band(band: Band, question: StudyQuestion, wording: Wording) -> Page:
     bracket = [*corners, (right, _BRACKET_Y + 6)]
     return (
         *(Outline(points=side, edge=FAINT) for side in pairwise(bracket)),
-        Text(text=band_name(band, wording) or "", box=box, size=BAND_SIZE),
+        Text(text=band_name(band, wording) or "", box=box, size=Size.BAND),
     )
 
 
 _FEW = 4
 """As many answers stand one below another, more in two columns."""
 _COLUMN_X = 184.0
-_SMALL_ANSWER_SIZE = 20.0
 _ENTRY = Box(x=0, y=108, width=600, height=46)
-_ENTRY_SIZE = 24.0
-_KEY_SIZE = 22.0
 _DIGITS = ("123456", "7890-.")
 _LETTERS = ("1234567890", "qwertyuiop", "asdfghjkl'", "zxcvbnm,.-")
 _MORE_LETTERS = 8
@@ -302,7 +296,7 @@ def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
     skips = chosen is None and not question.required
     label = "button.skip" if skips else "button.confirm"
     return (
-        Text(text=question_text(question, wording), box=TITLE, size=TITLE_SIZE),
+        Text(text=question_text(question, wording), box=TITLE, size=Size.TITLE),
         *shown,
         hint(texts[key].format(last=len(question.labels)), HINT),
         *button(label, view, texts, usable=chosen is not None or skips),
@@ -335,7 +329,7 @@ def _answers(values: tuple[str, ...]) -> tuple[Target, ...]:
 def _answer_boxes(question: StudyQuestion, chosen: str | None, wording: Wording) -> Page:
     """Return the answers to press, each with its number in a column of its own."""
     marked = (chosen or "").split(BETWEEN) if question.kind == "several" else [chosen]
-    size = ANSWER_SIZE if len(question.labels) <= _FEW else _SMALL_ANSWER_SIZE
+    size = Size.ANSWER if len(question.labels) <= _FEW else Size.SMALL_ANSWER
     drawn: list[Element] = []
     answers = zip(_answers(question.values), question.labels, strict=True)
     for number, (answer, label) in enumerate(answers, start=1):
@@ -356,15 +350,15 @@ def _entry(screen: Ask, typed: str) -> Page:
     unit = f" {screen.question.unit}" if screen.question.unit else ""
     room = _ENTRY.width - 20
     shown = f"{typed}_{unit}"
-    while text_width(shown, _ENTRY_SIZE) > room and len(shown) > 1:
+    while text_width(shown, Size.ENTRY) > room and len(shown) > 1:
         shown = shown[1:]  # the end, which is typed now, stays in view
     names = {SPACE: "", BACKSPACE: "←"}
     keys: list[Element] = []
     for key in _keys(screen):
         keys.append(Outline(points=key.box.corners, fill=WHITE, edge=FAINT, width=1))
         if text := names.get(key.name, key.name):
-            keys.append(Text(text=text, box=key.box, size=_KEY_SIZE))
-    entry = Text(text=shown, box=_ENTRY, size=_ENTRY_SIZE)
+            keys.append(Text(text=text, box=key.box, size=Size.KEY))
+    entry = Text(text=shown, box=_ENTRY, size=Size.ENTRY)
     return (*framed(entry, fill=WHITE, edge=INK), *keys)
 
 

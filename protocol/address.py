@@ -12,6 +12,8 @@ _ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCI
 
 SIMULATED = "sim"
 """The address of a simulated device, which each command starts for itself."""
+BAUD = 115_200
+"""Of a serial line, 8N1; USB and networks ignore it and carry more."""
 
 
 class AddressError(BadInput):

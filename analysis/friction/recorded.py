@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
-from protocol.journal.records import FULL_SCALE, LIFTED_N, DamagedSamplesError, Recording
+from protocol.journal.records import CHANNELS, FULL_SCALE, LIFTED_N, DamagedSamplesError, Recording
 from protocol.study.rig_settings import TARE_S
 
 BLOCK_S = 0.025
@@ -84,15 +84,16 @@ def decoded(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times, the sensors' counts and forces and place of each sample, less the zero.
 
-    Shapes (samples,), on the session's clock, and (3, samples) twice: tangential, normal, place.
+    Shapes (samples,), on the session's clock, and (channels, samples) twice, as `CHANNELS` are.
 
     Raises:
         DamagedSamplesError: the samples are not those recorded.
     """
     # Samples are stored as the sensor counts them, 16 bits, channel by channel.
-    counts = np.frombuffer(recording.counts(), "<i2").reshape(3, recording.count).astype(np.float64)
+    counts = np.frombuffer(recording.counts(), "<i2").reshape(len(CHANNELS), -1).astype(np.float64)
     t_s = recording.first_s + recording.clock_offset_s
-    zero = np.array([*(zero_n or (0.0, 0.0)), 0.0])[:, None]
+    zero = np.zeros((len(CHANNELS), 1))
+    zero[:2, 0] = zero_n or 0.0  # of the forces alone
     return (
         t_s + np.arange(recording.count) / recording.rate_hz,
         counts,

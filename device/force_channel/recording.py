@@ -62,7 +62,7 @@ FULL_SCALE = recordings.FULL_SCALE
 BLOCKS_PER_S = 20
 """A block holds at most 50 ms, so that nothing waits longer than that for the port."""
 
-Scale = tuple[float, float, float]
+Scale = tuple[float, ...]
 """Size of one count: tangential force (N), normal force (N), position (m)."""
 _RANGES = ((0.01, 1000.0), (0.01, 1000.0), (1e-3, 10.0))
 """Least and most that a channel may measure: no sensor of a finger on a beam lies outside."""
@@ -104,15 +104,14 @@ class Forces:
 def scale_of(sizes: Sequence[float]) -> Scale:
     """Return the `sizes` of one count: N, N, m; `ProtocolError` if no such sensor is on a rig."""
     largest = [size * FULL_SCALE for size in sizes]
-    # Not strict: that there are three sizes is tested beside it.
+    # Not strict: that there is a size of each channel is tested beside it.
     within = [low <= value <= high for value, (low, high) in zip(largest, _RANGES, strict=False)]
     if len(sizes) != CHANNELS or not all(within):
         raise ProtocolError(
             "the force channel must measure up to 0.01 to 1000 N, twice, and 0.001 to 10 m, got "
             f"{', '.join(f'{value:g}' for value in largest)}"
         )
-    tangential_n, normal_n, position_m = sizes
-    return tangential_n, normal_n, position_m
+    return tuple(sizes)
 
 
 def most_in_block(rate_hz: float) -> int:
@@ -127,7 +126,7 @@ def most_in_block(rate_hz: float) -> int:
 # The content of a block of samples. docs/reference/wire-protocol.md says the same.
 #
 # Little-endian: number of the first sample, count, flags, device time of the first sample, the
-# samples with their three channels side by side, and the CRC-32 of everything before it.
+# samples with their channels side by side, and the CRC-32 of everything before it.
 
 SAMPLES_LOST = 1
 """The flag of a block before which samples were lost."""
@@ -137,7 +136,7 @@ _CRC = struct.Struct("<I")
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """Consecutive samples; `counts` holds the three counts of each, one sample after the other."""
+    """Consecutive samples; `counts` holds one of each channel, one sample after the other."""
 
     first: int
     first_s: float

@@ -28,7 +28,7 @@ class LineGauge(GaugeDriver):
     register: ClassVar[Register] = Register(
         put="MARK {}", get="MARK?", told=re.compile(r"(\d{1,3})")
     )
-    _scale: Scale = (1.0, 1.0, 1.0)
+    _scale: Scale = (1.0,) * CHANNELS
 
     def _require_unit(self) -> None:
         unit = self.link.ask("UNIT?")

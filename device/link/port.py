@@ -12,7 +12,7 @@ from typing import Protocol
 import serial
 
 from device.errors import DeviceError
-from protocol.address import AddressError, checked_address
+from protocol.address import BAUD, AddressError, checked_address
 
 try:
     from termios import error as _termios_error
@@ -21,8 +21,6 @@ try:
 except ImportError:  # Windows
     PORT_ERRORS = (OSError,)
 
-BAUD = 115_200
-"""Of a serial line, 8N1; USB and network ports ignore it."""
 WRITE_TIMEOUT_S = 0.4
 """As long as an answer may take: pySerial counts what a busy computer lets a process wait, too."""
 _CHUNK = 65_536

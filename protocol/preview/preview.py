@@ -6,6 +6,8 @@ from itertools import count
 from math import atan, cos, hypot, inf, isfinite, pi, sin, sqrt
 from typing import Any
 
+from protocol.address import BAUD
+from protocol.journal.records import BYTES_PER_COUNT, CHANNELS
 from protocol.plan.feasibility import design_problems, most_catches
 from protocol.plan.plan import cohort_plans, plan, slide_plan, slide_study
 from protocol.plan.trials import Plan, Trial, plan_swaps, session_s, touches_s
@@ -219,14 +221,12 @@ def _central(t: float, df: int) -> float:
     return 2 / pi * (angle + (sin(angle) * total if df > 1 else 0.0))
 
 
-LINE_BAUD = 115_200  # that of device/link/port.py, which stands above this package
-"""Of a serial line between board or gauge and host; USB and networks carry more."""
 _BITS_PER_BYTE = 10  # 8 and two that frame them
 _BLOCKS_PER_S = 20
 _BLOCK_BYTES = {"board": 26, "gauge": 26}
 """Of a block without its samples: its length, number, time, checksum and end."""
-_SAMPLE_BYTES = {"board": 6, "gauge": 22}
-"""Three counts of 16 bits; three numbers in text, such as `0.1234,0.5601,0.04512;`."""
+_SAMPLE_BYTES = {"board": BYTES_PER_COUNT * len(CHANNELS), "gauge": 22}
+"""A count of each channel; three numbers in text, such as `0.1234,0.5601,0.04512;`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,14 +285,14 @@ def preview(study: Study, participants: int, at_levels: Iterable[Touch] = ()) ->
 
 
 def line_share(channel: ForceChannel) -> float:
-    """Return how much of a serial line of `LINE_BAUD` the samples take; above 1 it is too slow.
+    """Return how much of a serial line of `BAUD` the samples take; above 1 it is too slow.
 
     >>> round(line_share(ForceChannel(rate_hz=1000)), 2)
     0.57
     """
     speaks = "board" if channel.gauge is None else "gauge"
     sent = _SAMPLE_BYTES[speaks] * (channel.rate_hz or 0) + _BLOCK_BYTES[speaks] * _BLOCKS_PER_S
-    return _BITS_PER_BYTE * sent / LINE_BAUD
+    return _BITS_PER_BYTE * sent / BAUD
 
 
 def precision_by_length(shown: Preview, model: Prediction) -> list[Precision]:

@@ -5,6 +5,7 @@ from math import inf, isfinite
 from textwrap import wrap
 from typing import get_args
 
+from protocol.address import BAUD
 from protocol.plan.trials import Trial
 from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
@@ -190,7 +191,7 @@ def _recorded_lines(channel: ForceChannel) -> Iterator[str]:
         return
     measures, share = "board" if channel.gauge is None else "gauge", preview.line_share(channel)
     sent = f"{channel.rate_hz} samples/s by the {measures}: {share:.0%}"
-    yield f"Recorded    forces and place in each touch, {sent} of {preview.LINE_BAUD:,} baud"
+    yield f"Recorded    forces and place in each touch, {sent} of {BAUD:,} baud"
     if share > 1:
         yield "            (more than a serial line carries: connect it by USB or a network)"
 

@@ -9,8 +9,7 @@ import pytest
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
 from device.link.codec import number, switch
 from device.link.link import EVENT_ENABLE, MOST_LINES, Link, Register
-from device.link.port import BAUD, advice, open_port
-from protocol.preview.preview import LINE_BAUD
+from device.link.port import advice, open_port
 from tests.device.scripted import ScriptedPort, ticking
 
 
@@ -288,7 +287,3 @@ def test_a_write_that_the_computer_slept_through_says_so(took_s: float, why: str
     link = Link(Slept({}), monotonic=lambda: now_s)
     with pytest.raises(DeviceError, match=f"^cannot send 'OUTP OFF' to the device: {why}"):
         link.tell("OUTP OFF")
-
-
-def test_the_preview_counts_with_the_speed_of_the_line() -> None:
-    assert LINE_BAUD == BAUD

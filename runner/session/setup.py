@@ -1,124 +1,19 @@
 """Session setup: arm the device, ask the operator, mount the beam, measure its resonance."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 from random import Random
 
-import numpy as np
-
-from device.force_channel.recording import Samples
 from protocol.errors import BadInput
 from protocol.journal import events
-from protocol.journal.records import CHANNELS, LIFTED_N
-from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import KINDS, Answer, Label, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
-from runner.session.session import Session, SessionContext, Zero, known_before
+from runner.session.measured import tare
+from runner.session.session import Session, SessionContext, known_before
 from runner.session.waiting import operator_answer, response, show_page, update_view, wait
 from runner.session.watchdog import require_watchdog
-
-# The force channel in a session: its zero before each touch, and what each touch recorded.
-
-DRIFT_N = 0.02
-"""A zero that moved further within a minute is told: twice the drift of a usual sensor."""
-TOUCHED_N = 0.1
-"""One that moved further is no zero: a finger rests on the beam, or the sensor is broken."""
-
-
-def tare(context: SessionContext) -> str:
-    """Measure the force channel's zero on the untouched beam; return a warning, or nothing.
-
-    The context's zero is the new one, unless something seems to touch the beam: then it stays the
-    one before, and is not `trusted`. The first one on a beam is believed, and so is one that is
-    found twice.
-    """
-    rate_hz = context.session.study.force_channel.rate_hz
-    if rate_hz is None:
-        return ""
-    context.device.record(rate_hz, context.clock.monotonic_s)
-    # Not a plain sleep: the watchdog is fed, and the operator can stop the session meanwhile.
-    wait(context, TARE_S)
-    measured_n = means(context.device.recorded())
-    if measured_n is None:
-        # Without samples nothing is known of the zero, so that the touch has no tare.
-        context.zero = None
-        return "the force channel gave no samples on the untouched beam"
-    before, now_s = context.zero, context.clock.monotonic_s()
-    context.zero = Zero(forces_n=measured_n, at_s=now_s)
-    # The first zero on a beam cannot be compared with one before it: beams differ in weight.
-    if before is None:
-        return ""
-    moved_n = _moved_n(measured_n, before.forces_n)
-    # The limit holds for a minute and grows with the time, as a drift does.
-    usual_n = DRIFT_N * max((now_s - before.at_s) / 60, 1.0)
-    told = f"the zero of the force channel moved by {1e3 * moved_n:+.0f} mN"
-    # A finger does not rest twice with the same force; a sensor that has moved stays where it is.
-    again = before.doubted_n is not None and abs(_moved_n(measured_n, before.doubted_n)) <= usual_n
-    if abs(moved_n) > TOUCHED_N + usual_n and not again:
-        # The zero before stays to compare the next one with; this touch does without.
-        context.zero = replace(before, doubted_n=measured_n)
-        return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
-    return told if abs(moved_n) > usual_n else ""
-
-
-def _moved_n(now_n: tuple[float, float], before_n: tuple[float, float]) -> float:
-    """The larger change of the two forces."""
-    return max((now - before for now, before in zip(now_n, before_n, strict=True)), key=abs)
-
-
-def begin(context: SessionContext) -> None:
-    """Record the force channel from now on, if the study says so."""
-    if (rate_hz := context.session.study.force_channel.rate_hz) is not None:
-        context.device.record(rate_hz, context.clock.monotonic_s)
-
-
-def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> list[str]:
-    """Stop recording and store what `touch` recorded; return what the operator must know.
-
-    The output is off. `moved_s` is when the mark began to move, and when the touch was over.
-    """
-    if context.session.study.force_channel.rate_hz is None:
-        return []
-    samples = context.device.recorded()
-    # A wrong tare would shift all forces; without one the analysis knows that it has none.
-    tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
-    told = {name: value for name, value in vars(samples).items() if name != "counts"}
-    context.log.append(
-        events.TouchRecorded.packed(
-            samples.counts, touch=touch, moved_s=moved_s, tare_n=tare_n, **told
-        )
-    )
-    felt = means(samples, moved_s)
-    warnings = []
-    if samples.saturated:
-        warnings.append(f"the force channel was at its limit in {samples.saturated} samples")
-    if felt is None or (tare_n is not None and felt[1] - tare_n[1] < LIFTED_N):
-        warnings.append("the force channel felt no finger")
-    return warnings
-
-
-def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, float] | None:
-    """Return the mean tangential and normal force, N; None without samples.
-
-    Begin and end are `within_s` on the session's clock; without them everything counts.
-    """
-    counts = np.frombuffer(samples.counts, "<i2").reshape(len(CHANNELS), -1)
-    first_s = samples.first_s + samples.clock_offset_s
-    places = [round((moment_s - first_s) * samples.rate_hz) for moment_s in within_s]
-    count = counts.shape[1]
-    # The touch may reach beyond what was recorded.
-    low, high = (min(max(place, 0), count) for place in (places or (0, count)))
-    if low >= high:
-        return None
-    tangential, normal = (
-        size * float(channel[low:high].mean())
-        for size, channel in zip(samples.scale[:2], counts[:2], strict=True)
-    )
-    return tangential, normal
-
 
 _optional = partial(StudyQuestion, required=False)
 OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {

@@ -19,8 +19,9 @@ from protocol.study.study_question import (
 )
 from protocol.study.touch import Touch
 from runner import screens
-from runner.session.session import Session, SessionContext, judged, known_before, samples_of
-from runner.session.setup import begin, end, mount, tare
+from runner.session.measured import begin, end, judged, samples_of, tare
+from runner.session.session import Session, SessionContext, known_before
+from runner.session.setup import mount
 from runner.session.track_levels import answered
 from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 

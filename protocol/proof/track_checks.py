@@ -10,11 +10,11 @@ from itertools import pairwise
 
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
+from protocol.study.study_question import INTERVALS
 from protocol.study.touch import Touch
 from protocol.study.track import Track
 
 Violations = Iterator[tuple[str, str]]
-_NAMES = ("first", "second", "third")
 
 
 def level_touches(study: Study) -> Iterator[tuple[str, Touch]]:
@@ -81,7 +81,7 @@ def _content(track: Track, trial: Trial) -> Iterator[str]:
     if not several:
         right: str | None = "no" if planned.role == "catch" else "yes"
     else:
-        right = None if planned.interval is None else _NAMES[planned.interval - 1]
+        right = None if planned.interval is None else INTERVALS[planned.interval - 1]
     if trial.expected != right or (planned.interval is None) != (
         not several or planned.role == "catch"
     ):

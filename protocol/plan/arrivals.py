@@ -5,7 +5,7 @@ from itertools import count
 from math import gcd
 from typing import Literal
 
-from protocol.plan.blocks import Stream
+from protocol.plan.orders import Stream
 from protocol.study.study import Study
 
 SlotState = Literal["free", "running", "done", "dropped"]

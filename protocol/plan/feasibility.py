@@ -6,7 +6,7 @@ The checks count instead of trying orders: a constraint is refused if a single o
 from collections.abc import Iterator
 
 from protocol.errors import Problem
-from protocol.plan import blocks
+from protocol.plan import orders
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import beams_of, between_trials_s, touches_s, trial_s
 from protocol.study.study import Study
@@ -35,7 +35,7 @@ def _levels(study: Study) -> Iterator[Problem]:
 def _opposites(study: Study) -> Iterator[Problem]:
     asked = study.design.opposite_repeats
     asked_both_ways = [question for question, entry in QUESTIONS.items() if entry.less]
-    if asked and not any(map(blocks.opposite_expected, study.condition)):
+    if asked and not any(map(orders.opposite_expected, study.condition)):
         rule, about = "must be 0 if no condition has an opposite", " or ".join(asked_both_ways)
         hint = f"an opposite needs a question about {about} and touches that differ"
         yield Problem.of_key("design.opposite_repeats", rule, asked, hint)
@@ -79,14 +79,14 @@ def _min_trials(study: Study) -> Iterator[Problem]:
 
 
 def _groups(study: Study) -> Iterator[Problem]:
-    design, number = study.design, len(blocks.beam_groups(study))
+    design, number = study.design, len(orders.beam_groups(study))
     if design.group_by_beam != "no" and design.order == "fixed" and number > 1:
         rule, hint = "must be 'no' if order = 'fixed'", "list the conditions in the order you want"
         yield Problem.of_key("design.group_by_beam", rule, repr(design.group_by_beam), hint)
-    if number > blocks.MAX_GROUPS and (
+    if number > orders.MAX_GROUPS and (
         design.group_by_beam != "no" or design.max_beam_swaps is not None
     ):
-        rule = f"at most {blocks.MAX_GROUPS} sets of beams can be grouped"
+        rule = f"at most {orders.MAX_GROUPS} sets of beams can be grouped"
         yield Problem.of_key("design.group_by_beam", rule, number)
 
 
@@ -94,8 +94,8 @@ def _swaps(study: Study) -> Iterator[Problem]:
     design = study.design
     if design.max_beam_swaps is None:
         return
-    level = blocks.grouping(study)
-    needed = blocks.most_swaps(study, level)
+    level = orders.grouping(study)
+    needed = orders.most_swaps(study, level)
     if needed > design.max_beam_swaps:
         rule = f"a session may need {needed} beam swaps, grouped by beam: {level}"
         hint = "allow more swaps, use fewer repeats, or use fewer beams in a trial"
@@ -106,10 +106,10 @@ def _runs(study: Study) -> Iterator[Problem]:
     design = study.design
     if not study.condition:
         return
-    level = blocks.grouping(study)
+    level = orders.grouping(study)
     sizes = [len(study.condition)]
     if level != "no":
-        sizes = [len(group.members) for group in blocks.beam_groups(study)]
+        sizes = [len(group.members) for group in orders.beam_groups(study)]
     if min(sizes) > 1 or design.repeats == 1:
         return
     # Alone in its group, a condition ends one block and may begin the next.
@@ -133,7 +133,7 @@ def most_session_s(study: Study) -> float:
     """Return an upper bound, s, on the duration of every plan of the study."""
     design = study.design
     trials_s = [
-        _asked_s(study, blocks.at_level(condition.touches, max(condition.levels)), scored=True)
+        _asked_s(study, orders.at_level(condition.touches, max(condition.levels)), scored=True)
         + study.timing.answer_s * len(study.questions_after(condition.name))
         for condition in study.condition
     ]
@@ -145,11 +145,11 @@ def most_session_s(study: Study) -> float:
     tracks_s = sum(trial_s(study, trial) - trial.break_s for trial in tracks)
     # Grouped over the session, each group has blocks of its own.
     many = design.repeats * (
-        len(blocks.beam_groups(study)) if blocks.grouping(study) == "session" else 1
+        len(orders.beam_groups(study)) if orders.grouping(study) == "session" else 1
     )
     many = many * bool(study.condition) + -(-len(tracks) // design.track_block)
     breaks = (many - 1) // design.break_every_blocks if design.break_every_blocks else 0
-    swaps_s = blocks.most_swaps(study, blocks.grouping(study)) * study.timing.beam_swap_s
+    swaps_s = orders.most_swaps(study, orders.grouping(study)) * study.timing.beam_swap_s
     once_s = breaks * design.break_s + swaps_s + between_trials_s(study, 1, many)
     return opening_s + extra_s + design.repeats * sum(trials_s) + tracks_s + once_s
 

@@ -1,4 +1,4 @@
-"""Blocks of a session: the order of their conditions, grouped where beam swaps must be few."""
+"""Orders of a session: of its conditions in blocks, grouped where beam swaps must be few."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence

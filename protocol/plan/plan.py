@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import groupby, islice, pairwise, product
 from typing import NamedTuple
 
-from protocol.plan import blocks
+from protocol.plan import orders
 from protocol.plan.arrivals import arrivals
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
@@ -15,7 +15,7 @@ from protocol.study.touch import Slide, SlidePass
 
 
 def _draws(
-    study: Study, stream_name: Callable[[str], blocks.StreamName]
+    study: Study, stream_name: Callable[[str], orders.StreamName]
 ) -> Iterator[list[tuple[float, bool]]]:
     """Yield for each condition the level of each repeat, and whether it runs in the opposite order.
 
@@ -24,16 +24,16 @@ def _draws(
     repeats, asked = study.design.repeats, study.design.opposite_repeats
     for number, condition in enumerate(study.condition):
         levels = condition.levels * (repeats // len(condition.levels))
-        turned = asked if blocks.opposite_expected(condition) else 0
+        turned = asked if orders.opposite_expected(condition) else 0
         opposites = [True] * turned + [False] * (repeats - turned)
         drawn = (
-            blocks.Stream(*stream_name("levels"), number).shuffled(levels),
-            blocks.Stream(*stream_name("opposite"), number).shuffled(opposites),
+            orders.Stream(*stream_name("levels"), number).shuffled(levels),
+            orders.Stream(*stream_name("opposite"), number).shuffled(opposites),
         )
         yield [*zip(*drawn, strict=True)]
 
 
-def catch_places(study: Study, order: list[int], name: blocks.StreamName) -> dict[int, int]:
+def catch_places(study: Study, order: list[int], name: orders.StreamName) -> dict[int, int]:
     """Return the condition of each catch trial by the number of scored trials before it.
 
     A catch trial follows a trial that needs only one beam and takes a condition on that beam, so
@@ -44,9 +44,9 @@ def catch_places(study: Study, order: list[int], name: blocks.StreamName) -> dic
     beams = [beams_of(condition.touches, study.touch.beam) for condition in study.condition]
     # A catch trial takes the beam of the trial before it, so that it gives nobody away by a swap.
     allowed = [place for place, number in enumerate(order, start=1) if len(beams[number]) == 1]
-    stream, design = blocks.Stream(*name), study.design
+    stream, design = orders.Stream(*name), study.design
     chosen: dict[int, int] = {}
-    for place in blocks.spaced_places(allowed, design.catch_trials, design.catch_apart, stream):
+    for place in orders.spaced_places(allowed, design.catch_trials, design.catch_apart, stream):
         same = [at for at, needed in enumerate(beams) if needed == beams[order[place - 1]]]
         chosen[place] = stream.one_of(same)
     return chosen
@@ -55,16 +55,16 @@ def catch_places(study: Study, order: list[int], name: blocks.StreamName) -> dic
 def plan(study: Study, slot: int, session: int = 1) -> Plan:
     """Return the plan for a `slot`, counted from 0 over the cohort, and a `session`, from 1.
 
-    The study's seed determines the plan: orders (see `protocol.plan.blocks`), levels,
+    The study's seed determines the plan: orders (see `protocol.plan.orders`), levels,
     opposite, catch and practice trials are each drawn from a random stream of their own. Whether
     the design can be met `protocol.study_file.limits` says beforehand.
     """
 
     # A stream for each purpose: a change of one part of the design leaves the others as they were.
-    def stream_name(purpose: str) -> blocks.StreamName:
+    def stream_name(purpose: str) -> orders.StreamName:
         return (study.study.seed, purpose, session, slot)
 
-    order = blocks.ordered_conditions(study, slot, session) if study.condition else []
+    order = orders.ordered_conditions(study, slot, session) if study.condition else []
     practice = _practice(study, stream_name("practice"))
     opening = (
         Trial(kind=item.kind, question=item.question, expected=item.expected, touches=item.touches)
@@ -88,18 +88,18 @@ def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:
     return tuple(grouped if study.group else (plan(study, slot) for slot in range(participants)))
 
 
-def _practice(study: Study, name: blocks.StreamName) -> Iterator[Trial]:
+def _practice(study: Study, name: orders.StreamName) -> Iterator[Trial]:
     """Yield trials of the conditions to practise: all in random order, again and again."""
-    stream, drawn = blocks.Stream(*name), list[int]()
+    stream, drawn = orders.Stream(*name), list[int]()
     while len(drawn) < study.design.practice_trials:
-        drawn += stream.shuffled(blocks.practice_pool(study))
+        drawn += stream.shuffled(orders.practice_pool(study))
     for number in drawn[: study.design.practice_trials]:
         condition = study.condition[number]
         yield replace(_trial(condition, condition.levels[-1], turned=False), kind="practice")
 
 
 def _main(
-    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], blocks.StreamName]
+    study: Study, order: list[tuple[int, int]], stream_name: Callable[[str], orders.StreamName]
 ) -> Iterator[Trial]:
     """Yield the scored trials block by block, with catch trials after some of them."""
     draws = [*_draws(study, stream_name)]
@@ -123,15 +123,15 @@ def _main(
 def _trial(
     condition: Condition, level: float, *, turned: bool, block: int = 0, break_s: float = 0.0
 ) -> Trial:
-    touches = blocks.at_level(condition.touches, level)
+    touches = orders.at_level(condition.touches, level)
     return Trial(
         block=block,
         kind="trial",
         condition=condition.name,
         question=condition.question,
-        expected=blocks.opposite_expected(condition) if turned else condition.expected,
+        expected=orders.opposite_expected(condition) if turned else condition.expected,
         scored=True,
-        touches=blocks.opposite(touches) if turned else touches,
+        touches=orders.opposite(touches) if turned else touches,
         level=level,
         opposite=turned,
         break_s=break_s,
@@ -159,7 +159,7 @@ def _place(order: Sequence[Trial], index: int) -> int:
 
 
 def deferral(
-    study: Study, order: Sequence[Trial], trial: Trial, mounted: str | None, stream: blocks.Stream
+    study: Study, order: Sequence[Trial], trial: Trial, mounted: str | None, stream: orders.Stream
 ) -> Deferral:
     """Return after which trial of its block `trial` comes again.
 
@@ -243,14 +243,14 @@ def slide_plan(study: Study, session: int = 1) -> Plan:
     driven = [
         replace(trial, block=repeat)
         for repeat in range(1, slide.repeats + 1)
-        for trial in blocks.Stream(*name, repeat).shuffled(driven_once)
+        for trial in orders.Stream(*name, repeat).shuffled(driven_once)
     ]
     gaps = max(slide.references - 1, 1)
     before = [round(number * len(driven) / gaps) for number in range(slide.references)]
     order: list[Trial] = []
     for place in range(len(driven) + 1):
         for number in (number for number, at in enumerate(before) if at == place):
-            references = blocks.Stream(*name, "reference", number).shuffled(_passes(slide, rest))
+            references = orders.Stream(*name, "reference", number).shuffled(_passes(slide, rest))
             block = driven[min(place, len(driven) - 1)].block
             order += [replace(trial, block=block) for trial in references]
         order += driven[place : place + 1]

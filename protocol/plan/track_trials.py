@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import chain, count
 
 from protocol.journal.records import PlannedTrack
-from protocol.plan.blocks import Stream, StreamName
+from protocol.plan.orders import Stream, StreamName
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study.study_question import INTERVALS

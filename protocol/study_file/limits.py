@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 from protocol.address import SIMULATED
 from protocol.errors import Path, Problem
-from protocol.plan.blocks import scaled
 from protocol.plan.feasibility import design_problems
+from protocol.plan.orders import scaled
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, combinations

@@ -6,7 +6,7 @@ from functools import lru_cache
 from statistics import geometric_mean
 from typing import NamedTuple
 
-from protocol.plan.blocks import Stream
+from protocol.plan.orders import Stream
 from protocol.study.track import Track
 
 WHOLE = 0.01

@@ -9,7 +9,7 @@ from protocol.errors import BadInput, WorkFailed
 from protocol.journal import events
 from protocol.journal.records import Compliance
 from protocol.journal.state import SessionState
-from protocol.plan.blocks import Stream
+from protocol.plan.orders import Stream
 from protocol.plan.plan import deferral
 from protocol.plan.trials import FEEDBACK_S, Trial
 from protocol.study_file.loading import text_digest

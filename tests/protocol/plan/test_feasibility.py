@@ -2,8 +2,8 @@
 
 import pytest
 
-from protocol.plan.blocks import grouping, most_swaps
 from protocol.plan.feasibility import most_session_s
+from protocol.plan.orders import grouping, most_swaps
 from protocol.plan.plan import plan
 from protocol.plan.trials import plan_swaps, session_s
 from protocol.proof.trial_checks import plan_problems, plan_s

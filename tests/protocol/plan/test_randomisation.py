@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from protocol.plan.blocks import Stream, shuffle, spaced_places
+from protocol.plan.orders import Stream, shuffle, spaced_places
 
 
 def longest_run(items: tuple[int, ...]) -> int:

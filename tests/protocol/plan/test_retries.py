@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.plan.blocks import Stream
+from protocol.plan.orders import Stream
 from protocol.plan.plan import deferral, plan, running_order
 from protocol.plan.trials import Plan
 from protocol.proof.trial_checks import order_problems

@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from protocol.plan.blocks import opposite
+from protocol.plan.orders import opposite
 from protocol.plan.plan import plan
 from protocol.plan.trials import planned_trial
 from protocol.proof.trial_checks import plan_problems

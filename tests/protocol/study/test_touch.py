@@ -5,7 +5,7 @@ import pytest
 from device.friction.changes import friction_difference
 from device.friction.scenes import NOMINAL
 from protocol.errors import BadInput
-from protocol.plan.blocks import at_level, opposite, opposite_expected
+from protocol.plan.orders import at_level, opposite, opposite_expected
 from protocol.plan.plan import plan
 from protocol.proof.trial_checks import plan_problems
 from protocol.study.rig_settings import Rig

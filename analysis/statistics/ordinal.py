@@ -192,31 +192,55 @@ def _log_probabilities(
 
     All have shape (conditions, categories, nodes).
     """
-    edges = np.concatenate([[-np.inf], thresholds, [np.inf]])[None, :, None]
-    bounds = edges - location[:, None, :]
-    log_p = log_interval(bounds[:, :-1], bounds[:, 1:], link)
-    log_density = log_density_of(bounds, link)
-    # (3)
-    upper = np.exp(np.minimum(log_density[:, 1:] - log_p, -np.log(SMALLEST)))
-    lower = -np.exp(np.minimum(log_density[:, :-1] - log_p, -np.log(SMALLEST)))
+    edges = np.concatenate([[-np.inf], thresholds, [np.inf]])[:, None]
+    log_p, upper, lower = np.empty((3, len(location), len(edges) - 1, location.shape[1]))
+    # One condition at a time and in place: what is computed stays in the processor's cache, and
+    # the system need not give new memory for each step.
+    work = np.empty((4, len(edges), location.shape[1]))
+    for own, above, below, at in zip(log_p, upper, lower, location, strict=True):
+        log_density = _log_intervals(np.subtract(edges, at, out=work[0]), link, own, work[1:])
+        # (3)
+        for slope, density in ((above, log_density[1:]), (below, log_density[:-1])):
+            np.subtract(density, own, out=slope)
+            np.exp(np.minimum(slope, -np.log(SMALLEST), out=slope), out=slope)
+        np.negative(below, out=below)
     return log_p, (upper, lower)
 
 
-def log_interval(lower: FloatArray, upper: FloatArray, link: Link) -> FloatArray:
-    """Return log(F(upper) - F(lower)), computed in the tail where F keeps its precision."""
-    log_cdf = log_ndtr if link == "probit" else log_expit
-    mirrored = lower > 0  # (4)
-    high = log_cdf(np.where(mirrored, -lower, upper))
-    low = log_cdf(np.where(mirrored, -upper, lower))
-    # Thresholds that meet during a search must give a tiny probability, not NaN.
-    return np.asarray(high + np.log(-np.expm1(np.minimum(low - high, -SMALLEST))))
+def _log_intervals(bounds: FloatArray, link: Link, out: FloatArray, work: FloatArray) -> FloatArray:
+    """Put log(F(upper) - F(lower)) between neighbouring `bounds` into `out`.
 
-
-def log_density_of(values: FloatArray, link: Link) -> FloatArray:
-    """Return the logarithm of the link's density, -inf at the infinite edges."""
+    Each is computed in the tail where F keeps its precision. Return the logarithm of the density
+    at the bounds, -inf at the infinite ones.
+    """
+    tail: FloatArray = np.abs(bounds, out=work[0])
+    whole, low = work[1], work[2, 1:]
+    positive = bounds > 0
+    mirrored, around = positive[:-1], positive[1:] & ~positive[:-1]  # (4)
+    # An edge's tail serves both categories beside it.
     if link == "probit":
-        return np.asarray(-(values**2) / 2 - np.log(2 * np.pi) / 2)
-    return np.asarray(log_expit(values) + log_expit(-values))
+        log_ndtr(np.negative(tail, out=tail), out=tail)
+        beyond = log_ndtr(bounds[1:][around])
+    else:
+        log_expit(tail, out=whole)
+        np.subtract(whole, tail, out=tail)  # F(-x) = exp(-x) F(x)
+        beyond = whole[1:][around]
+    np.copyto(out, tail[1:])
+    np.copyto(out, tail[:-1], where=mirrored)
+    out[around] = beyond
+    np.copyto(low, tail[:-1])
+    np.copyto(low, tail[1:], where=mirrored)
+    # Thresholds that meet during a search must give a tiny probability, not NaN.
+    low -= out
+    np.expm1(np.minimum(low, -SMALLEST, out=low), out=low)
+    out += np.log(np.negative(low, out=low), out=low)
+    if link == "logit":
+        tail += whole
+        return tail
+    np.square(bounds, out=bounds)
+    bounds /= -2
+    bounds -= np.log(2 * np.pi) / 2
+    return bounds
 
 
 def _gradient(
@@ -226,9 +250,10 @@ def _gradient(
     slopes: tuple[FloatArray, FloatArray],
     standard: FloatArray,
 ) -> FloatArray:
-    upper, lower = weights * slopes[0], weights * slopes[1]
+    """Return the gradient; `slopes` is overwritten."""
+    upper, lower = (np.multiply(weights, slope, out=slope) for slope in slopes)
     by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
-    by_location = -(upper + lower).sum(axis=1)
+    by_location = -np.add(upper, lower, out=upper).sum(axis=1)
     # An increment moves its own threshold and all above it.
     from_top = np.cumsum(by_threshold[::-1])[::-1]
     increments = np.diff(parameters.thresholds)

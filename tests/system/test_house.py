@@ -70,3 +70,23 @@ def test_the_map_names_only_what_there_is() -> None:
     rooms = {"/".join(room.relative_to(ROOT).parts) for room in ROOMS} - set(PACKAGES)
     unnamed = {room for room in rooms if not any(room.startswith(place) for place in named)}
     assert not unnamed, f"rooms that the map lacks: {unnamed}"
+
+
+def rows_of_the_map() -> list[str]:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    _, _, below = page.partition("## Where new code goes")
+    return [line for line in below.splitlines() if line.startswith("| ") and "`" in line]
+
+
+@pytest.mark.parametrize("row", rows_of_the_map(), ids=lambda row: row.split("|")[1].strip())
+def test_a_row_of_the_map_leads_to_what_it_names(row: str) -> None:
+    """A file is at its path, or in the folder named before it; a name stands in the file before."""
+    place = folder = ROOT
+    for named in re.findall(r"`([^` ]+)`", row):
+        found = next((at for at in (ROOT / named, folder / named) if at.exists()), None)
+        if found is not None:
+            place, folder = found, found if found.is_dir() else found.parent
+            continue
+        assert re.fullmatch(r"\w+", named), f"no such file: {named}"
+        texts = [place] if place.is_file() else sorted(place.glob("*.py"))
+        assert any(re.search(rf"\b{named}\b", at.read_text()) for at in texts), f"{named}: {place}"

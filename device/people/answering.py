@@ -1,4 +1,4 @@
-"""How virtual people answer: the reported change, its score, reaction times, and who leaves."""
+"""How virtual people touch and answer: finger, what is felt, change, score, times, who leaves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The session loop: runs every pending trial and turns the device off however it ends."""
+"""The session loop: what may begin or resume, every trial, and the device off however it ends."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -31,9 +31,9 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
     # No column has the number -1, so that trials without a condition enter none.
     columns = [conditions.index(name) if name in conditions else -1 for name in names]
     condition = np.array(columns)[made.kinds]
-    counted = counted_trials(planned, made)
-    given = np.zeros_like(counted.scored)
-    given[:, trials] = (counted.scored & ~np.isnan(made.score))[:, trials]
+    scored, _, out = counted_trials(planned, made)
+    given = np.zeros_like(scored)
+    given[:, trials] = (scored & ~np.isnan(made.score))[:, trials]
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
@@ -41,7 +41,7 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
         total = np.where(counts, made.score, 0.0).sum(axis=1)
         # Where nothing counts the cell stays NaN: a missing score, not zero.
         np.divide(total, number, out=table[:, column], where=number > 0)
-    table[counted.out] = np.nan
+    table[out] = np.nan
     return table
 
 
@@ -51,31 +51,23 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     Shape (people, conditions + 1, 2). Trials that expect no change are neither, as in the report;
     those whom the rules leave out have none.
     """
-    counted, kinds = counted_trials(planned, made), planned.kinds
+    (scored, catch, out), kinds = counted_trials(planned, made), planned.kinds
     of_rows = [
         [it.trial.condition == name and it.expected not in {None, SAME} for it in kinds]
         for name in planned.study.conditions
     ]
     of_rows.append([it.trial.kind == "catch" for it in kinds])
-    asked = (counted.scored | counted.catch) & ~counted.out[:, None]
+    asked = (scored | catch) & ~out[:, None]
     reported = made.change != SAME
     each = [asked & np.array(row)[made.kinds] for row in of_rows]
     return np.array([[(some & reported).sum(1), some.sum(1)] for some in each]).transpose(2, 0, 1)
 
 
-class Counted(NamedTuple):
-    """Which scored and catch trials count, (people, trials), and whom the rules leave out.
+def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Return which scored and catch trials count, (people, trials), and whom the rules leave out.
 
     The trials of those who are left out may be among them.
     """
-
-    scored: BoolArray
-    catch: BoolArray
-    out: BoolArray
-
-
-def counted_trials(planned: PlannedTrials, made: Cohort) -> Counted:
-    """Return which trials count, by the study's rules on who and what is left out."""
     kind = np.array([it.trial.kind for it in planned.kinds])[made.kinds]
     scored, catch = kind == "trial", kind == "catch"
     timed = {"reaction_s": np.where(scored | catch, made.reaction_s, np.nan)}
@@ -90,11 +82,7 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> Counted:
     numbers = {name: some.sum(axis=1) for name, some in counted.items()}
     broken = broken_rules(planned.study.exclusions, "participant", numbers)
     out = np.zeros(made.people.size, dtype=np.bool_)
-    return Counted(
-        scored=counted["scored"],
-        catch=counted["catches"],
-        out=np.logical_or.reduce([out, *broken.values()]),
-    )
+    return counted["scored"], counted["catches"], np.logical_or.reduce([out, *broken.values()])
 
 
 class Tables(NamedTuple):

@@ -14,8 +14,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
     """
-    corrected: list[float] = holm_of_rows(np.array([p_values], dtype=np.float64))[0].tolist()
-    return corrected
+    return list(map(float, holm_of_rows(np.array([p_values], dtype=np.float64))[0]))
 
 
 def holm_of(tests: Sequence[Any]) -> list[float | NotEstimable]:

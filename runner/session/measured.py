@@ -88,11 +88,8 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     samples = context.device.recorded()
     # A wrong tare would shift all forces; without one the analysis knows that it has none.
     tare_n = context.zero.forces_n if context.zero and context.zero.trusted else None
-    told = {name: value for name, value in vars(samples).items() if name != "counts"}
     context.log.append(
-        events.TouchRecorded.packed(
-            samples.counts, touch=touch, moved_s=moved_s, tare_n=tare_n, **told
-        )
+        events.TouchRecorded.packed(**vars(samples), touch=touch, moved_s=moved_s, tare_n=tare_n)
     )
     felt = means(samples, moved_s)
     warnings = []
@@ -116,10 +113,7 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
     low, high = (min(max(place, 0), count) for place in (places or (0, count)))
     if low >= high:
         return None
-    tangential, normal = (
-        size * float(channel[low:high].mean())
-        for size, channel in zip(samples.scale[:2], counts[:2], strict=True)
-    )
+    tangential, normal = (counts[:2, low:high].mean(axis=1) * samples.scale[:2]).tolist()
     return tangential, normal
 
 

@@ -16,14 +16,11 @@ from runner.session.waiting import operator_answer, response, show_page, update_
 from runner.session.watchdog import require_watchdog
 
 _optional = partial(StudyQuestion, required=False)
+_STATES = tuple(Label(value=state) for state in ("dry", "normal", "moist"))
 OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
     "skin state": (
         "What is the state of the skin (dry, normal, moist)?",
-        _optional(
-            name="skin_state",
-            kind="choice",
-            labels=tuple(Label(value=state) for state in ("dry", "normal", "moist")),
-        ),
+        _optional(name="skin_state", kind="choice", labels=_STATES),
     ),
     "room temperature": (
         "What is the room temperature, in °C?",

@@ -5,7 +5,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,26 +68,38 @@ def read_study(
     with read_journal(folder.journal) as journal:
         shelf = kept_files(journal)
 
-    def read() -> KeptSessions:
-        broken: list[str] = []
+    broken: list[str] = []
+    loaded: list[Sessions] = []
+
+    def read() -> "Sessions":
         with read_journal(folder.journal) as journal:
             chains = followed(readable_chains(journal, broken), len(journal.sessions()))
-            return kept_sessions(load_sessions(chains), broken)
+            loaded.append(load_sessions(chains))
+        return loaded[0]
 
-    def unchanged(_: KeptSessions) -> bool:
+    @cache
+    def unchanged() -> bool:
         return journal_digest(folder.journal) == digest
 
-    # Not the one of the report, which would hold the tables for as long.
-    keep = Kept(shelf, code_version())
-    found = keep.made(read, KeptSessions, digest, worth=unchanged)
+    if shelf is None:
+        recorded = read()
+    else:
+        # Not the one of the report, which would hold the tables for as long.
+        found = Kept(shelf, code_version()).made(
+            lambda: kept_sessions(read(), broken),
+            KeptSessions,
+            digest,
+            worth=lambda _: unchanged(),
+        )
+        recorded, broken = loaded[0] if loaded else found.sessions(), list(found.broken)
     return Study(
         folder=folder,
         file=file,
-        recorded=found.sessions(),
+        recorded=recorded,
         rehearsals=rehearsals,
-        broken=found.broken,
+        broken=tuple(broken),
         # What a session added meanwhile is in the tables or not: no digest tells.
-        _read=(digest if unchanged(found) else "", text),
+        _read=(digest if not loaded or unchanged() else "", text),
     )
 
 

@@ -321,14 +321,14 @@ def dataset(
     tables = frames(study, sessions, rehearsals=rehearsals)
     found, kept = tables.found, tables.kept
     left_out = len(found.sessions) - len(kept)
-    if tables.exported.empty:
+    begun = kept.index.isin(found.attempts["session_id"])
+    if not begun.any():
         raise NothingToExport(
             # The message names the way out only where there is one.
             "nothing but rehearsals here; add --rehearsals to include them"
             if left_out
             else "no trials here: nobody has begun one, or all have withdrawn"
         )
-    begun = kept.index.isin(found.attempts["session_id"])
     return Dataset(
         study=study,
         tables=replace(tables, kept=kept[begun]),

@@ -18,6 +18,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
+from pydantic_core import from_json
+
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
 from runner.journal import database
@@ -106,11 +108,11 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
 
 def _decoded(body: str) -> Any:
     try:
-        # Spaces around the value, which touchbeam never writes, take `decode` half its time.
-        value, end = _STORED.raw_decode(body)
-    except json.JSONDecodeError:
-        end = -1
-    return value if end == len(body) else _STORED.decode(body)
+        # In less than half the time of json, which decides on whatever this one refuses: halves of
+        # characters, deep nesting, and what is no JSON. What both read, both read alike.
+        return from_json(body, allow_inf_nan=False)
+    except (TypeError, ValueError):
+        return _STORED.decode(body)
 
 
 def payload_text(event: StoredEvent) -> str:

@@ -1,14 +1,17 @@
 """Tables as CSV, each with a JSON file that describes its columns."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_of_columns, json_text
+from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_item, csv_quoted, csv_scalar, json_text
+from analysis.estimates import IntArray
 from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known, names_of
 from analysis.export.dataset import Chain, Dataset
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
-from analysis.export.trial_table import touch_table
 from analysis.loading.records import values
 from protocol.journal.events import ScoresImported, SessionOpened, StudyRegistered, Withdrawn
 from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX, shared_text
@@ -22,24 +25,83 @@ def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
         shared: whether others are to have it, who get no private columns.
     """
     columns = data.shared_columns if shared else data.columns
-    touches = touch_table(data.trials)
-    return {
-        **_table("trials", data.trials, columns, data),
-        # Published scores have no touches; an empty table would look like a loss.
-        **({} if touches.empty else _table("touches", touches, TOUCH_COLUMNS, data)),
-        **_table("contrasts", data.contrasts, CONTRAST_COLUMNS, data),
-        **_table("participants", data.participants, data.participant_columns, data),
+    tables, touched = data.tables, data.tables.touched
+    trials = {
+        it.name: lists_of(touched[it.name], tables.counts)
+        if it.per_touch
+        else texts_of(tables.flat[it.name])
+        for it in columns
     }
+    return {
+        **_table("trials", trials, columns, data),
+        # Published scores have no touches; an empty table would look like a loss.
+        **({} if touched.empty else _table("touches", _texts(touched), TOUCH_COLUMNS, data)),
+        **_table("contrasts", _texts(data.contrasts), CONTRAST_COLUMNS, data),
+        **_table("participants", _texts(data.participants), data.participant_columns, data),
+    }
+
+
+def _texts(table: pd.DataFrame) -> dict[str, list[str]]:
+    return {str(name): texts_of(column) for name, column in table.items()}
 
 
 def _table(
-    name: str, table: pd.DataFrame, columns: Sequence[Column], data: Dataset
+    name: str, texts: Mapping[str, Sequence[str]], columns: Sequence[Column], data: Dataset
 ) -> dict[str, str]:
     names = names_of(columns)
+    header = ",".join(map(csv_quoted, map(csv_cell, names)))
+    rows = map(",".join, zip(*(texts[name] for name in names), strict=True))
     return {
-        f"{name}.csv": csv_of_columns(names, (values(table[name]) for name in names)),
+        f"{name}.csv": "\n".join([header, *rows, ""]),
         f"{name}.json": json_text({csv_cell(it.name): _described(it, data) for it in columns}),
     }
+
+
+# Columns as texts: most have few different values, each of which is made a text once.
+
+
+def texts_of(column: "pd.Series[Any]") -> list[str]:
+    """Return a column's cells as `csv_text` writes them."""
+    codes, known = _coded(column)
+    if column.dtype == np.float64:
+        return _taken([*map(repr, known)], "", codes)
+    return _taken([csv_quoted(csv_scalar(value)) for value in known], "", codes)
+
+
+def lists_of(column: "pd.Series[Any]", counts: IntArray) -> list[str]:
+    """Return cells with lists as `csv_text` writes them: of each trial its `counts` of values."""
+    codes, known = _coded(column)
+    missing = codes < 0
+    if missing.all():
+        return [""] * len(counts)
+    told = [*map(repr if column.dtype == np.float64 else csv_item, known)]
+    items = _taken(told, csv_item(None), codes)
+    spans = pairwise([0, *np.cumsum(counts).tolist()])
+    lists = [BETWEEN_TOUCHES.join(items[begin:end]) for begin, end in spans]
+    if missing.any():
+        of = np.repeat(np.arange(len(counts)), counts)
+        empty = np.bincount(of, ~missing, len(counts)) == 0
+        lists = ["" if none else text for text, none in zip(lists, empty.tolist(), strict=True)]
+    return lists if told == [*map(csv_quoted, told)] else [*map(csv_quoted, lists)]
+
+
+def _coded(column: "pd.Series[Any]") -> tuple[IntArray, Sequence[Any]]:
+    """Return the place of each value of a column among those of a list; -1 for a missing value."""
+    if column.dtype == np.float64:
+        numbers = column.to_numpy()
+        # By their bits, because 0.0 and -0.0 are equal.
+        codes, bits = pd.factorize(numbers.view(np.int64))
+        return np.where(np.isnan(numbers), -1, codes), bits.view(np.float64).tolist()
+    if column.dtype == object:  # 1, 1.0 and True are equal, too
+        told = values(column)
+        return np.array([-1 if it is None else n for n, it in enumerate(told)], np.int64), told
+    codes, known = pd.factorize(column)
+    return codes, known.tolist()
+
+
+def _taken(texts: Sequence[str], missing: str, codes: IntArray) -> list[str]:
+    taken: list[str] = np.array([*texts, missing], object)[codes].tolist()
+    return taken
 
 
 def csv_recordings(data: Dataset) -> dict[str, bytes]:

@@ -136,7 +136,7 @@ class Dataset:
     @cached_property
     def participants(self) -> pd.DataFrame:
         """A row per participant, with the answers that were given once."""
-        return participant_table(self.sessions, self.trials, self.tables.questions)
+        return participant_table(self.sessions, self.tables.flat, self.tables.questions)
 
     @cached_property
     def contrasts(self) -> pd.DataFrame:
@@ -145,7 +145,7 @@ class Dataset:
         with suppress(BadInput):  # a registration that was changed holds nothing
             lock = study_lock(self.tables.found.decisions, self.sessions)
         rig = default_rig(lock, self.kinds, self.rig)
-        return contrast_table(self.study, self.tables.found, self.trials, rig)
+        return contrast_table(self.study, self.tables.found, self.tables.flat, rig)
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:
@@ -186,7 +186,7 @@ class Dataset:
     @property
     def trials_excluded(self) -> int:
         """The number of trials here that the analysis leaves out."""
-        return int(self.trials["excluded"].ne("no").sum())
+        return int(self.tables.flat["excluded"].ne("no").sum())
 
     def entities(self, subject: str, session: int) -> list[str]:
         """Return the labels of a session in the names of BIDS files."""
@@ -212,7 +212,7 @@ class Dataset:
     def summary(self) -> str:
         """Return in one line what is here and what is not."""
         return (
-            f"{counted(len(self.trials), 'trial')} of "
+            f"{counted(len(self.tables.flat), 'trial')} of "
             f"{counted(self.people, 'participant')} "
             f"({counted(self.trials_excluded, 'trial')} excluded, marked); left out: "
             f"{counted(self.rehearsals_left_out, 'rehearsal')}, "

@@ -41,7 +41,7 @@ def readme(data: Dataset, tables: str) -> str:
         f"{tables}\n",
         _PUBLISHED_ROWS if data.published else _ROWS,
         f"- {counted(data.people, 'participant')}, {counted(len(data.sessions), 'session')}, "
-        f"{counted(len(data.trials), 'trial')}\n"
+        f"{counted(len(data.tables.flat), 'trial')}\n"
         f"- excluded: {counted(data.trials_excluded, 'trial')}\n"
         f"- not here: {counted(data.rehearsals_left_out, 'rehearsal')}, "
         f"{counted(data.tables.found.withdrawn, 'withdrawn session')}, "

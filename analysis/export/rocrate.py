@@ -168,7 +168,7 @@ def _actions(data: Dataset, files: Mapping[str, bytes], today: date) -> list[dic
 
 def _ran(data: Dataset) -> list[str]:
     """Return the versions of touchbeam that ran the sessions."""
-    told = CHANGED.join(values(data.trials["touchbeam_version"].dropna().drop_duplicates()))
+    told = CHANGED.join(values(data.tables.flat["touchbeam_version"].dropna().drop_duplicates()))
     return list(dict.fromkeys(told.split(CHANGED))) if told else []
 
 

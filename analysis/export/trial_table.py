@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.cells import Cell
+from analysis.estimates import IntArray
 from analysis.export.columns import (
     COLUMNS,
     CONTRAST_COLUMNS,
@@ -61,16 +62,6 @@ def _last(answers: pd.DataFrame, keys: list[str]) -> "pd.Series[float]":
     return last.set_index([last[key].astype(np.float64) for key in keys])["row"]
 
 
-def touch_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return a row per touch of the exported `trials`; of published scores nothing is known."""
-    touched = trials[trials["touches"].fillna(0).gt(0)]
-    rows = touched[names_of(TOUCH_COLUMNS[:4])].reset_index(drop=True)
-    rows = rows.loc[rows.index.repeat(touched["touches"].to_numpy(np.int64))]
-    told = {name: list(chain.from_iterable(touched[name])) for name in _PER_TOUCH}
-    numbered = rows.assign(touch=rows.groupby(level=0).cumcount()).reset_index(drop=True)
-    return numbered.join(pd.DataFrame(told, dtype=object))
-
-
 def participant_table(
     sessions: pd.DataFrame, trials: pd.DataFrame, questions: Sequence[StudyQuestion]
 ) -> pd.DataFrame:
@@ -111,19 +102,6 @@ def _utc(moments: "pd.Series[Any]") -> "pd.Series[str]":
     """Return the moments in BIDS' form: ISO 8601 to the microsecond, with Z."""
     texts: pd.Series[str] = moments.dt.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
     return texts
-
-
-def _touches(touches: pd.DataFrame, attempts: "pd.Index[int]") -> dict[str, list[Any]]:
-    """Return by column one value per touch of each attempt."""
-    # The touches of an attempt follow one another, and attempts are numbered as they began.
-    told_of = touches["attempt_id"].to_numpy()
-    ends = (np.searchsorted(told_of, attempts, side).tolist() for side in ("left", "right"))
-    spans = [slice(*span) for span in zip(*ends, strict=True)]
-    table: dict[str, list[Any]] = {}
-    for name in _PER_TOUCH:
-        told = values(touches[name])
-        table[name] = [tuple(told[span]) for span in spans]
-    return table
 
 
 def cells(table: pd.DataFrame) -> Iterable[tuple[Cell, ...]]:
@@ -240,8 +218,8 @@ class Frames:
         return self._answered[names].infer_objects()
 
     @cached_property
-    def exported(self) -> pd.DataFrame:
-        """The same as it is written to files, with the columns per touch; by last attempt.
+    def flat(self) -> pd.DataFrame:
+        """The same as it is written to files, but for the columns per touch; by last attempt.
 
         Values of a plan or an attempt are missing for a published score.
         """
@@ -250,9 +228,41 @@ class Frames:
             score=_scores(trials["score"], whole=trials["attempts"].notna()),
             started_utc=_utc(trials["started_utc"]),
             answered_utc=_utc(trials["answered_utc"]),
-            **_touches(self.found.touches, trials.index),
         )
-        return table[names_of(self.columns)]
+        return table[[column.name for column in self.columns if not column.per_touch]]
+
+    @cached_property
+    def exported(self) -> pd.DataFrame:
+        """The same with the columns per touch, each cell of which has a tuple."""
+        spans = [slice(*span) for span in pairwise([0, *np.cumsum(self.counts).tolist()])]
+        lists: dict[str, Any] = {}
+        for name in _PER_TOUCH:
+            told = values(self.touched[name])
+            lists[name] = [tuple(told[span]) for span in spans]
+        return self.flat.assign(**lists)[names_of(self.columns)]
+
+    @cached_property
+    def _ends(self) -> tuple[IntArray, IntArray]:
+        """Where the touches of each trial of `flat` begin and end among those found."""
+        # The touches of an attempt follow one another, and attempts are numbered as they began.
+        told_of, attempts = self.found.touches["attempt_id"].to_numpy(), self.flat.index
+        return np.searchsorted(told_of, attempts), np.searchsorted(told_of, attempts, "right")
+
+    @property
+    def counts(self) -> IntArray:
+        """How many touches each trial of `flat` has."""
+        begins, ends = self._ends
+        return ends - begins
+
+    @cached_property
+    def touched(self) -> pd.DataFrame:
+        """A row per touch of `flat`, in the order of its trials."""
+        counts = self.counts
+        number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        trials = self.flat[names_of(TOUCH_COLUMNS[:4])]
+        told = self.found.touches[_PER_TOUCH].iloc[np.repeat(self._ends[0], counts) + number]
+        named = trials.loc[trials.index.repeat(counts)].reset_index(drop=True).assign(touch=number)
+        return named.join(told.reset_index(drop=True))
 
     @property
     def columns(self) -> tuple[Column, ...]:

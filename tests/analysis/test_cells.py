@@ -7,7 +7,7 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.cells import Cell, csv_cell, csv_of_columns, csv_text, tsv_cell, tsv_text, unguarded
+from analysis.cells import csv_cell, csv_text, tsv_cell, tsv_text, unguarded
 from analysis.export.dataset import label, labels
 from tests.analysis.hostile_study import NOTES
 
@@ -26,19 +26,6 @@ def test_csv_keeps_every_text_but_blanks_and_formulas(rows: list[list[str]]) -> 
     assert read == [[csv_cell(text) if text.strip() else "" for text in row] for row in rows]
 
 
-NUMBERS = st.integers() | st.floats(allow_nan=False) | st.sampled_from([0.0, -0.0, 0, 1, 1.0])
-SCALARS = st.none() | st.booleans() | NUMBERS | TYPED
-COLUMNS = [st.none() | NUMBERS, st.none() | st.booleans() | TYPED, SCALARS, st.tuples(SCALARS)]
-
-
-@settings(deadline=None)
-@given(st.lists(st.tuples(*COLUMNS)))
-def test_columns_are_written_as_their_rows_are(rows: list[tuple[Cell, ...]]) -> None:
-    names = [f"c{number}" for number in range(len(COLUMNS))]
-    columns = [list(column) for column in zip(*rows, strict=True)] or [[] for _ in COLUMNS]
-    assert csv_of_columns(names, columns) == csv_text(names, rows)
-
-
 @given(PLAIN.filter(lambda text: "'" not in text))
 def test_a_guard_is_taken_off_again_and_is_nowhere_else(text: str) -> None:
     assert unguarded(csv_cell(text)) == text
@@ -55,7 +42,7 @@ def test_no_cell_starts_a_formula_wherever_a_spreadsheet_splits_the_file(text: s
 
 def test_a_heading_is_guarded_once() -> None:
     for heading in ("=1+1", "'=1+1"):
-        assert csv_text([heading], []) == csv_of_columns([heading], [[]]) == "'=1+1\n"
+        assert csv_text([heading], []) == "'=1+1\n"
 
 
 def test_a_formula_after_a_semicolon_is_guarded() -> None:

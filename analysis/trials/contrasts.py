@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain
 from math import isfinite
 from typing import Any
@@ -182,35 +182,51 @@ def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | No
     start = first.start_voltage_v, first.start_frequency_hz
     if len(touches) == 1 and first.planned.programme == "hold":
         start = math.nan, math.nan  # it started at rest
-    before = _felt(change.before, first.force_n, *start, resonance_hz)
-    after = _felt(
-        change.after, last.force_n, last.end_voltage_v, last.end_frequency_hz, resonance_hz
-    )
+    before = _measured(change.before, first.force_n, *start, resonance_hz)
+    end = last.end_voltage_v, last.end_frequency_hz
+    after = _measured(change.after, last.force_n, *end, resonance_hz)
     places_m = change.places_m
     if change.effect == "friction" and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
         # A sensor may place the finger off the beam, where the model predicts nothing.
         if 0 <= place_m <= _BEAM_M:
             places_m = (place_m,)
-    return replace(change, before=before, after=after, places_m=places_m)
+    return _felt(change, before, after, places_m)
 
 
-def _felt(
+_Measured = tuple[tuple[str, float], ...]
+"""Fields of a moment with what was measured of them."""
+
+
+def _measured(
     moment: Moment,
     force_n: float,
     voltage_v: float,
     frequency_hz: float,
     resonance_hz: float | None,
-) -> Moment:
-    """Return the moment with the measured force and the drive that was read back, if known."""
-    known: dict[str, Any] = {}
+) -> _Measured:
+    """Return the measured force and the drive that was read back, if known, in place of planned."""
+    known: _Measured = ()
     if isfinite(force_n):
-        known["force_n"] = stepped(force_n, moment.force_n, FORCE_STEP * moment.force_n)
+        known = (("force_n", stepped(force_n, moment.force_n, FORCE_STEP * moment.force_n)),)
     if isfinite(voltage_v) and resonance_hz is not None:
         # Rounded, so that trials with the same drive share a prediction.
-        known["voltage_v"] = round(voltage_v, 3)
-        known["frequency"] = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
-    return replace(moment, **known) if known else moment
+        frequency = round(frequency_hz / resonance_hz, FREQUENCY_DIGITS)
+        known += ("voltage_v", round(voltage_v, 3)), ("frequency", frequency)
+    return known
+
+
+# Trials are felt alike again and again, because measured values count in steps.
+@lru_cache(maxsize=8192)
+def _felt(
+    change: Change, before: _Measured, after: _Measured, places_m: tuple[float, ...]
+) -> Change:
+    return replace(
+        change,
+        before=replace(change.before, **dict[str, Any](before)),
+        after=replace(change.after, **dict[str, Any](after)),
+        places_m=places_m,
+    )
 
 
 def stepped(measured: float, planned: float, step: float) -> float:

@@ -27,7 +27,7 @@ from analysis.export.columns import (
     question_columns,
 )
 from analysis.felt.measured_statistics import with_measures
-from analysis.loading.records import TEXT, values
+from analysis.loading.records import OF_TOUCH, TEXT, values
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.changes import RUNG
@@ -387,14 +387,7 @@ class Frames:
 _OF_TRIAL = {"trial_index": "index", "block": "block", "trial_kind": "kind"} | {
     name: name for name in ("condition", "level", "opposite", "question", "expected")
 }
-_OF_TOUCH = {name: name for name in ("place", "direction", "coverage", "press")} | {
-    "sliding_speed_m_s": "sliding_speed_m_s",
-    "planned_voltage_v": "voltage_v",
-    "planned_end_voltage_v": "end_voltage_v",
-    "planned_frequency": "frequency",
-    "planned_end_frequency": "end_frequency",
-}
-"""The columns of a plan, and the fields of a planned trial or touch that they hold."""
+"""The columns of a plan of trials, and the fields of a planned trial that they hold."""
 
 
 def plan_frame(planned: Iterable[Trial | PlannedTrial]) -> pd.DataFrame:
@@ -410,5 +403,5 @@ def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
     return {
         **{name: getattr(trial, of) for name, of in _OF_TRIAL.items()},
         "touches": len(touches),
-        **{name: tuple(getattr(it, of) for it in touches) for name, of in _OF_TOUCH.items()},
+        **{name: tuple(getattr(it, of) for it in touches) for name, of in OF_TOUCH.items()},
     }

@@ -194,8 +194,8 @@ class Course:
     def _touch_started(self, event: journal.TouchStarted) -> None:
         touches = self._planned[self._attempt.trial_index].touches
         self._rows.touches.append(
-            TouchRow.begun(
-                planned_touch(touches[event.touch]),
+            TouchRow(
+                planned=planned_touch(touches[event.touch]),
                 attempt_id=self._rows.attempts.last_id,
                 beam=self._beam,
                 commanded_voltage_v=event.commanded.voltage_v,
@@ -370,8 +370,7 @@ def _track(study_text: str | None, name: str) -> Track | None:
 
 def planned_touch(planned: Mapping[str, Any]) -> Touch:
     """Return the touch that is planned as the journal has it."""
-    # Sorted, so that equal plans are one key of the cache in whatever order.
-    return _touch(tuple(sorted(planned.items())))
+    return _touch(tuple(planned.items()))
 
 
 @lru_cache(maxsize=1024)

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.estimates import IntArray, NotEstimable
+from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.course import planned_touch
-from analysis.loading.records import TEXT, Exclusion, Incident
+from analysis.loading.records import TEXT, Exclusion, Incident, numbered
 from analysis.loading.sessions import Sessions
 from device.friction.scenes import Calibration
 from protocol.journal.events import StudyAmended, StudyRegistered
@@ -94,7 +94,7 @@ def _column(name: str, column: "pd.Series[Any]") -> Column:
         codes, distinct = pd.factorize(column)
         return Column(type="text", packed=_packed(codes), values=tuple(distinct.tolist()))
     if kind == "object":
-        codes, told = _numbered(column.tolist())
+        codes, told = numbered(column.tolist())
         if name == "planned":  # touches, which are read again as the journal's are
             told = [touch.model_dump(exclude_unset=True) for touch in told]
         return Column(type=kind, packed=_packed(codes), values=tuple(told))
@@ -105,15 +105,6 @@ def _column(name: str, column: "pd.Series[Any]") -> Column:
         # Microseconds, of which the smallest number stands for a missing moment.
         return Column(type="moment", packed=_packed(column.dt.tz_localize(None).to_numpy()))
     return Column(type=kind, packed=_packed(column.to_numpy()))
-
-
-def _numbered(values: Sequence[Any]) -> tuple[IntArray, list[Any]]:
-    """Return the place of each value among the different objects, and those."""
-    # By identity, because 1, 1.0 and True are equal, and a mapping has no hash.
-    place_of: dict[int, int] = {}
-    places = [place_of.setdefault(id(value), len(place_of)) for value in values]
-    told = dict(zip(places, values, strict=True))
-    return np.array(places, np.int64), list(told.values())
 
 
 def _series(name: str, column: Column) -> "pd.Series[Any]":

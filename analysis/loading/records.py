@@ -5,7 +5,7 @@ is a missing value. Names end in the unit: `_s`, `_v` (amplitude, peak), `_hz`, 
 frequency without a unit is relative to the resonance.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, Self, TypeVar, get_type_hints
@@ -13,6 +13,7 @@ from typing import Any, Generic, Self, TypeVar, get_type_hints
 import numpy as np
 import pandas as pd
 
+from analysis.estimates import IntArray
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
 from protocol.study.touch import Touch
@@ -151,7 +152,7 @@ class AttemptRow:
 
 @dataclass(kw_only=True, slots=True)
 class TouchRow:
-    """A touch that was begun: as planned, as commanded, as read back and as judged.
+    """A touch that was begun: as planned (`with_plans`), commanded, read back and judged.
 
     - `start_*`, `end_*`: as read back; missing if the touch was cut short.
     - `force_n` (median), `force_ok`, `place_ok`: missing also on a rig without sensors; `speed_ok`
@@ -161,15 +162,6 @@ class TouchRow:
     attempt_id: int
     planned: Touch
     beam: str | None
-    place: str
-    direction: str
-    coverage: str
-    press: float
-    sliding_speed_m_s: float | None
-    planned_voltage_v: float
-    planned_end_voltage_v: float
-    planned_frequency: float
-    planned_end_frequency: float
     commanded_voltage_v: float
     commanded_frequency_hz: float
     start_voltage_v: float | None = None
@@ -183,22 +175,38 @@ class TouchRow:
     place_ok: bool | None = None
     speed_ok: bool | None = None
 
-    @classmethod
-    def begun(cls, planned: Touch, **known: Any) -> Self:
-        """Return the row of a touch that begins as `planned`; `known` are its other columns."""
-        return cls(
-            planned=planned,
-            place=planned.place,
-            direction=planned.direction,
-            coverage=planned.coverage,
-            press=planned.press,
-            sliding_speed_m_s=planned.sliding_speed_m_s,
-            planned_voltage_v=planned.voltage_v,
-            planned_end_voltage_v=planned.end_voltage_v,
-            planned_frequency=planned.frequency,
-            planned_end_frequency=planned.end_frequency,
-            **known,
+
+OF_TOUCH = {name: name for name in ("place", "direction", "coverage", "press")} | {
+    "sliding_speed_m_s": "sliding_speed_m_s",
+    "planned_voltage_v": "voltage_v",
+    "planned_end_voltage_v": "end_voltage_v",
+    "planned_frequency": "frequency",
+    "planned_end_frequency": "end_frequency",
+}
+"""The columns of a plan, and the fields of a planned touch that they hold."""
+_TEXTS = frozenset({"place", "direction", "coverage"})
+
+
+def with_plans(touches: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of touches with columns for what was planned of each."""
+    # A study plans few different touches, and a table has many.
+    places, plans = numbered(touches["planned"].tolist())
+    told = {
+        name: pd.Series(
+            [getattr(plan, of) for plan in plans], dtype=TEXT if name in _TEXTS else "float64"
         )
+        for name, of in OF_TOUCH.items()
+    }
+    return touches.join(pd.DataFrame(told).iloc[places].reset_index(drop=True))
+
+
+def numbered(values: Sequence[Any]) -> tuple[IntArray, list[Any]]:
+    """Return the place of each value among the different objects, and those."""
+    # By identity, because 1, 1.0 and True are equal, and a mapping has no hash.
+    place_of: dict[int, int] = {}
+    places = [place_of.setdefault(id(value), len(place_of)) for value in values]
+    told = dict(zip(places, values, strict=True))
+    return np.array(places, np.int64), list(told.values())
 
 
 @dataclass(kw_only=True, slots=True)

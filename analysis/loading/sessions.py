@@ -12,7 +12,7 @@ import pandas as pd
 from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
-from analysis.loading.records import REHEARSED, Exclusion, Incident
+from analysis.loading.records import REHEARSED, Exclusion, Incident, with_plans
 from analysis.loading.study_lock import Decisions
 from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N
@@ -38,7 +38,7 @@ class Sessions:
       tells the participant from a rehearsal of the same name.
     - `attempts`: an `AttemptRow` per attempt at a trial and per score of a published table, session
       by session, in the order of their beginnings, with the index `attempt_id`.
-    - `touches`: a `TouchRow` per touch, with the index `touch_id`.
+    - `touches`: a `TouchRow` per touch and its plan, with the index `touch_id`.
     - `answers`: an `AnswerRow` per answer to a question of the study's own.
     - `traces`: a row per sample of the finger: `touch_id`, `t_s` (the device's clock), `force_n`,
       `position_m`.
@@ -172,7 +172,7 @@ def sessions_of(rows: Rows, **known: Any) -> Sessions:
             subject=names.where(~(rehearsed & names.isin(apart)), names + REHEARSED)
         ),
         attempts=rows.attempts.frame(),
-        touches=rows.touches.frame(),
+        touches=with_plans(rows.touches.frame()),
         answers=rows.answers.frame(),
         traces=rows.traces(),
         forces=rows.forces,

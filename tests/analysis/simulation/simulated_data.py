@@ -97,8 +97,8 @@ def _add_touch(
     resonance_hz = planned.study.rig.nominal_resonance_hz
     touch = kind.trial.touches[number].at(resonance_hz)
     rows.touches.append(
-        TouchRow.begun(
-            touch,
+        TouchRow(
+            planned=touch,
             attempt_id=rows.attempts.last_id,
             beam=touch.beam or planned.study.touch.beam,
             commanded_voltage_v=touch.voltage_v,

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, get_args
+from typing import Any
 
 from protocol.errors import WorkFailed
 from protocol.journal import events
-from protocol.journal.events import TAGS, Event, Opening, StoredEvent
+from protocol.journal.events import TAGS, Opening, StoredEvent
 from protocol.journal.records import TrackAnswer
 
 # The states of a session and the events that each allows; all other events are refused.
@@ -76,28 +76,6 @@ def next_state(state: str, tag: str) -> str:
         return TRANSITIONS[state, tag]
     except KeyError:
         raise NotAllowed(f"a session that is {state} does not allow the event {tag!r}") from None
-
-
-_OfSetup = events.SessionResumed | events.BeamMounted | events.RigDescribed
-_Judgement = events.TrialExcluded | events.TrialIncluded
-_OfTrial = (
-    events.TrialStarted
-    | events.TrialAborted
-    | events.TrialDeferred
-    | events.TrialsNotNeeded
-    | events.Answered
-)
-_Folded = (
-    Opening
-    | _OfSetup
-    | _Judgement
-    | _OfTrial
-    | events.PracticeRenewed
-    | events.QuestionAnswered
-    | events.TouchStarted
-)
-_FOLDED = frozenset(kind.TAG for kind in get_args(_Folded))
-"""The other events change only the name of the state, so that long traces need not be parsed."""
 
 
 @dataclass(kw_only=True)
@@ -177,64 +155,82 @@ class SessionState:
         if tag == events.SessionCompleted.TAG:
             self.completed_utc = event.utc
         # After a withdrawal the tags still lead to the state, and there is no payload to look at.
-        if tag in _FOLDED and not event.erased:
-            self._take_record(event.record)
+        if (handler := _HANDLERS.get(tag)) is not None and not event.erased:
+            handler(self, event.record)
 
-    def _take_record(self, event: Event) -> None:
-        match event:
-            case events.SessionOpened() | events.ScoresImported():
-                self.opened = event
-            case events.PracticeRenewed():
-                # Practice that is renewed counts as not answered: the session then asks for it
-                # again.
-                again = set(event.indices)
-                self.answers = {n: text for n, text in self.answers.items() if n not in again}
-                self.practice_rounds += 1
-            case events.QuestionAnswered():
-                self.questions[event.name, event.block] = event.answer
-            case events.TouchStarted():
-                self.touch = event.touch
-                self.windowless = bool(event.instruction and event.instruction.trace is None)
-        if isinstance(event, _OfSetup):
-            self._take_setup(event)
-        elif isinstance(event, _Judgement):
-            self._take_judgement(event)
-        elif isinstance(event, _OfTrial):
-            self._take_trial(event)
+    def _session_opened(self, event: Opening) -> None:
+        self.opened = event
 
-    def _take_setup(self, event: _OfSetup) -> None:
-        if isinstance(event, events.RigDescribed):
-            self.described = event.answers
-        else:  # another beam may have been mounted during an interruption
-            self.beam = event.beam if isinstance(event, events.BeamMounted) else None
+    _scores_imported = _session_opened
 
-    def _take_judgement(self, event: _Judgement) -> None:
+    def _session_resumed(self, _: events.SessionResumed) -> None:
+        self.beam = None  # another beam may have been mounted during an interruption
+
+    def _beam_mounted(self, event: events.BeamMounted) -> None:
+        self.beam = event.beam
+
+    def _rig_described(self, event: events.RigDescribed) -> None:
+        self.described = event.answers
+
+    def _practice_renewed(self, event: events.PracticeRenewed) -> None:
+        # Practice that is renewed counts as not answered: the session then asks for it again.
+        again = set(event.indices)
+        self.answers = {n: text for n, text in self.answers.items() if n not in again}
+        self.practice_rounds += 1
+
+    def _question_answered(self, event: events.QuestionAnswered) -> None:
+        self.questions[event.name, event.block] = event.answer
+
+    def _trial_started(self, event: events.TrialStarted) -> None:
+        self.trial, self.touch = event.index, None
+
+    def _touch_started(self, event: events.TouchStarted) -> None:
+        self.touch = event.touch
+        self.windowless = bool(event.instruction and event.instruction.trace is None)
+
+    def _trial_aborted(self, event: events.TrialAborted) -> None:
+        self.trial = self.touch = None
+        self.aborted.append(event.index)
+
+    def _trial_deferred(self, event: events.TrialDeferred) -> None:
+        self.trial = self.touch = None
+        self.deferred.append((event.index, event.after))
+
+    def _trials_not_needed(self, event: events.TrialsNotNeeded) -> None:
+        self.trial = self.touch = None
+        self.not_needed.update(event.indices)
+
+    def _answered(self, event: events.Answered) -> None:
+        self.trial = self.touch = None
+        if event.kind == "practice":
+            self.practised += [not made.missed for made in event.judged if made.judged]
+        if event.track is not None:
+            self.tracks.setdefault(event.track.name, []).append(event.track)
+        score = [] if event.score is None else [f"score {event.score}"]
+        # No session writes such a journal: `verify` reports it.
+        if event.index in self.answers:
+            self.answered_twice.append(event.index)
+        done = "drawn" if event.kind == "pass" else event.change or "felt"
+        self.answers[event.index] = ", ".join([done, *score])
+        self.unfelt[event.index] = sum(not made.judged for made in event.judged)
+
+    def _trial_excluded(self, event: events.TrialExcluded) -> None:
+        self.excluded.pop(event.index, None)  # the last one stands last
+        self.excluded[event.index] = event.reason
+
+    def _trial_included(self, event: events.TrialIncluded) -> None:
         self.excluded.pop(event.index, None)
-        if isinstance(event, events.TrialExcluded):
-            self.excluded[event.index] = event.reason
 
-    def _take_trial(self, event: _OfTrial) -> None:
-        self.trial = event.index if isinstance(event, events.TrialStarted) else None
-        self.touch = None
-        match event:
-            case events.TrialAborted():
-                self.aborted.append(event.index)
-            case events.TrialDeferred():
-                self.deferred.append((event.index, event.after))
-            case events.TrialsNotNeeded():
-                self.not_needed.update(event.indices)
-            case events.Answered():
-                if event.kind == "practice":
-                    self.practised += [not made.missed for made in event.judged if made.judged]
-                if event.track is not None:
-                    self.tracks.setdefault(event.track.name, []).append(event.track)
-                score = [] if event.score is None else [f"score {event.score}"]
-                # No session writes such a journal: `verify` reports it.
-                if event.index in self.answers:
-                    self.answered_twice.append(event.index)
-                done = "drawn" if event.kind == "pass" else event.change or "felt"
-                self.answers[event.index] = ", ".join([done, *score])
-                self.unfelt[event.index] = sum(not made.judged for made in event.judged)
+
+_HANDLERS = {
+    tag: handler
+    for tag in TAGS
+    if (handler := vars(SessionState).get(f"_{tag.replace('-', '_')}")) is not None
+}
+"""The methods that take events, each with the name of its event's tag.
+
+Other events change only the name of the state, so that long traces need not be parsed.
+"""
 
 
 def folded(chain: Iterable[StoredEvent]) -> SessionState:

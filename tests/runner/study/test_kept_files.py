@@ -6,6 +6,7 @@ import pickle
 import sqlite3
 import zlib
 from collections.abc import Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -244,6 +245,7 @@ def test_a_journal_that_was_read_is_not_read_again_by_another_command(
     def never_loaded(_: Iterable[Sequence[StoredEvent]]) -> sessions.Sessions:
         raise Never
 
+    import_module("analysis.export.dataset")  # a first import below would keep what replaces it
     monkeypatch.setattr(sessions, "load_sessions", never_loaded)
     assert load(study).trials.equals(first.trials)
     assert typed("report", study) == 0

@@ -219,7 +219,11 @@ def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
 # over a window.
 
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+# Gauss and Legendre's, as np.polynomial.legendre.leggauss(6) gives them: numpy's polynomials take
+# as long to import as the motion takes to solve.
+_OUTER = np.array([0.9324695142031519, 0.6612093864662645, 0.2386191860831969])
+_SHARES = np.array([0.17132449237917027, 0.3607615730481387, 0.46791393457269104])
+_NODES, _WEIGHTS = np.append(-_OUTER, _OUTER[::-1]), np.append(_SHARES, _SHARES[::-1])
 _CELLS_PER_RADIAN = 4
 _ROUGH, _FLOOR, _HALVINGS = 3e-8, 1e-11, 26
 _NARROW = 1e-5  # part of the length below which a window is summed on its own

@@ -25,7 +25,6 @@ from protocol.study_file.text_checks import (
     unanswerable,
 )
 from protocol.study_file.toml import unit_hint
-from protocol.study_file.tracks import track_problems
 
 # Consistency of a study's names, of its opening trials and of its practice.
 
@@ -245,7 +244,10 @@ def limit_problems(study: Study) -> list[Problem]:
         hint = "such as those of touchbeam new DIR --template paper, or --template threshold"
         # Of no key, so that it is not said of a study whose tracks cannot be read.
         broken.append(Problem("condition", "must be given, or a [[track]]", "neither", hint))
-    broken += track_problems(study)
+    if study.track:  # most studies have none, and should not wait for what checks them
+        from protocol.study_file.tracks import track_problems
+
+        broken += track_problems(study)
     for number, track in enumerate(study.track):
         # Those on the axis of contrast have their voltages only once a model is at hand.
         inner = () if track.axis == "contrast" else map(track.at, range(len(track.values)))

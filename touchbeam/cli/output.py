@@ -4,6 +4,7 @@ No other module prints, so nothing reaches a terminal unescaped.
 """
 
 import errno
+import gc
 import shlex
 import shutil
 import sys
@@ -196,11 +197,13 @@ def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: boo
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     """Show a progress bar on a terminal; yield a function to call after each of `total` steps."""
+    if not at_terminal(sys.stderr):
+        yield lambda: None
+        return
     from rich.console import Console
     from rich.progress import Progress
 
-    shown = at_terminal(sys.stderr)
-    with Progress(console=Console(stderr=True), transient=True, disable=not shown) as bar:
+    with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(visible(what), total=total)
         yield lambda: bar.advance(task)
 
@@ -217,6 +220,14 @@ def followed(what: str, items: Iterable[_T], total: int, *, alone: bool = False)
         for item in items:
             yield item
             step()
+
+
+def collect_rarely() -> None:
+    """Look for cycles of objects rarely: in a command in which nobody waits for the next moment.
+
+    Each search then takes 5 ms, which a session could not spare, but all of them together less.
+    """
+    gc.set_threshold(100_000, 20, 20)
 
 
 WORK_FAILED = 1

@@ -46,6 +46,7 @@ def report(
 
     Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
+    output.collect_rarely()
     folder = options.study_folder(study)
     named = None if sections is None else tuple(map(str.strip, sections.split(",")))
     write_report(folder, out, rehearsals=rehearsals, as_json=as_json, named=named, figures=figures)

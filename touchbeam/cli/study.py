@@ -100,6 +100,7 @@ def check(
     as_json: options.JsonOption = False,
 ) -> None:
     """Show a study's plan, or list all its problems."""
+    output.collect_rarely()
     from runner.study.check import checked
 
     folder = options.study_folder(study)

@@ -62,11 +62,12 @@ def read_study(
     from runner.journal.verification import readable_chains
     from runner.study.kept_files import code_version, journal_digest, kept_files
 
-    # While it is open here, it has a log.
-    digest = journal_digest(folder.existing_journal())
+    path = folder.existing_journal()
     text, file = folder.text(), folder.study()
-    with read_journal(folder.journal) as journal:
+    with read_journal(path) as journal:
         shelf = kept_files(journal)
+    # Not while it is open here, when it has a log; and what is not kept needs no name.
+    digest = journal_digest(path) if shelf else ""
 
     broken: list[str] = []
     loaded: list[Sessions] = []
@@ -99,7 +100,7 @@ def read_study(
         rehearsals=rehearsals,
         broken=tuple(broken),
         # What a session added meanwhile is in the tables or not: no digest tells.
-        _read=(digest if not loaded or unchanged() else "", text),
+        _read=(digest if shelf and (not loaded or unchanged()) else "", text),
     )
 
 

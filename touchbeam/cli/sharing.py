@@ -132,7 +132,8 @@ def export(
             again = readable_chains(journal, [], participant)
             texts |= source_files(data, again, source.text())
     warn_of_broken(broken, study)
-    files = {name: text.encode() for name, text in texts.items()} | RECORDINGS[as_format](data)
+    # One by one, because texts and bytes of all would need twice the memory.
+    files = {name: texts.pop(name).encode() for name in tuple(texts)} | RECORDINGS[as_format](data)
     if as_format == "rocrate":
         files |= _report_in_crate(source, files, broken, rehearsals=rehearsals)
         from analysis.export.rocrate import METADATA, crate_metadata

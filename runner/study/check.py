@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from device.friction.changes import trial_change
 from device.friction.scenes import Calibration
 from device.study_limits import reach_problems
 from protocol.errors import Problem, WorkFailed
@@ -174,7 +173,7 @@ def _prediction(study: Study, rig: Calibration) -> Prediction:
     """Return the friction model's predictions for trials; loads the model."""
     # One thread is enough for a few places; starting a thread pool takes longer than the work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from device.friction.changes import LAW, RUNG, predicted_contrast
+    from device.friction.changes import LAW, RUNG, predicted_contrast, trial_change
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(question: Question, expected: str | None, touches: tuple[Touch, ...]) -> float:

@@ -1,4 +1,4 @@
-"""Studies in which everybody answered 40 scored trials, and nine of other kinds."""
+"""Studies of people with different gains, 40 scored trials each, and nine of other kinds."""
 
 from pathlib import Path
 
@@ -23,7 +23,8 @@ def large_study(folder: Path, participants: int) -> Path:
     with open_journal(folder / "study.db") as journal, journal.alone():
         for number in range(participants):
             name = f"P{number + 1:04d}"
-            events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name)
+            gain = rng.normal(1.2, 0.4)
+            events = session_events(STUDY, number % ARRANGEMENTS, rng, who=name, gain=gain)
             for stored in chain(events):
                 journal.append(f"{name}/1", stored)
     return folder

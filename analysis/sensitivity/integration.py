@@ -154,22 +154,24 @@ def weighted_points(
     start: FloatArray,
     count: int,
     least: float | None = None,
+    *,
     pilot: int = PILOT,
     rise: float = MODE_RISE,
+    step: FloatArray | float = CURVATURE_STEP,
 ) -> tuple[WeightedPoints, BoolArray]:
     """Return weighted points that represent the density, and which of the last ones they are.
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode, found
-    but for a `rise`, and scaled by the curvature there, then with the mean and covariance of the
-    points so far. The first are `pilot` in number, then `count`, until the effective sample size is
-    at least `least` (None for 200) or four times as many do or would not reach it. They are those
-    of an additive low-discrepancy sequence instead of random ones, and of a proposal that is
-    rounded, so that the same input gives the same points on every computer. Points without weight
-    are left out.
+    but for a `rise`, and scaled by the curvature there over a `step` along each axis, then with the
+    mean and covariance of the points so far. The first are `pilot` in number, then `count`, until
+    the effective sample size is at least `least` (None for 200) or four times as many do or would
+    not reach it. They are those of an additive low-discrepancy sequence instead of random ones, and
+    of a proposal that is rounded, so that the same input gives the same points on every computer.
+    Points without weight are left out.
     """
     least = LEAST_EFFECTIVE if least is None else least
     log_density = _within_reach(log_density)
-    centre, covariance = mode_of(log_density, start, rise)
+    centre, covariance = mode_of(log_density, start, rise, step)
     for number in (pilot, count, 2 * count, 4 * count):
         points, log_proposal = _t_points(centre, covariance, number)
         known = log_density(points)
@@ -229,7 +231,10 @@ def low_discrepancy(count: int, dimensions: int) -> FloatArray:
 
 
 def mode_of(
-    log_density: LogDensity, start: FloatArray, rise: float = MODE_RISE
+    log_density: LogDensity,
+    start: FloatArray,
+    rise: float = MODE_RISE,
+    step: FloatArray | float = CURVATURE_STEP,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mode, and the inverse of the curvature there.
 
@@ -238,30 +243,34 @@ def mode_of(
     """
     mode = start
     for _ in range(MODE_STEPS):
-        gradient, covariance = _parabola(log_density, mode)
-        step = covariance @ gradient
-        mode = mode + step / max(1.0, float(np.abs(step).max()) / LONGEST_STEP)
-        if gradient @ step < rise:
+        gradient, covariance = _parabola(log_density, mode, step)
+        move = covariance @ gradient
+        mode = mode + move / max(1.0, float(np.abs(move).max()) / LONGEST_STEP)
+        if gradient @ move < rise:
             break
     return mode, covariance
 
 
-def _parabola(log_density: LogDensity, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _parabola(
+    log_density: LogDensity, centre: FloatArray, step: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
     """Return the gradient and inverse curvature of the parabola through values about the centre."""
     size = len(centre)
     first, second = np.triu_indices(size, 1)
-    axes = np.eye(size) * CURVATURE_STEP
+    unit = np.broadcast_to(step, size)
+    axes = np.diag(unit)
     steps = np.vstack([axes, axes[first] + axes[second]])
     values = log_density(centre + np.vstack([np.zeros(size), steps, -steps]))
     # (29): second differences along each axis and each diagonal.
     ahead, behind = np.split(values[1:], 2)
-    falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
+    falls = 2 * values[0] - ahead - behind
     curvature = np.diag(falls[:size])
     curvature[first, second] = (falls[size:] - falls[first] - falls[second]) / 2
     curvature[second, first] = curvature[first, second]
+    curvature /= np.multiply.outer(unit, unit)
     eigenvalues, vectors = np.linalg.eigh(curvature)
     inverse = (vectors / np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE)) @ vectors.T
-    return (ahead - behind)[:size] / (2 * CURVATURE_STEP), np.asarray(inverse)
+    return (ahead - behind)[:size] / (2 * unit), np.asarray(inverse)
 
 
 def _t_points(

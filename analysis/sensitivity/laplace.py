@@ -17,7 +17,8 @@ STEPS = 200
 WIDE = 10.0
 # Newton's method has found a mode where twice the rise of the log posterior that it expects of its
 # next step, (25), is less. The step, about the root of it long in SDs, is taken unseen.
-RISE = 1e-4
+# In a large study, whose components are known well, more of it changes no weight that counts.
+RISE, LARGE_RISE = 1e-4, 1e-2
 # If it moves edges by a larger part of the noise, curvature may be another where it ends, and the
 # rise must be as small as that of a step which changes nothing.
 SHORT, LEAST_RISE = 0.03, 1e-8
@@ -109,6 +110,7 @@ class LatentField:
         self.trials = trials
         self._sums = DerivativeSums(trials)
         self._farthest = 1 + np.abs(trials.x).max()
+        self._rise = RISE if len(trials.x) <= LARGE else LARGE_RISE
 
     def start(self, points: int) -> tuple[FloatArray, FloatArray]:
         """Return the initial shared parameters and z at each point."""
@@ -169,7 +171,7 @@ class LatentField:
         own = np.abs(departures(components.root, z)).max(axis=(1, 2))
         # An estimate of how far edges move, no bound: their parts seldom all move the same way.
         moved = (np.abs(shared).max(axis=1) + own) * self._farthest / components.residual_sd
-        return np.asarray(rise < np.where(moved < SHORT, RISE, LEAST_RISE))
+        return np.asarray(rise < np.where(moved < SHORT, self._rise, LEAST_RISE))
 
     def evaluated(self, shared: FloatArray, z: FloatArray, components: Components) -> LatentModes:
         """Return log posterior, gradient and curvature, -inf if edges are not in order.

@@ -21,9 +21,9 @@ EVIDENCE_PILOT, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE = 60, 120, 50.0
 # A proposal from so near the mode serves as well, because it adapts to its points. From farther off
 # (2) its first points are too far apart in some studies, whose halves then disagree.
 MODE_RISE = 0.5
-# From LARGE different trials on, the components are known so well that few points suffice. The
+# From LARGE different trials on, the components are known so well that fewer points suffice. The
 # search for their mode begins at that of about so many trials.
-LARGE_POINTS, LARGE_EFFECTIVE = 100, 50.0
+LARGE_EFFECTIVE = 100.0
 MODE_TRIALS = 2_000
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5
@@ -114,6 +114,10 @@ class _Density:
         return modes.log_evidence + self._log_prior(points)
 
 
+Known = tuple[_Density, FloatArray, FloatArray | float]
+"""The density of the components, where the search for its mode begins, and steps along the axes."""
+
+
 def integrated(
     field: LatentField,
     start: FloatArray,
@@ -121,21 +125,17 @@ def integrated(
     log_prior: integration.LogDensity,
 ) -> LatentPosterior:
     """Return the posterior of the field's parameters, integrated from `start` over `components`."""
-    trials, density = field.trials, _Density(field, start, components, log_prior)
-    if len(trials.x) > LARGE:
-        few = LatentField(trials.some(-(-len(trials.x) // MODE_TRIALS)))
-        start, _ = integration.mode_of(_Density(few, start, components, log_prior), start)
-        points, kept = integration.weighted_points(
-            density, start, LARGE_POINTS, LARGE_EFFECTIVE, rise=MODE_RISE
-        )
-    else:
-        wanted = int(POINTS_BY_TRIALS / len(trials.x) ** 2)
-        wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
-        points, kept = integration.weighted_points(density, start, wanted, rise=MODE_RISE)
+    density, start, step = _known(field, start, components, log_prior)
+    wanted = int(POINTS_BY_TRIALS / len(field.trials.x) ** 2)
+    wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
+    least = LARGE_EFFECTIVE if len(field.trials.x) > LARGE else None
+    points, kept = integration.weighted_points(
+        density, start, wanted, least, rise=MODE_RISE, step=step
+    )
     # The last evaluation was at the returned points, so these are their modes.
     sds = components(points.points).residual_sd
     modes = density.known[1].at(kept)
-    return LatentPosterior(trials=trials, points=points, residual_sds=sds, modes=modes)
+    return LatentPosterior(trials=field.trials, points=points, residual_sds=sds, modes=modes)
 
 
 def log_evidence(
@@ -145,13 +145,34 @@ def log_evidence(
     log_prior: integration.LogDensity,
 ) -> float:
     """Return the logarithm of the integral alone of which `integrated` gives the posterior."""
-    if len(field.trials.x) > LARGE:
-        return integrated(field, start, components, log_prior).points.log_evidence
-    density = _Density(field, start, components, log_prior)
+    density, start, step = _known(field, start, components, log_prior)
     points, _ = integration.weighted_points(
-        density, start, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE, EVIDENCE_PILOT, MODE_RISE
+        density,
+        start,
+        EVIDENCE_POINTS,
+        EVIDENCE_EFFECTIVE,
+        pilot=EVIDENCE_PILOT,
+        rise=MODE_RISE,
+        step=step,
     )
     return points.log_evidence
+
+
+def _known(
+    field: LatentField,
+    start: FloatArray,
+    components: Callable[[FloatArray], Components],
+    log_prior: integration.LogDensity,
+) -> Known:
+    density, step = _Density(field, start, components, log_prior), integration.CURVATURE_STEP
+    if len(field.trials.x) <= LARGE:
+        return density, start, step
+    few = LatentField(field.trials.some(-(-len(field.trials.x) // MODE_TRIALS)))
+    start, spread = integration.mode_of(_Density(few, start, components, log_prior), start)
+    # So many trials determine the components so well that over longer steps the density is no
+    # parabola, and its mode and curvature would be missed.
+    sds = np.sqrt(np.diag(spread) * MODE_TRIALS / len(field.trials.x))
+    return density, start, np.minimum(step, sds)
 
 
 def _foreseen(

@@ -80,8 +80,12 @@ def session_events(
     kind: str = "participant",
     who: str = "",
     measured: bool = True,
+    gain: float = 1.2,
 ) -> list[Event]:
-    """The events of one session in which a virtual person answered every planned trial."""
+    """The events of one session in which a virtual person answered every planned trial.
+
+    `gain` is what a level of the drive adds to the person's scores.
+    """
     trials = [planned_trial(trial) for trial in plan(study, slot).trials]
     name = who or f"P{slot + 1:02d}"
     events: list[Event] = [
@@ -94,7 +98,7 @@ def session_events(
         events.append(TrialStarted(index=trial.index, kind=trial.kind))
         for number, touch in enumerate(trial.touches):
             events += touched(number, touch, study, rng, measured=measured)
-        events.append(_answer(trial, level, rng))
+        events.append(_answer(trial, level, gain, rng))
     return [*events, DeviceOff(confirmed=True, why="the session is over"), SessionCompleted()]
 
 
@@ -140,12 +144,12 @@ _ANOTHER = {
 }
 
 
-def _answer(trial: PlannedTrial, level: float, rng: np.random.Generator) -> Answered:
+def _answer(trial: PlannedTrial, level: float, gain: float, rng: np.random.Generator) -> Answered:
     change = None
     if trial.question is not None and trial.expected is not None:
         wrong = {**_ANOTHER, "same": "stronger" if trial.question == "strength" else "smoother"}
         change = trial.expected if rng.random() < 0.85 else wrong[trial.expected]
-    score = round(float(np.clip(level + 1.2 * trial.level + rng.normal(0, 1), 0, 10)))
+    score = round(float(np.clip(level + gain * trial.level + rng.normal(0, 1), 0, 10)))
     given = trial.scored and change is not None and change == trial.expected
     return answer(
         trial,

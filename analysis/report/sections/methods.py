@@ -88,15 +88,9 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
     # Trials of tracks have no contrast of their own.
     touched = trials.contrasts.measured[trials.data.trials["track"].isna()]
     measured = int(touched.sum())
-    # Large studies are integrated with fewer points, which a reader has to know.
+    # Large studies need fewer of the points that they are integrated with.
     large = len(trials.scored.ratings.given.rating) > LARGE
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
-    error = (
-        "; in a study of this size limits of the standard deviations between subjects have a "
-        "numerical error of up to a third of their posterior standard deviation"
-        if large
-        else ""
-    )
     touches = (
         f"in {measured} of {len(touched)} trials, measured force or place "
         f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
@@ -119,7 +113,7 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
         "trials, by a probit model with noise and criterion of each subject, and then, by M2,"
         " how noticed changes are rated. Intervals are integrated over the variance "
         "parameters instead of fixing these at their best-fitting values; a fit with fewer "
-        f"than {least:.0f} effective points of this integration is withheld{error}. {SKIN}"
+        f"than {least:.0f} effective points of this integration is withheld. {SKIN}"
     )
 
 

@@ -5,8 +5,17 @@ from functools import partial
 import numpy as np
 
 from analysis.kept import Kept
+from analysis.sensitivity.laplace import LARGE
+from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
 from analysis.sensitivity.linear_model import linear_sensitivity
+from analysis.sensitivity.ordinal_model import (
+    OrdinalSensitivity,
+    PreparedTrials,
+    ordinal_sensitivity,
+    prepared_ratings,
+)
 from tests.analysis.sensitivity.people_of_other_kinds import own_people
+from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtual_study
 
 
 def test_fits_that_others_made_ahead_are_taken_and_have_the_same_numbers() -> None:
@@ -18,3 +27,24 @@ def test_fits_that_others_made_ahead_are_taken_and_have_the_same_numbers() -> No
 
     found = keep.made(never, linear_sensitivity, (ratings,), {})
     assert repr(found) == repr(linear_sensitivity(ratings))
+
+
+def test_a_large_study_has_sensitivities() -> None:
+    """Its standard deviations are so certain that a fixed step to their mode misses it."""
+    people = VirtualPopulation(bias=4, gain=5, gain_sd=2, discrepancy_sd=0.3, noise_sd=1)
+    condition, contrast = np.arange(20) % 5, np.linspace(0.1, 0.7, 5)
+    ratings = virtual_study(
+        people,
+        subjects=800,
+        condition=condition,
+        contrast=contrast[condition],
+        rng=np.random.default_rng(1),
+    ).ratings
+    prepared = prepared_ratings(ratings)
+    assert isinstance(prepared, PreparedTrials)
+    assert len(prepared.trials.x) > LARGE
+    fit = ordinal_sensitivity(ratings)
+    assert isinstance(fit, OrdinalSensitivity), fit
+    assert fit.effective_points >= LARGE_EFFECTIVE
+    low, high = fit.lines.gain_sd_interval
+    assert low < 2.0 < high < 1.2 * low

@@ -103,7 +103,7 @@ def test_all_choices_of_analysis_cost_less_than_the_report(
     def explored() -> float:
         return _reported(folder, "--sections", "multiverse")[0]
 
-    beyond_s = benchmark.pedantic(explored, rounds=1) - plain_s
-    work = "all choices of analysis (20 participants), beyond the report"
-    compare(benchmark, work, "the report itself", [beyond_s], [plain_s])
-    assert beyond_s <= plain_s
+    alone_s = benchmark.pedantic(explored, rounds=1)
+    work = "all choices of analysis (20 participants), alone"
+    compare(benchmark, work, "a report without them", [alone_s], [plain_s])
+    assert alone_s <= plain_s

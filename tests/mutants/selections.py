@@ -57,6 +57,7 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     "protocol/study_file/limits.py": _STUDY_FILE,
     "runner/session/loop.py": _SESSION,
+    "runner/session/measured.py": _SESSION,
     "device/rig.py": (
         "tests/device/rig", "tests/device/simulator/test_in_process.py",
         "tests/device/force_channel/test_recording.py", "tests/device/gauges",

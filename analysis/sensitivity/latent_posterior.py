@@ -21,9 +21,9 @@ EVIDENCE_PILOT, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE = 60, 120, 50.0
 # A proposal from so near the mode serves as well, because it adapts to its points. From farther off
 # (2) its first points are too far apart in some studies, whose halves then disagree.
 MODE_RISE = 0.5
-# From LARGE different trials on, the components are known so well that fewer points suffice. The
-# search for their mode begins at that of about so many trials.
+# From LARGE different trials on, the components are known so well that fewer points suffice.
 LARGE_EFFECTIVE = 100.0
+# Of more different trials, the search for their mode begins at that of about so many.
 MODE_TRIALS = 2_000
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5
@@ -165,13 +165,14 @@ def _known(
     log_prior: integration.LogDensity,
 ) -> Known:
     density, step = _Density(field, start, components, log_prior), integration.CURVATURE_STEP
-    if len(field.trials.x) <= LARGE:
+    count = len(field.trials.x)
+    if count <= MODE_TRIALS:
         return density, start, step
-    few = LatentField(field.trials.some(-(-len(field.trials.x) // MODE_TRIALS)))
+    few = LatentField(field.trials.some(-(-count // MODE_TRIALS)))
     start, spread = integration.mode_of(_Density(few, start, components, log_prior), start)
     # So many trials determine the components so well that over longer steps the density is no
     # parabola, and its mode and curvature would be missed.
-    sds = np.sqrt(np.diag(spread) * MODE_TRIALS / len(field.trials.x))
+    sds = np.sqrt(np.diag(spread) * len(few.trials.x) / count)
     return density, start, np.minimum(step, sds)
 
 

@@ -41,6 +41,7 @@ _STUDY_FILE = (
     "tests/protocol/study_file/test_consistency.py", "tests/protocol/plan/test_feasibility.py",
 )  # fmt: skip
 _SESSION = (
+    "tests/runner/session/test_measured.py",
     "tests/runner/session/test_trial.py", "tests/runner/session/test_waiting.py",
     "tests/runner/session",
 )  # fmt: skip

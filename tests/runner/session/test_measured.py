@@ -1,0 +1,25 @@
+"""Whether a touch was made as instructed, by its samples alone."""
+
+import pytest
+
+from protocol.journal.records import TraceSample
+from protocol.study.rules import TouchRules
+from runner.screens import Pacing
+from runner.session.measured import judged
+
+
+@pytest.mark.parametrize(
+    ("force_n", "is_right"), [(0.24, False), (0.26, True), (0.74, True), (0.76, False)]
+)
+def test_a_force_may_differ_by_a_share_of_the_instructed_one(
+    force_n: float, is_right: bool
+) -> None:
+    pacing = Pacing(start_m=0.04, end_m=0.04, duration_s=1.0, force_n=0.5, direction="right")
+    samples = [TraceSample(0.1 * step, force_n, 0.04) for step in range(5)]
+    assert judged(pacing, samples, TouchRules(force_within=0.5)).force_ok is is_right
+
+
+def test_the_median_force_is_kept_to_a_tenth_of_a_millinewton() -> None:
+    pacing = Pacing(start_m=0.04, end_m=0.04, duration_s=1.0, force_n=0.5, direction="right")
+    samples = [TraceSample(0.1 * step, 0.412345 + 0.1 * step, 0.04) for step in range(3)]
+    assert judged(pacing, samples, TouchRules()).force_n == 0.5123

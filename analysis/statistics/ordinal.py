@@ -274,6 +274,9 @@ def _gradient(
 NODES = {1: (81, 1296, 1e-7), 2: (41, 324, 1e-5)}
 # Bound on the parameters, in latent units; an estimate that diverges stops here.
 FARTHEST = 50.0
+# By symmetry the likelihood has no slope at an SD of 0, where a climb may stop though it rises on
+# either side: this far off that shows.
+BESIDE = 0.1
 # Largest slope of the log-likelihood that counts as a maximum.
 STEEP = 1e-3
 # Least curvature of the log-likelihood: a flatter direction has no maximum within the bounds.
@@ -294,14 +297,25 @@ class Maximum:
 def maximum(start: FloatArray, data: ScoreCounts) -> Maximum:
     """Return the maximum that a climb from `start` reaches."""
     nodes, most, rounding = NODES[len(unpacked(start, data).sds)]
-    packed, value = _climb(start, data, nodes)
+    packed, value = _top(start, data, nodes)
     while nodes < most and np.abs(packed).max() < FARTHEST / 2:
         finer = log_likelihood(packed, data, 2 * nodes)[0]
         if abs(finer - value) < rounding:
             break
         nodes *= 2
-        packed, value = _climb(packed, data, nodes)
+        packed, value = _top(packed, data, nodes)
     return Maximum(packed=packed, value=value, nodes=nodes)
+
+
+def _top(start: FloatArray, data: ScoreCounts, nodes: int) -> tuple[FloatArray, float]:
+    packed, value = _climb(start, data, nodes)
+    for place in range(data.coefficients.stop, len(packed)):
+        beside = np.where(np.arange(len(packed)) == place, BESIDE, packed)
+        if abs(packed[place]) < BESIDE and (
+            log_likelihood(beside, data, nodes)[0] > value + ROUNDING
+        ):
+            packed, value = _climb(beside, data, nodes)
+    return packed, value
 
 
 def _climb(start: FloatArray, data: ScoreCounts, nodes: int) -> tuple[FloatArray, float]:

@@ -119,6 +119,17 @@ def test_without_differences_the_interval_starts_at_0() -> None:
     assert found.effects["e"] == pytest.approx(without.effects["e"], abs=0.1)
 
 
+def test_a_search_that_stops_where_a_deviation_of_0_has_no_slope_goes_on() -> None:
+    """People differ in level by a thirtieth of what they do from condition to condition."""
+    rng = np.random.default_rng(5)
+    level = rng.normal(0, 0.1, 25)[:, None] + np.arange(3)
+    level += rng.normal(0, 3, level.shape)
+    felt = level[..., None] + rng.normal(size=(*level.shape, 4))
+    found = interaction(np.clip(np.round(felt + 4), 0, 10).astype(np.int64))
+    assert found.sd == pytest.approx(2.54, abs=0.01)
+    assert found.subject_sd == pytest.approx(0.40, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("scores", "reason"),
     [

@@ -257,20 +257,19 @@ def _parabola(
     """Return the gradient and inverse curvature of the parabola through values about the centre."""
     size = len(centre)
     first, second = np.triu_indices(size, 1)
-    unit = np.broadcast_to(step, size)
-    axes = np.diag(unit)
+    axes = np.diag(np.broadcast_to(step, size))
     steps = np.vstack([axes, axes[first] + axes[second]])
     values = log_density(centre + np.vstack([np.zeros(size), steps, -steps]))
-    # (29): second differences along each axis and each diagonal.
+    # (29): second differences along each axis and each diagonal, in units of the steps.
     ahead, behind = np.split(values[1:], 2)
-    falls = 2 * values[0] - ahead - behind
+    falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
     curvature = np.diag(falls[:size])
     curvature[first, second] = (falls[size:] - falls[first] - falls[second]) / 2
     curvature[second, first] = curvature[first, second]
-    curvature /= np.multiply.outer(unit, unit)
-    eigenvalues, vectors = np.linalg.eigh(curvature)
+    unit = np.diag(axes) / CURVATURE_STEP
+    eigenvalues, vectors = np.linalg.eigh(curvature / np.multiply.outer(unit, unit))
     inverse = (vectors / np.clip(eigenvalues, LEAST_CURVATURE, MOST_CURVATURE)) @ vectors.T
-    return (ahead - behind)[:size] / (2 * unit), np.asarray(inverse)
+    return (ahead - behind)[:size] / (2 * CURVATURE_STEP) / unit, np.asarray(inverse)
 
 
 def _t_points(

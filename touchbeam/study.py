@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from device.friction.scenes import Calibration
     from protocol.journal.events import StoredEvent
     from protocol.study.study import Study as StudyFile
+    from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
 
     Chains = Iterable[Sequence[StoredEvent]]
@@ -370,6 +371,7 @@ class AskedReport:
     unlocked: str
     rig: "Calibration"
     keep: "Kept"
+    withdrawals: int
 
     def made(
         self,
@@ -403,6 +405,8 @@ class AskedReport:
 
         Of a journal whose bytes are as they were, it is the report that was made then.
         """
+        from protocol.errors import WorkFailed
+        from runner.journal.opening import read_journal
         from runner.study.kept_files import journal_digest
 
         def whole(made: Written) -> bool:
@@ -414,7 +418,13 @@ class AskedReport:
         asked = (self.folder.path.resolve().name, self.rehearsals, self.named, self.shown, figures)
         known = (self.journal, self.text, self.unlocked, self.rig, asked)
         make = partial(self._written, load, figures=figures)
-        return self.keep.made(make, Written, *known, worth=whole)
+        made = self.keep.made(make, Written, *known, worth=whole)
+        with read_journal(self.folder.journal) as journal:
+            if _withdrawals(journal) != self.withdrawals:
+                raise WorkFailed(
+                    "somebody withdrew meanwhile, so nothing is written; make it again"
+                )
+        return made
 
     def _written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         from analysis.loading.study_data import marks
@@ -467,6 +477,7 @@ def asked_report(
         # What was read before a withdrawal must not come back to where that has deleted it.
         shelf = kept_files(journal) if digest == now else None
         unlocked = registration_problem(journal, folder)
+        withdrawals = _withdrawals(journal)
     return AskedReport(
         folder=folder,
         journal=digest,
@@ -477,4 +488,11 @@ def asked_report(
         unlocked=unlocked,
         rig=fitted_calibration(folder.path),
         keep=Kept(shelf, code_version()),
+        withdrawals=withdrawals,
     )
+
+
+def _withdrawals(journal: "Journal") -> int:
+    from protocol.journal.events import Withdrawn
+
+    return len(journal.events_of(Withdrawn))

@@ -41,6 +41,7 @@ class KeptFiles:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._withdrawn = _mark(folder)
 
     def get(self, name: str) -> bytes | None:
         path = self._folder / name
@@ -71,6 +72,9 @@ class KeptFiles:
                 create(beside, _digest(name, content) + content, 0o600)
                 # Renamed when it is whole, because another process may read it at any moment.
                 beside.replace(self._folder / name)
+                # What was computed before a withdrawal must not come back after it.
+                if _mark(self._folder) != self._withdrawn:
+                    (self._folder / name).unlink()
             finally:
                 beside.unlink(missing_ok=True)
         except OSError:
@@ -91,10 +95,30 @@ def kept_files(journal: Journal) -> KeptFiles | None:
 
 
 def forget(journal: Journal) -> Path | None:
-    """Remove all kept results of the study; return their folder if something is left."""
+    """Remove all kept results of the study; return their folder if something is left.
+
+    Whoever still computes some from what is erased keeps nothing more.
+    """
     folder = _everything() / _name_of(journal)
+    with suppress(OSError):
+        folder.parent.mkdir(0o700, parents=True, exist_ok=True)
+        # Before anything is removed, so that what is put meanwhile is found by one of the two.
+        _mark_of(folder).write_bytes(secrets.token_bytes(8))
     shutil.rmtree(folder, ignore_errors=True)
     return folder if folder.exists() else None
+
+
+def _mark_of(folder: Path) -> Path:
+    return folder.with_suffix(".withdrawn")
+
+
+def _mark(folder: Path) -> bytes:
+    """Return what tells one withdrawal from the next; nothing before the first."""
+    try:
+        with open(_mark_of(folder), "rb", opener=opened_itself) as file:
+            return file.read(8)
+    except OSError:
+        return b""
 
 
 def journal_digest(path: Path) -> str:

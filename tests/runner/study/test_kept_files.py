@@ -175,14 +175,14 @@ def test_a_study_keeps_its_results_apart_and_a_withdrawal_removes_them(
     pages = [zlib.decompress(path.read_bytes()[32:]) for path in cache.glob("*/*")]
     assert any(b'"3"' in page for page in pages)
     assert typed("withdraw", study, "--participant", "3", "--yes") == 0
-    assert list(cache.rglob("*")) == []
+    assert [path.suffix for path in cache.rglob("*")] == [".withdrawn"]
     monkeypatch.setenv(kept_files.VARIABLE, kept_files.OFF)
     assert typed("report", study) == 0
     with open_journal(study / "study.db") as journal:
         assert kept_of(journal) is None
         monkeypatch.setenv(kept_files.VARIABLE, str(cache))
         assert forget(journal) is None
-    assert list(cache.rglob("*")) == []
+    assert [path.suffix for path in cache.rglob("*")] == [".withdrawn"]
 
 
 def test_the_page_is_the_same_with_and_without_kept_results(
@@ -286,4 +286,26 @@ def test_commands_and_python_make_a_report_once_and_none_comes_back_after_a_with
     assert typed("withdraw", study, "--participant", "3", "--yes") == 0
     loaded.report(tmp_path / "e")
     assert len(made) == 3
-    assert list(cache.rglob("*")) == []
+    assert [path.suffix for path in cache.rglob("*")] == [".withdrawn"]
+
+
+def test_nobody_who_withdraws_meanwhile_is_in_a_report_or_in_what_is_kept_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cache, study = tmp_path / "cache", tmp_path / "study"
+    monkeypatch.setenv(kept_files.VARIABLE, str(cache))
+    assert typed("import", PUBLISHED, study) == 0
+    make = reports.report
+
+    def withdrawn(*args: Any, **named: Any) -> reports.Report:
+        assert typed("withdraw", study, "--participant", "3", "--yes") == 0
+        return make(*args, **named)
+
+    monkeypatch.setattr(reports, "report", withdrawn)
+    assert typed("report", study) != 0
+    assert "somebody withdrew meanwhile" in capsys.readouterr().err
+    assert not (study / "report").exists()
+    assert [path for path in cache.glob("*/*") if path.is_file()] == []
+    monkeypatch.setattr(reports, "report", make)
+    assert typed("report", study) == 0
+    assert list(cache.glob("*/*"))

@@ -341,7 +341,9 @@ class Journal:
             yield
         except (*database.SQLITE_ERRORS, DamagedError, database.LogNotCopiedError) as error:
             raise_if_stopped()  # SQLite takes the exception of a signal for its own interruption
-            raise JournalError(f"{self._path}: cannot be {what} ({error})") from error
+            # SQLite repeats a text that it cannot decode, and that may be a person's answer.
+            why = str(error).partition(" with text ")[0]
+            raise JournalError(f"{self._path}: cannot be {what} ({why})") from error
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:

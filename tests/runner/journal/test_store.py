@@ -428,3 +428,14 @@ def test_a_journal_is_not_opened_without_the_log_that_a_killed_process_left_asid
     aside.rename(log)
     with opened(path) as again:
         assert again.events("P01/1") == events
+
+
+def test_a_damaged_payload_is_not_shown(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    filled(path).__exit__(None, None, None)
+    with tampering(path) as other:
+        other.execute("UPDATE event SET payload = CAST(x'736563726574ff' AS TEXT)")
+    with read_journal(path) as journal, pytest.raises(JournalError) as refused:
+        journal.events("P01/1")
+    assert "Could not decode" in str(refused.value)
+    assert "secret" not in str(refused.value)

@@ -23,3 +23,11 @@ def test_the_median_force_is_kept_to_a_tenth_of_a_millinewton() -> None:
     pacing = Pacing(start_m=0.04, end_m=0.04, duration_s=1.0, force_n=0.5, direction="right")
     samples = [TraceSample(0.1 * step, 0.412345 + 0.1 * step, 0.04) for step in range(3)]
     assert judged(pacing, samples, TouchRules()).force_n == 0.5123
+
+
+@pytest.mark.parametrize(("end_m", "is_right"), [(0.05, True), (0.046, False), (0.03, False)])
+def test_a_slide_is_judged_by_all_of_its_path(end_m: float, is_right: bool) -> None:
+    pacing = Pacing(start_m=0.03, end_m=0.05, duration_s=1.0, force_n=0.5, direction="right")
+    places = (0.03, (0.03 + end_m) / 2, end_m)
+    samples = [TraceSample(0.5 * step, 0.5, place) for step, place in enumerate(places)]
+    assert judged(pacing, samples, TouchRules(path_within=0.15)).place_ok is is_right

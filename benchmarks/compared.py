@@ -125,5 +125,5 @@ def _time(seconds: float) -> str:
 
 
 def _facts(extra: dict[str, Any]) -> str:
-    facts = {name: value for name, value in extra.items() if name != WORK}
+    facts = {name: value for name, value in extra.items() if name not in {WORK, KEY}}
     return "; ".join(f"{name.replace('_', ' ')} {value}" for name, value in facts.items()) or "–"

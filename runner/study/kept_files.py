@@ -102,8 +102,10 @@ def forget(journal: Journal) -> Path | None:
     folder = _everything() / _name_of(journal)
     with suppress(OSError):
         folder.parent.mkdir(0o700, parents=True, exist_ok=True)
-        # Before anything is removed, so that what is put meanwhile is found by one of the two.
-        _mark_of(folder).write_bytes(secrets.token_bytes(8))
+        # Where others can write, nothing is kept, and the mark could be a link of theirs. It comes
+        # before anything is removed, so that what is put meanwhile is found by one of the two.
+        if _is_private(folder.parent):
+            _mark_of(folder).write_bytes(secrets.token_bytes(8))
     shutil.rmtree(folder, ignore_errors=True)
     return folder if folder.exists() else None
 

@@ -309,3 +309,20 @@ def test_nobody_who_withdraws_meanwhile_is_in_a_report_or_in_what_is_kept_of_it(
     monkeypatch.setattr(reports, "report", make)
     assert typed("report", study) == 0
     assert list(cache.glob("*/*"))
+
+
+def test_a_withdrawal_writes_through_no_link_where_others_can_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache, study, other = tmp_path / "cache", tmp_path / "study", tmp_path / "other"
+    monkeypatch.setenv(kept_files.VARIABLE, str(cache))
+    assert typed("import", PUBLISHED, study) == 0
+    with open_journal(study / "study.db") as journal:
+        assert forget(journal) is None
+        (mark,) = cache.glob("*.withdrawn")
+        mark.unlink()
+        other.write_text("theirs")
+        mark.symlink_to(other)
+        cache.chmod(0o777)
+        forget(journal)
+    assert other.read_text() == "theirs"

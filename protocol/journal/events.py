@@ -345,6 +345,11 @@ class StoredEvent:
         assert self._parsed is not None
         return self._parsed
 
+    def damage(self) -> str:
+        """Return what no build has written in it, or nothing; its tag must be known."""
+        wrong = "" if self.erased else TAGS[self.tag].misfit(self.payload)
+        return wrong and f"event {self.seq} is damaged: {self.tag}, {wrong}"
+
 
 def terms_in(events: Iterable[StoredEvent]) -> Iterator[SessionTerms]:
     """Yield what the session runs under: as opened, then as resumed; nothing that is erased."""

@@ -20,6 +20,7 @@ from typing import (
 _REQUIRED: Final = object()
 # No quantity of a study is as large. NaN and infinity fail the comparison, too.
 _LARGEST = 1e18
+_LONGEST_QUOTE = 80
 _Reader = Callable[[Any], Any]
 
 
@@ -106,14 +107,19 @@ class JsonRecord:
             fields[name] = reader(payload[name]) if name in payload else missing[name]
         return record
 
-    def misfit(self) -> str:
-        """Return a key whose value is not of the key's type, with the value; else nothing.
+    @classmethod
+    def misfit(cls, payload: Mapping[str, Any]) -> str:
+        """Return which key of a JSON object is missing, or its value not of its type; else nothing.
 
         `from_json` takes plain values as they are, because journals are read often and written by
-        touchbeam alone; what came from elsewhere is judged here, once.
+        touchbeam alone. What came from elsewhere is judged here, and what has led to an error.
         """
-        values = ((key, getattr(self, key.name)) for key in self.json_keys())
-        return next((f"{key.name}: {v!r}" for key, v in values if not _fits(v, key.type)), "")
+        for name, hint, key, _ in cls.json_keys():
+            if name in payload and (wrong := _misfit(payload[name], hint, name)):
+                return wrong
+            if key.required and name not in payload:
+                return f"{name} is missing"
+        return ""
 
     @classmethod
     @cache
@@ -171,24 +177,34 @@ def _reader(hint: Any) -> _Reader:
     return _as_it_is
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    """Return whether `value` is one of type `hint`; a quantity must be one that can be."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if origin is UnionType:
-        return any(_fits(value, part) for part in parts)
+def _misfit(value: Any, hint: Any, name: str) -> str:
+    """Return the first part of the JSON value of a key that is not of type `hint`, or nothing."""
+    if is_optional(hint):
+        return "" if value is None else _misfit(value, get_args(hint)[0], name)
+    if isinstance(hint, type) and issubclass(hint, JsonRecord) and isinstance(value, Mapping):
+        wrong = hint.misfit(value)
+        return wrong and f"{name}, {wrong}"
+    if (parts := _parts(value, hint)) is None:
+        return f"{name}: {value!r}"[:_LONGEST_QUOTE]
+    return next(filter(None, (_misfit(part, of, name) for part, of in parts)), "")
+
+
+def _parts(value: Any, hint: Any) -> Iterable[tuple[Any, Any]] | None:
+    """Return what a JSON value of type `hint` contains, with its types; None if of another type."""
+    origin, kinds = get_origin(hint), get_args(hint)
     if origin is tuple:
-        return isinstance(value, tuple) and all(_fits(each, parts[0]) for each in value)
+        return ((each, kinds[0]) for each in value) if isinstance(value, list) else None
     if origin is not None:
-        return isinstance(value, Mapping) and all(_fits(it, parts[1]) for it in value.values())
+        return ((it, kinds[1]) for it in value.values()) if isinstance(value, Mapping) else None
     # JSON of other programs may have 7 for 7.0. `type` and not `isinstance`, because True is an
-    # int.
+    # int. A quantity must be one that can be, not NaN.
     if hint is float:
-        return type(value) in {int, float} and abs(value) < _LARGEST  # not NaN
-    if hint not in {Any, bool, int, str} and issubclass(hint, tuple):
-        return isinstance(value, tuple) and all(map(_fits, value, hint.__annotations__.values()))
-    return hint is Any or (
-        type(value) is hint and not (isinstance(value, JsonRecord) and value.misfit())
-    )
+        return () if type(value) in {int, float} and abs(value) < _LARGEST else None
+    if hint is not Any and issubclass(hint, tuple):
+        kinds = tuple(hint.__annotations__.values())
+        fits = isinstance(value, list) and len(value) == len(kinds)
+        return zip(value, kinds, strict=True) if fits else None
+    return () if hint is Any or type(value) is hint else None
 
 
 def _as_it_is(value: Any) -> Any:

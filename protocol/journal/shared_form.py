@@ -17,7 +17,7 @@ from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.events import Event, Opening, StoredEvent
 from protocol.journal.records import CHANNELS, InstructionResponse
-from protocol.journal.state import NotAllowed, folded
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, folded
 from protocol.pseudonyms import pseudonym
 
 FOLDER = "sourcedata/touchbeam"
@@ -29,16 +29,9 @@ UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)
 """When every session began whose time of day is not known."""
 MOST_BYTES = 2**26
 """Of a session: two hours of touches that are recorded without a pause."""
-_WRONG = (
-    *(NotAllowed, ArithmeticError, AttributeError, LookupError),
-    *(RecursionError, TypeError, ValueError),
-)
-"""What reading a line that was edited or damaged can raise."""
-
 _KINDS = ("participant", "rehearsal")
 _SCORED = ("trial", "catch")
 _MOST_SESSIONS = 999_999_999
-_LONGEST_QUOTE = 80
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +59,17 @@ def shared_session(source: str, text: str) -> SharedSession:
     """Return the session in `text`; if it is none, a BadInput begins with the name `source`."""
     # Not `splitlines`, which also ends a line at U+2028, and a text may hold that.
     first, *lines = text.split("\n")[:-1] or [""]
+    chain: list[StoredEvent] = []
+    read = 0
     try:
         place = int(json.loads(first)["place"])
-        chain = tuple(_stored(seq, *json.loads(line)) for seq, line in enumerate(lines))
+        for read, line in enumerate(lines, start=1):
+            chain.append(_stored(read - 1, *json.loads(line)))
         opened = folded(chain).opened
-    except _WRONG as error:
-        raise BadInput(f"{source}: cannot be read as a session of touchbeam ({error})") from error
+    except (BadInput, NotAllowed, *IMPOSSIBLE) as error:
+        own = isinstance(error, BadInput | NotAllowed)
+        why = error if own else f"line {read + 1} is not one of a session"
+        raise BadInput(f"{source}: cannot be read as a session of touchbeam ({why})") from error
     if opened is None:
         raise BadInput(f"{source}: must begin with the opening of a session")
     known = isinstance(opened, events.ScoresImported) or opened.kind in _KINDS
@@ -88,18 +86,18 @@ def shared_session(source: str, text: str) -> SharedSession:
         pseudonym(opened.participant)
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
-    return SharedSession(place=place, events=chain, opened=opened)
+    return SharedSession(place=place, events=tuple(chain), opened=opened)
 
 
 def _stored(
     seq: int, tag: str, since_s: float, monotonic_s: float, given: Mapping[str, Any]
 ) -> StoredEvent:
-    event = events.event_of(tag, given)
     # Judged once, here: everything behind it takes the journal's values as they are.
-    if wrong := event.misfit() or _out_of_range(event):
-        raise ValueError(f"{tag}, {wrong[:_LONGEST_QUOTE]}")
-    if not isfinite(monotonic_s):
-        raise ValueError(f"{tag}, time: {monotonic_s}")
+    if wrong := events.TAGS[tag].misfit(given):
+        raise BadInput(f"{tag}, {wrong}")
+    event = events.event_of(tag, given)
+    if wrong := _out_of_range(event) or ("" if isfinite(monotonic_s) else f"time: {monotonic_s}"):
+        raise BadInput(f"{tag}, {wrong}")
     payload = event.to_json()
     json.dumps(payload, allow_nan=False)  # refuses what no journal can hold
     return StoredEvent(

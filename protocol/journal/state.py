@@ -10,6 +10,9 @@ from protocol.journal import events
 from protocol.journal.events import TAGS, Opening, StoredEvent
 from protocol.journal.records import TrackAnswer
 
+IMPOSSIBLE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What reading the payloads of an edited or damaged journal can raise, besides NotAllowed."""
+
 # The states of a session and the events that each allows; all other events are refused.
 # docs/journal.md draws the table.
 
@@ -236,10 +239,14 @@ Other events change only the name of the state, so that long traces need not be 
 def folded(chain: Iterable[StoredEvent]) -> SessionState:
     """Return the state to which the events of `chain` lead from the beginning.
 
-    Besides NotAllowed this raises a KeyError, TypeError or AttributeError for a payload that no
-    build has written.
+    Raise NotAllowed, with its number, for the first event that may not come or is damaged.
     """
     state = SessionState()
     for event in chain:
-        state.take(event)
+        try:
+            state.take(event)
+        except NotAllowed as error:
+            raise NotAllowed(f"event {event.seq}: {error}") from None
+        except IMPOSSIBLE as error:
+            raise NotAllowed(event.damage() or f"event {event.seq} contradicts itself") from error
     return state

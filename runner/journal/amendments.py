@@ -8,25 +8,20 @@ from collections.abc import Iterable
 
 from protocol.errors import BadInput
 from protocol.journal import events
-from protocol.journal.state import NotAllowed, folded, in_words
+from protocol.journal.state import NotAllowed, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of
 from runner.journal.session_log import SessionLog, close_interrupted
-from runner.journal.store import Journal
+from runner.journal.store import Journal, state_of
 from runner.journal.verification import in_force
 
 
 def accepted_digests(journal: Journal) -> list[str]:
     """Return the digests of the study files accepted so far, the current one last."""
-    stored = journal.events_of(events.SessionOpened, events.StudyAmended, events.StudyRegistered)
-    records = [event.record for event in stored if not event.erased]
-    return [
-        record.study_sha256
-        for record in records
-        if isinstance(record, events.SessionOpened | events.StudyAmended | events.StudyRegistered)
-        and record.study_sha256 is not None
-    ]
+    held = journal.records_of(events.SessionOpened, events.StudyAmended, events.StudyRegistered)
+    digests = (getattr(record, "study_sha256", None) for _, record in held)
+    return [digest for digest in digests if digest is not None]
 
 
 def exclude(
@@ -116,7 +111,7 @@ def unerased(journal: Journal, sessions: Iterable[str]) -> dict[str, str]:
         stored = journal.events(session)
         if all(event.erased for event in stored):
             continue
-        done, planned = len((state := folded(stored)).answered), len(state.planned)
+        done, planned = len((state := state_of(session, stored)).answered), len(state.planned)
         amounts[session] = f"{done} of {planned} trials answered" if planned else "imported scores"
     return amounts
 

@@ -9,12 +9,12 @@ from typing import Any
 from protocol.errors import BadInput
 from protocol.journal.events import Opening, terms_in
 from protocol.journal.records import PlannedTrial
-from protocol.journal.state import EXCLUDED, SessionState, folded
+from protocol.journal.state import EXCLUDED, SessionState
 from protocol.plan.arrivals import SlotState, arrivals, next_slot
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
-from runner.journal.store import Journal
+from runner.journal.store import Journal, state_of
 from runner.journal.verification import readable_events
 
 _GONE = {*EXCLUDED, "withdrawn"}
@@ -41,7 +41,7 @@ class SessionSummary:
 def states(journal: Journal) -> dict[str, SessionState]:
     """Return the states of all sessions by name, without the study's own chain."""
     names = [name for name in journal.sessions() if name != STUDY_CHAIN]
-    return {name: folded(readable_events(journal, name)) for name in names}
+    return {name: state_of(name, readable_events(journal, name)) for name in names}
 
 
 def planned_trials(journal: Journal, chain: str) -> list[PlannedTrial]:

@@ -1,9 +1,9 @@
 """The log of one session: checks each event against the state, stores it, updates the state."""
 
 from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
-from protocol.journal.state import SessionState, folded, next_state
+from protocol.journal.state import SessionState, next_state
 from runner.clock import Clock
-from runner.journal.store import Journal
+from runner.journal.store import Journal, state_of
 from runner.signals import stops_deferred
 
 
@@ -17,7 +17,7 @@ class SessionLog:
         # Nothing else is kept beside the events: what a resumed session knows follows from them.
         events = journal.events(session)
         self._next_seq = len(events)
-        self.state: SessionState = folded(events)
+        self.state: SessionState = state_of(session, events)
 
     def append(self, event: Event) -> None:
         """Store `event`, on the disk when this returns; raises `NotAllowed` if it may not come."""

@@ -22,6 +22,7 @@ from pydantic_core import from_json
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, folded
 from runner.journal import database
 from runner.signals import raise_if_stopped
 
@@ -34,6 +35,7 @@ from runner.signals import raise_if_stopped
 
 FIRST_HASH = "0" * 64
 SALT_BYTES = 16
+_LONGEST_QUOTE = 80
 NO_SALT = b""
 """The salt of each event in a journal of schema 2."""
 
@@ -57,7 +59,7 @@ class DamagedError(Exception):
 
 
 def _reject_constant(text: str) -> NoReturn:
-    raise ValueError(f"{text} is not a number")
+    raise ValueError(text)
 
 
 _STORED = json.JSONDecoder(parse_constant=_reject_constant)
@@ -87,14 +89,14 @@ def chain_link(row: tuple[Any, ...]) -> ChainLink:
 
 def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -> StoredEvent:
     """Return the event of these columns, which have the right types."""
-    try:
-        payload = {} if body is None else _decoded(body)
-        when = datetime.fromisoformat(utc)
-    # JSON that is nested too deeply ends in a RecursionError.
-    except (ValueError, OverflowError, RecursionError) as error:
-        raise DamagedError(f"event {seq} is damaged: {error}") from error
+    payload = {} if body is None else _decoded(body)
     if not isinstance(payload, dict):
-        raise DamagedError(f"event {seq} is damaged: its payload must be an object")
+        raise DamagedError(f"event {seq} is damaged: its payload must be a JSON object")
+    try:
+        when = datetime.fromisoformat(utc)
+    except ValueError:
+        told = f"its time must be a date and a time, got {utc[:_LONGEST_QUOTE]!r}"
+        raise DamagedError(f"event {seq} is damaged: {told}") from None
     return StoredEvent(
         seq=seq,
         tag=tag,
@@ -107,12 +109,15 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
 
 
 def _decoded(body: str) -> Any:
+    """Return the payload; None if it cannot be read: Python's own words would help nobody."""
     try:
         # In less than half the time of json, which decides on whatever this one refuses: halves of
         # characters, deep nesting, and what is no JSON. What both read, both read alike.
         return from_json(body, allow_inf_nan=False)
     except (TypeError, ValueError):
-        return _STORED.decode(body)
+        with suppress(ValueError, RecursionError):
+            return _STORED.decode(body)
+    return None
 
 
 def payload_text(event: StoredEvent) -> str:
@@ -145,6 +150,8 @@ def _hashed(previous: str, fields: tuple[Any, ...]) -> str:
 
 
 LOCK_WAIT_S = 2.0
+RESTORE = "restore the journal from a backup (docs/journal.md)"
+"""The way out of damage: to go on without what is damaged would be to lose it unseen."""
 
 _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
@@ -177,6 +184,19 @@ RandomBytes = Callable[[int], bytes]
 
 class JournalError(WorkFailed):
     """The journal cannot be read or written; no acknowledged event is lost."""
+
+
+def damaged(session: str, why: str) -> JournalError:
+    """Return the error of a session whose events touchbeam cannot have written."""
+    return JournalError(f"session {session} cannot be read ({why}); {RESTORE}")
+
+
+def state_of(session: str, events: Iterable[StoredEvent]) -> SessionState:
+    """Return the state to which the events of a session lead, or raise `JournalError`."""
+    try:
+        return folded(events)
+    except NotAllowed as error:
+        raise damaged(session, str(error)) from error
 
 
 class Journal:
@@ -230,9 +250,7 @@ class Journal:
             return names
 
     def events(self, session: str) -> list[StoredEvent]:
-        with self._errors_explained("read"):
-            rows = self._connection.execute(self._sql.chain, (session,))
-            return [chain_link(row).event for row in rows]
+        return [link.event for link in self.chain(session)]
 
     def events_of(self, *kinds: type[Event]) -> list[StoredEvent]:
         """Return the events of these kinds in all sessions, in the order of writing."""
@@ -242,15 +260,22 @@ class Journal:
             rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
             return [stored_event(row) for row in rows]
 
-    def records_of(self, kind: type[_Kind]) -> list[tuple[datetime, _Kind]]:
-        """Return what all sessions hold of one kind of event, each with its UTC."""
-        events = [event for event in self.events_of(kind) if not event.erased]
-        records = [(event.utc, event.record) for event in events]
-        return [(utc, record) for utc, record in records if isinstance(record, kind)]
+    def records_of(self, *kinds: type[_Kind]) -> list[tuple[datetime, _Kind]]:
+        """Return what all sessions hold of some kinds of event, each with its UTC."""
+        records = []
+        with self._errors_explained("read"):
+            for event in (event for event in self.events_of(*kinds) if not event.erased):
+                try:
+                    record = event.record
+                except IMPOSSIBLE as error:
+                    raise DamagedError(event.damage()) from error
+                if isinstance(record, kinds):
+                    records.append((event.utc, record))
+        return records
 
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with their hashes."""
-        with self._errors_explained("read"):
+        with self._errors_explained("read", f"session {session}, "):
             for row in self._connection.execute(self._sql.chain, (session,)):
                 yield chain_link(row)
 
@@ -336,14 +361,15 @@ class Journal:
         return str(row[0])
 
     @contextmanager
-    def _errors_explained(self, what: str) -> Iterator[None]:
+    def _errors_explained(self, what: str, where: str = "") -> Iterator[None]:
         try:
             yield
         except (*database.SQLITE_ERRORS, DamagedError, database.LogNotCopiedError) as error:
             raise_if_stopped()  # SQLite takes the exception of a signal for its own interruption
             # SQLite repeats a text that it cannot decode, and that may be a person's answer.
             why = str(error).partition(" with text ")[0]
-            raise JournalError(f"{self._path}: cannot be {what} ({why})") from error
+            way_out = f"; {RESTORE}" * (what == "read")
+            raise JournalError(f"{self._path}: cannot be {what} ({where}{why}){way_out}") from error
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:

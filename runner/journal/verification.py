@@ -10,15 +10,10 @@ from typing import Any
 from protocol.errors import BadInput
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
-from protocol.journal.state import NotAllowed, SessionState, folded, in_words
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, folded, in_words
 from protocol.registration.registration import as_run, order_problem, registration_in
 from runner.journal import store
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
-
-IMPOSSIBLE = (
-    NotAllowed, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
-)  # fmt: skip
-"""What reading the payloads of an edited or damaged journal can raise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +46,9 @@ class SessionVerdict:
         line = f"{'ok  ' if self.ok else 'FAIL'}  {self._summary(running)}, {chain}"
         if len(self.versions) > 1:
             line += f"; written by several versions of touchbeam: {', '.join(self.versions)}"
-        return f"{line}; {self.problem}" if self.problem else line
+        line += f"; {self.problem}" * bool(self.problem)
+        told = self.chain_ok or store.RESTORE in self.problem
+        return line if told else f"{line}; {store.RESTORE}"
 
     def _summary(self, running: Set[str]) -> str:
         count = f"{self.events} event{'s' * (self.events != 1)}"
@@ -75,7 +72,7 @@ class SessionVerdict:
 def verdicts(journal: store.Journal) -> list[SessionVerdict]:
     try:
         known = journal.records_of(kinds.StudyRegistered)
-    except (store.JournalError, *IMPOSSIBLE):  # the verdict on the study's own chain tells
+    except store.JournalError:  # the verdict on the study's own chain tells
         known = []
     return [_verdict(journal, name, known) for name in journal.sessions()]
 
@@ -91,14 +88,16 @@ def _verdict(journal: store.Journal, name: str, known: "Registrations") -> Sessi
         return verdict
     try:
         return replace(verdict, problem=session_problem(journal, name, known))
-    except IMPOSSIBLE as error:
-        return replace(verdict, problem=str(error))
+    except IMPOSSIBLE:
+        return replace(verdict, problem=_damage(journal.events(name)))
 
 
 def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
     named = parsed_name(name)
-    state, planned, problem = _folded(chain)
+    state, planned, problem = _folded([link.event for link in chain])
     erased = state.name == "withdrawn"
+    if erased and not all(link.event.erased and not link.salt for link in chain):
+        problem = "withdrawn but not erased; run touchbeam withdraw again"
     return SessionVerdict(
         participant=named.participant,
         session=named.number,
@@ -154,6 +153,9 @@ def readable_chains(
         withdrawn = _is_withdrawn(events)
         if not chain_is_unbroken(name, chain, erased=withdrawn):
             broken.append(name)
+            # What was changed outside touchbeam may hold anything: each value is looked at.
+            if any(event.damage() for event in events):
+                raise store.damaged(name, _damage(events))
         # What is erased cannot tell that it was a rehearsal, which no report would have counted.
         if not (withdrawn and parsed_name(name).kind == REHEARSAL):
             yield events
@@ -166,7 +168,7 @@ def _is_withdrawn(events: Iterable[kinds.StoredEvent]) -> bool:
 def _require_readable(session: str, events: list[kinds.StoredEvent]) -> None:
     withdrawn = _is_withdrawn(events)
     if any(event.erased for event in events) and not withdrawn:
-        raise store.JournalError(f"session {session} has lost payloads; run touchbeam verify")
+        raise store.damaged(session, "it has lost payloads")
     begins = any(
         event.tag == kinds.ScoresImported.TAG
         or (
@@ -176,11 +178,8 @@ def _require_readable(session: str, events: list[kinds.StoredEvent]) -> None:
         for event in events[:1]
     )
     if not (withdrawn or session == STUDY_CHAIN or begins):
-        raise store.JournalError(f"session {session} has no opening event; run touchbeam verify")
-    try:
-        folded(events)
-    except IMPOSSIBLE as error:
-        raise store.JournalError(f"session {session} is damaged; run touchbeam verify") from error
+        raise store.damaged(session, "it has no opening event")
+    store.state_of(session, events)
 
 
 def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:
@@ -203,15 +202,18 @@ def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bo
     return bool(chain)
 
 
-def _folded(chain: list[store.ChainLink]) -> tuple[SessionState, set[int], str]:
+def _folded(events: list[kinds.StoredEvent]) -> tuple[SessionState, set[int], str]:
+    """Return the state and the planned trials of a session, and why there are none, or ''."""
     try:
-        state = folded(link.event for link in chain)
-        planned = state.planned
-    except IMPOSSIBLE as error:
-        return SessionState(name="impossible"), set(), str(error)
-    if state.name == "withdrawn" and not all(link.event.erased and not link.salt for link in chain):
-        return state, planned, "withdrawn but not erased; run touchbeam withdraw again"
-    return state, planned, ""
+        return (state := folded(events)), state.planned, ""
+    except (NotAllowed, *IMPOSSIBLE) as error:
+        why = str(error) if isinstance(error, NotAllowed) else _damage(events)
+        return SessionState(name="impossible"), set(), why
+
+
+def _damage(events: Iterable[kinds.StoredEvent]) -> str:
+    """Return what is wrong with events that could not be used."""
+    return next(filter(None, (it.damage() for it in events)), "its events do not fit together")
 
 
 # The registrations in a journal, and the check that its sessions follow from them.

@@ -11,6 +11,7 @@ from typing import Any
 
 from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
+from protocol.journal.state import IMPOSSIBLE
 from protocol.registration.registration import (
     FILE,
     Registration,
@@ -31,7 +32,7 @@ from runner.journal.names import STUDY_CHAIN, real_sessions
 from runner.journal.opening import journal_if_used, read_journal
 from runner.journal.session_log import SessionLog
 from runner.journal.store import Journal
-from runner.journal.verification import IMPOSSIBLE, in_force
+from runner.journal.verification import in_force
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration
 from runner.study.files import bytes_of, own_file, require_no_link, text_of, write_whole

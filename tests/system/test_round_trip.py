@@ -237,9 +237,13 @@ def test_a_folder_that_touchbeam_has_not_exported_is_refused(
         ('"participant": "P03"', '"participant": "@study"', "must be a pseudonym"),
         ('"session": 1', '"session": 0', "must be a numbered session of a participant"),
         ('"kind": "participant"', '"kind": "slide"', "must be a numbered session of a participant"),
-        ('{"place": 0}', "[" * 100_000, "cannot be read as a session of touchbeam (maximum rec"),
+        (
+            '{"place": 0}',
+            "[" * 100_000,
+            "as a session of touchbeam (line 1 is not one of",
+        ),
         ('"participant": "P03"', '"participant": "P01"', "must hold each session once"),
-        ('"participant": "P03", ', "", "cannot be read as a session"),
+        ('"participant": "P03", ', "", "(session-opened, participant is missing)"),
     ],
 )
 def test_a_session_that_was_changed_so_that_it_is_none_is_refused(

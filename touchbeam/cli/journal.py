@@ -54,7 +54,8 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
     """
     from runner.journal.names import session_name
     from runner.journal.opening import read_journal
-    from runner.journal.verification import IMPOSSIBLE, verdicts
+    from runner.journal.store import JournalError
+    from runner.journal.verification import verdicts
     from runner.launch.locks import held_sessions
     from runner.study.registered import registration_problem
 
@@ -63,7 +64,7 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
     with read_journal(path, to_verify=True) as journal:
         checked, lacking = verdicts(journal), journal.lacking_triggers
         unlocked = ""
-        with suppress(*IMPOSSIBLE):  # a damaged event, which the verdicts tell
+        with suppress(JournalError):  # a damaged event, which the verdicts tell
             if not study.is_file():
                 unlocked = registration_problem(journal, folder, of_files=True)
     result = _verification(lacking, checked, unlocked)

@@ -239,6 +239,12 @@ def test_stored_payloads_are_read_and_written_unchanged(tag: str) -> None:
 
 
 @pytest.mark.parametrize("tag", PAYLOADS)
+def test_nothing_that_was_stored_is_a_misfit(tag: str) -> None:
+    assert TAGS[tag].misfit(PAYLOADS[tag]) == ""
+    assert TAGS[tag].misfit({**PAYLOADS[tag], "later": [1]}) == ""
+
+
+@pytest.mark.parametrize("tag", PAYLOADS)
 def test_keys_of_later_builds_are_ignored(tag: str) -> None:
     def later(value: Any) -> Any:
         if isinstance(value, dict):
@@ -307,6 +313,31 @@ def test_records_within_events_are_typed() -> None:
 def test_payloads_that_no_build_has_written_are_refused(tag: str, payload: dict[str, Any]) -> None:
     with pytest.raises((KeyError, TypeError, AttributeError), match=r"\w"):
         event_of(tag, payload)
+
+
+@pytest.mark.parametrize(
+    ("tag", "wrong", "told"),
+    [
+        ("answered", {"change": 1.5}, "answered, change: 1.5"),
+        ("answered", {"index": True}, "answered, index: True"),
+        ("answered", {"judged": {"force_n": "x"}}, "answered, judged: {'force_n': 'x'}"),
+        ("answered", {"judged": [{"force_n": "x"}]}, "answered, judged, force_n: 'x'"),
+        ("touch-ended", {"trace": [[1.0]]}, "touch-ended, trace: [1.0]"),
+        ("touch-ended", {"trace": [[1.0, 2, "x"]]}, "touch-ended, trace: 'x'"),
+        ("session-opened", {"versions": {"touchbeam": 1}}, "session-opened, versions: 1"),
+        ("session-opened", {"trials": [1]}, "session-opened, trials: 1"),
+        ("resonance-measured", {"frequency_hz": 1e18}, "frequency_hz: 1e+18"),
+        ("note", {"text": ["x" * 99]}, f"note, text: ['{'x' * 72}"),
+    ],
+)
+def test_a_value_of_another_type_is_named_by_its_keys(
+    tag: str, wrong: dict[str, Any], told: str
+) -> None:
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    payload = {**PAYLOADS[tag], **wrong}
+    stored = StoredEvent(seq=3, tag=tag, utc=noon, monotonic_s=1.5, payload=payload)
+    assert stored.damage().startswith("event 3 is damaged: ")
+    assert stored.damage().endswith(told)
 
 
 def test_a_stored_event_gives_its_record() -> None:

@@ -52,23 +52,17 @@ def test_a_column_of_another_type_is_damage(place: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("payload", "why"),
-    [
-        ('{"a": NaN}', "NaN is not a number"),
-        ('{"a": -Infinity}', "-Infinity is not a number"),
-        ("[]", "its payload must be an object"),
-        ("3", "its payload must be an object"),
-        ("", "Expecting value"),
-        ("[" * 30_000, "recursion"),
-    ],
+    "payload",
+    ['{"a": NaN}', '{"a": -Infinity}', "[]", "3", "", "[" * 30_000, f'{{"a": {"9" * 5000}}}'],
 )
-def test_a_payload_that_is_no_object_is_damage(payload: str, why: str) -> None:
-    with pytest.raises(DamagedError, match=f"^event 3 is damaged: .*{why}"):
+def test_a_payload_that_is_no_object_is_damage(payload: str) -> None:
+    told = "^event 3 is damaged: its payload must be a JSON object$"
+    with pytest.raises(DamagedError, match=told):
         stored_event((*ROW[:4], payload))
 
 
 def test_a_time_that_is_none_is_damage() -> None:
-    with pytest.raises(DamagedError, match="event 3 is damaged: Invalid isoformat"):
+    with pytest.raises(DamagedError, match=r"its time must be a date and a time, got 'noon'$"):
         stored_event((3, "note", "noon", 1.5, "{}"))
 
 

@@ -80,3 +80,26 @@ def test_each_end_of_a_slide_beyond_the_beam_is_named_if_slides_are_asked_for() 
     asked_for = study.model_fields_set - {"slide"}
     nobody_slides = Study.model_construct(asked_for, **dict(study))
     assert list(reach_problems(nobody_slides)) == []
+
+
+def moving(standard_m: float, *places_m: float) -> Study:
+    """Return a study with a track of places; a track before it never leaves the beam."""
+    hold = {"place": "smooth", "voltage_v": 100}
+    track = {"task": "two intervals", "method": "constant", "trials": 10, "comparison": hold}
+    volts = {"name": "volts", "axis": "voltage", "comparison": {"place": "smooth"}}
+    volts["levels"] = {"values": [50, 100]}
+    places = {"name": "places", "axis": "place", "levels": {"values": list(places_m)}}
+    places["standard"] = {**hold, "place_m": standard_m}
+    return Study.model_validate(small_document() | {"track": [track | volts, track | places]})
+
+
+def test_a_track_may_move_to_the_end_of_the_beam() -> None:
+    assert list(reach_problems(moving(END_M, 0.01, 0.05))) == []
+    assert list(reach_problems(moving(0.01, 0.05, END_M))) == []
+
+
+def test_levels_and_standard_of_a_track_beyond_the_end_are_named() -> None:
+    levels, standard = reach_problems(moving(END_M + 0.02, 0.05, END_M + 0.01))
+    assert [levels.path, standard.path] == [("track", 1, "levels"), ("track", 1, "standard")]
+    assert [levels.where, standard.where] == ["track places, levels", "track places, standard"]
+    assert [levels.value, standard.value] == [f"{END_M + 0.01!r} m", f"{END_M + 0.02!r} m"]

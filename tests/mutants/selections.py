@@ -38,7 +38,8 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
-    "tests/protocol/study_file/test_consistency.py", "tests/protocol/plan/test_feasibility.py",
+    "tests/protocol/study_file", "tests/protocol/study/test_group.py",
+    "tests/protocol/study/test_factor.py", "tests/protocol/plan/test_feasibility.py",
 )  # fmt: skip
 _SESSION = (
     "tests/runner/session/test_measured.py",
@@ -53,7 +54,8 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
         "tests/protocol/plan/test_slide_plan.py", "tests/runner/launch/test_opened_session.py",
     ),
     "protocol/proof/trial_checks.py": (
-        "tests/protocol/proof/test_limit_checks.py", "tests/protocol/proof/test_trial_checks.py",
+        "tests/protocol/proof", "tests/protocol/plan/test_plan.py",
+        "tests/protocol/plan/test_retries.py", "tests/protocol/study/test_group.py",
         "tests/protocol/plan/test_feasibility.py",
     ),
     "protocol/study_file/limits.py": _STUDY_FILE,

@@ -167,7 +167,7 @@ WRONG_PASSES: dict[str, tuple[Wrong, str]] = {
     "a question": (with_one("pass", scored=True), "about which nobody is asked"),
     "another time": (with_one("pass", duration_s=2.0), "a round of references must have every"),
     "another direction": (with_one("pass", direction="left"), "a round of references must have"),
-    "another repeat": (with_one("pass", block=2), "repeats must be numbered from 1"),
+    "another repeat": (with_one("pass", 10, block=2), "repeats must be numbered from 1"),
     "a missing pass": (lambda plan: numbered(plan, list(plan.trials[:-1])), "rounds of references"),
     "a missing driven pass": (
         lambda plan: numbered(plan, [*plan.trials[:1], *plan.trials[2:]]),
@@ -179,6 +179,10 @@ WRONG_PASSES: dict[str, tuple[Wrong, str]] = {
     ),
     "references together": (
         lambda plan: numbered(plan, sorted(plan.trials, key=lambda t: t.touches[0].voltage_v)),
+        "references must be spread evenly",
+    ),
+    "a reference too early": (
+        lambda plan: numbered(plan, [plan.trials[at] for at in (0, 1, 2, 5, 3, 4, *range(6, 11))]),
         "references must be spread evenly",
     ),
     "one name twice": (

@@ -1,8 +1,8 @@
 """HTML page of the report: one file that needs no network."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from html import escape
 from importlib.metadata import version
 from importlib.resources import files
@@ -237,7 +237,7 @@ def rendered(
     shown += [block for each in sections for block in each.blocks if _is_folded(block)]
     # A section that is left out takes its tables along, and links to them would lead nowhere.
     ids = {name for block in shown for name in _ids(block) if name}
-    environment.globals |= {"zip": zip, "plain_cells": _plain_cells, "ids": ids}
+    environment.globals["row_html"] = partial(_row_html, ids)
     source = (files("analysis.report") / "report.html").read_text(encoding="utf-8")
     return environment.from_string(source).render(
         masthead=head, notices=notices, sections=sections, paragraphs=results, front=front
@@ -257,22 +257,39 @@ def _ids(block: blocks.Block) -> Iterator[str]:
             yield from _ids(table)
 
 
-def _plain_cells(table: blocks.Table, row: blocks.Row) -> str | None:
-    """Return the markup of a row's cells after the first one, None if some are more than texts.
+def _row_html(ids: Set[str], table: blocks.Table, row: blocks.Row) -> str:
+    """Return the markup of a row; a cell links only to one of the `ids`.
 
-    A large study has half a million of them, and the template's macros take much longer.
+    A large study has half a million cells, and a template's macros take much longer.
     """
-    texts = [cell for cell in row[1:] if isinstance(cell, str)]
-    if len(texts) < len(row) - 1:
-        return None
-    kinds = (column.kind for column in table.columns[1:])
-    return "".join(map(_plain_cell, kinds, texts))
+    first, *cells = (blocks.Cell(text=each) if isinstance(each, str) else each for each in row)
+    shown = "".join(map(partial(_cell_html, ids), table.columns[1:], cells))
+    opened = f'<tr{_attribute("id", first.anchor)}><th scope="row">'
+    return f"{opened}{_linked(ids, first)}</th>{shown}</tr>"
+
+
+def _cell_html(ids: Set[str], column: blocks.Column, cell: blocks.Cell) -> str:
+    plain = "" if column.kind == "number" else column.kind
+    kind = f"{column.kind} missing" if cell.missing else plain
+    named = ("id", cell.anchor), ("class", kind), ("title", cell.why)
+    attributes = "".join(_attribute(*each) for each in named)
+    return f"<td{attributes}>{_linked(ids, cell)}</td>"
+
+
+def _linked(ids: Set[str], cell: blocks.Cell) -> str:
+    if cell.target not in ids:
+        return _escaped(cell.text)
+    label = _attribute("aria-label", cell.label)
+    return f"<a{_attribute('href', f'#{cell.target}')}{label}>{_escaped(cell.text)}</a>"
+
+
+def _attribute(name: str, value: str) -> str:
+    return f' {name}="{escape(printable(value))}"' if value else ""
 
 
 @lru_cache(maxsize=10_000)
-def _plain_cell(kind: blocks.ColumnKind, text: str) -> str:
-    aligned = "" if kind == "number" else f' class="{kind}"'
-    return f"<td{aligned}>{escape(printable(text), quote=False)}</td>"
+def _escaped(text: str) -> str:
+    return escape(printable(text), quote=False)
 
 
 def _is_front(block: blocks.Block) -> bool:

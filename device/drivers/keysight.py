@@ -5,9 +5,11 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from device.drivers.generator import ScpiGenerator, Words
+from device.drivers.manual import UNIT, Model, Setting, function, limits
 
 _SWITCHES = ("0", "1")
 _MODULATIONS = {
@@ -68,3 +70,72 @@ class Keysight(ScpiGenerator):
 
 
 DRIVER = Keysight
+
+# What the manuals say, beside all that the driver sends.
+
+_SETTINGS = (
+    function(
+        "SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe", "ARB", "USER", "DC"
+    ),
+    UNIT,
+    Setting(header="PHASe", default=0.0, lowest=-360, highest=360),
+    Setting(header="FUNCtion:SQUare:DCYCle", default=50.0, lowest=0.01, highest=99.99),
+    Setting(header="FUNCtion:RAMP:SYMMetry", default=100.0, lowest=0, highest=100),
+    Setting(header="FUNCtion:PULSe:PERiod", default=1e-3, lowest=33e-9, highest=1e6, unit="s"),
+    Setting(header="PULSe:PERiod", default=1e-3, lowest=200e-9, highest=2e3, unit="s"),
+    Setting(header="FUNCtion:PULSe:HOLD", default="WIDT", words=("WIDTh", "DCYCle")),
+    Setting(header="FUNCtion:PULSe:WIDTh", default=1e-4, lowest=16e-9, highest=1e6, unit="s"),
+    Setting(header="FUNCtion:PULSe:DCYCle", default=10.0, lowest=0, highest=100),
+    Setting(header="FUNCtion:PULSe:TRANsition[:BOTH]", default=1e-8, lowest=5e-9, highest=1e-6),
+    Setting(header="FUNCtion:ARBitrary", default="EXP_RISE", words=("EXP_RISE",)),
+    Setting(header="FUNCtion:ARBitrary:SRATe", default=4e4, lowest=1e-6, highest=250e6),
+    Setting(header="FUNCtion:ARBitrary:ADVance", default="SRAT", words=("SRATe", "TRIGger")),
+    Setting(header="FUNCtion:ARBitrary:FILTer", default="NORM", words=("NORMal", "STEP", "OFF")),
+    Setting(header="FREQuency:MODE", default="CW", words=("CW", "LIST", "SWEep", "FIXed")),
+    Setting(header="SWEep:STATe"),
+    Setting(header="BURSt:STATe"),
+    Setting(header="BURSt:MODE", default="TRIG", words=("TRIGgered", "GATed")),
+    Setting(header="BURSt:NCYCles", default=1.0, lowest=1, highest=50_000),
+    Setting(header="BURSt:INTernal:PERiod", default=1e-2, lowest=1e-6, highest=8e3, unit="s"),
+    Setting(header="AM:STATe"),
+    Setting(header="FM:STATe"),
+    Setting(header="PM:STATe"),
+    Setting(header="PWM:STATe"),
+    Setting(header="FSKey:STATe"),
+    Setting(header="OUTPut:TRIGger[:STATe]"),
+    Setting(
+        header="TRIGger#:SOURce", default="IMM", words=("IMMediate", "EXTernal", "BUS", "TIMer")
+    ),
+    Setting(header="SYSTem:BEEPer:STATe", default=True),
+)
+_SETTINGS_OF_33500 = (
+    *limits("VOLTage:LIMit"),
+    Setting(header="BPSK:STATe"),
+    Setting(header="SUM:STATe"),
+    Setting(header="COMBine:FEED", default="NONE", words=("CH1", "CH2", "NONE")),
+)
+_33220A = Model(
+    idn="Agilent Technologies,33220A,SIM,2.02-2.02-22-2",
+    channels=1,
+    digits=13,
+    least_emf_vpp=20e-3,
+    most_hz=20e6,
+    settings=_SETTINGS,
+    modulation=("FM:STATe", True),
+    addition=("COMBine:FEED", "CH2"),
+    plus="+",
+    answers={"*OPT?": "0"},
+)
+MODELS = {
+    "keysight": replace(
+        _33220A,
+        idn="Agilent Technologies,33522B,SIM,3.05-1.19-2.00-52-00",
+        channels=2,
+        digits=15,
+        least_emf_vpp=2e-3,
+        most_hz=30e6,
+        settings=(*_SETTINGS, *_SETTINGS_OF_33500),
+        limit_switch="[SOURce#:]VOLTage:LIMit:STATe",
+    ),
+    "keysight-33220A": _33220A,
+}

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from device.drivers.generator import ScpiGenerator, Words
+from device.drivers.manual import UNIT, Model, Setting, function, limits
 from device.link.link import EVENT_ENABLE, Register
 
 _ONE_CHANNEL = {
@@ -59,3 +60,46 @@ class Rigol(ScpiGenerator):
 
 
 DRIVER = Rigol
+
+# What the guides say, beside all that the driver sends. What is out of range is clipped, and
+# complained about.
+
+_SETTINGS = (
+    function("SINusoid", "SQUare", "RAMP", "PULSe", "NOISe", "USER", "HARMonic", "DC"),
+    UNIT,
+    Setting(header="MOD[:STATe]"),
+    Setting(header="SWEep:STATe"),
+    Setting(header="BURSt[:STATe]"),
+    Setting(header="HARMonic[:STATe]"),
+    Setting(header="SUM[:STATe]"),
+    Setting(header="PHASe", default=0.0, lowest=0, highest=360),
+    Setting(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
+    Setting(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, unit="s"),
+    Setting(header="OUTPut#:SYNC[:STATe]", default=True),
+)
+_DG1062Z = Model(
+    idn="Rigol Technologies,DG1062Z,SIM,03.01.12",
+    channels=2,
+    digits=6,
+    least_emf_vpp=2e-3,
+    most_hz=60e6,
+    settings=_SETTINGS,
+    modulation=("MOD[:STATe]", True),
+    addition=("SUM[:STATe]", True),
+    # The sum's second signal is as large as the first.
+    added_channel=1,
+    switches=("OFF", "ON"),
+    load=("LOAD", "IMPedance"),
+    applies=True,
+)
+MODELS = {
+    "rigol": replace(
+        _DG1062Z,
+        idn="Rigol Technologies,DG832,SIM,00.02.05.00.00",
+        least_emf_vpp=4e-3,
+        most_hz=35e6,
+        settings=(*_SETTINGS, *limits("OUTPut#:VOLLimit")),
+        limit_switch="OUTPut#:VOLLimit[:STATe]",
+    ),
+    "rigol-DG1062Z": _DG1062Z,
+}

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Unpack
 
 from device.drivers.driver import defined_in
@@ -15,6 +15,7 @@ from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import DeviceClock, Instrument
 from device.simulator.models.dialect import Dialect
 from device.simulator.models.gauge_model import GaugeModel
+from device.simulator.models.generator_model import GeneratorDialect
 from device.simulator.models.scpi import ScpiError
 
 # The control side-channel: one line in, one JSON line out. It moves what a wire cannot.
@@ -105,9 +106,19 @@ _ERROR_AFTER_SET = ScpiError(-310, "System error")
 
 @cache
 def dialects() -> dict[str, Callable[[Instrument, SimulatedBeam], Dialect]]:
-    """Return what models each dialect. A module in `models` that defines `MODELS` is found."""
-    found = defined_in("device.simulator.models", "MODELS")
-    return {dialect: model for models in found for dialect, model in models.items()}
+    """Return what models each dialect.
+
+    A driver's module has what a manual says, as `MODELS`; a dialect with a grammar of its own is a
+    module in `models` that defines `MODELS`. Both are found by being there.
+    """
+    found: dict[str, Callable[[Instrument, SimulatedBeam], Dialect]] = {
+        name: partial(GeneratorDialect, model)
+        for models in defined_in("device.drivers", "MODELS")
+        for name, model in models.items()
+    }
+    for models in defined_in("device.simulator.models", "MODELS"):
+        found |= models
+    return dict(sorted(found.items()))
 
 
 class SimulatedDevice:

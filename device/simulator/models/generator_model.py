@@ -8,9 +8,10 @@ Source: Agilent 33220A User's Guide and 33500 Series Operating and Service Guide
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, field
+from functools import partial
 
+from device.drivers.manual import Model, Setting
 from device.simulator.hardware.power_stage import Instrument
 from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Happenings, asked
@@ -33,59 +34,18 @@ _ROUNDING = 1e-9
 _AMPLITUDES = {**scpi.VOLTS, "VPP": 1.0, "MVPP": 1e-3, "VRMS": 1.0, "MVRMS": 1e-3}
 _OHM = {"": 1.0, "OHM": 1.0, "KOHM": 1e3}
 _ROOTS = ("OUTPut", "TRIGger", "SYSTem")
+_TRIGGER = "TRIGger#:SOURce"
+_APPLY = "[SOURce#:]APPLy"
+_UNITS: Mapping[str, Mapping[str, float]] = {"": scpi.NO_UNIT, "s": scpi.SECONDS, "V": scpi.VOLTS}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Command:
-    """Sets or asks what a channel keeps: a number with unit and range, one of `words`, a switch.
-
-    `name` is the attribute of the channel that keeps it, '' for one of its `settings`.
-    """
-
-    header: str
-    name: str = ""
-    default: float | str | bool = False
-    lowest: float = 0.0
-    highest: float = 0.0
-    units: Mapping[str, float] = field(default_factory=lambda: scpi.NO_UNIT)
-    words: tuple[str, ...] = ()
-
-    def value(self, argument: str) -> float | str | bool:
-        if self.words:
-            return scpi.choice(argument, self.words)
-        if self.highest == self.lowest:
-            return scpi.boolean(argument)
-        return scpi.quantity(argument, self.units, self.lowest, self.highest)
-
-
-UNIT = Command(header="VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
-
-
-def function(*words: str) -> Command:
-    """Return the setting of the wave, which is one of `words`."""
-    return Command(header="FUNCtion[:SHAPe]", name="function", words=words)
-
-
-def limits(header: str) -> tuple[Command, Command]:
-    """Return the settings of the voltage limits, which begin with `header`."""
-    volts = Command(header="", lowest=-10.0, highest=10.0, units=scpi.VOLTS)
-    return (
-        replace(volts, header=f"{header}:HIGH", name="limit_high_v"),
-        replace(volts, header=f"{header}:LOW", name="limit_low_v"),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Model:
-    """What differs between the models; `limit_switch` is '' where there are no voltage limits."""
-
-    idn: str
-    channels: int
-    digits: int
-    least_emf_vpp: float
-    most_hz: float
-    settings: tuple[Command, ...] = ()
-    limit_switch: str = ""
+def _value(setting: Setting, argument: str) -> float | str | bool:
+    """Return what a command sets, or raise `ScpiError`."""
+    if setting.words:
+        return scpi.choice(argument, setting.words)
+    if setting.highest == setting.lowest:
+        return scpi.boolean(argument)
+    return scpi.quantity(argument, _UNITS[setting.unit], setting.lowest, setting.highest)
 
 
 @dataclass
@@ -176,18 +136,11 @@ class Channel:
 class GeneratorDialect(Dialect):
     """Answers a generator's commands; channel 1 is what `instrument` puts on the beam."""
 
-    switches: ClassVar[tuple[str, str]] = ("0", "1")
-    """How it answers that something is off, and on."""
-    modulation: ClassVar[tuple[str, str | bool]]
-    """The setting for frequency modulation, and its value while that is on."""
-    addition: ClassVar[tuple[str, str | bool]]
-    """The same for the signal that is added to that of channel 1, and whose signal that is."""
-    added_channel: ClassVar[int] = 2
-
     def __init__(self, model: Model, instrument: Instrument, _beam: object) -> None:
-        self.idn = model.idn
+        self.idn, self.plus = model.idn, model.plus
         self._instrument = instrument
         self._model = model
+        self._burst_end_s = 0.0
         self.channels: list[Channel] = []
         """The first one drives the beam."""
         self._preset()
@@ -206,12 +159,12 @@ class GeneratorDialect(Dialect):
 
     def follow(self) -> None:
         """Put on the beam what channel 1 gives: at once, for a generator has no slew."""
-        first, instrument = self.channels[0], self._instrument
+        first, instrument, model = self.channels[0], self._instrument, self._model
+        other = self.channels[model.added_channel - 1] if self._has(model.addition) else None
         # The output stage gives no more than this, whatever is added.
-        added = self.channels[self.added_channel - 1].emf_vpp if self._has(self.addition) else 0.0
-        emf_vpp = min(first.emf_vpp + added, MOST_EMF_VPP)
+        emf_vpp = min(first.emf_vpp + (other.emf_vpp if other else 0.0), MOST_EMF_VPP)
         instrument.target_v = AMPLIFIER_GAIN * emf_vpp / 2 if self._sounding() else 0.0
-        deviation_hz = DEVIATION_HZ if self._has(self.modulation) else 0.0
+        deviation_hz = DEVIATION_HZ if self._has(model.modulation) else 0.0
         instrument.frequency_hz = first.frequency_hz + deviation_hz
         if instrument.output:
             instrument.voltage_v = instrument.target_v
@@ -221,10 +174,12 @@ class GeneratorDialect(Dialect):
         def change(**values: float | str | bool) -> None:
             vars(self.channels[0]).update(values)
 
+        model = self._model
+
         def add() -> None:
             settings = self.channels[0].settings
             # A 33220A has no other signal than its modulation.
-            settings.update([self.addition if self.addition[0] in settings else self.modulation])
+            settings.update([model.addition if model.addition[0] in settings else model.modulation])
 
         return {
             "limits-lost": lambda: change(limited=False),
@@ -232,7 +187,7 @@ class GeneratorDialect(Dialect):
                 load_ohm=PANEL_LOAD_OHM, unit=PANEL_UNIT, emf_offset_v=PANEL_OFFSET_V
             ),
             "frequency-changed": lambda: change(frequency_hz=self._instrument.frequency_hz),
-            "modulated": lambda: self.channels[0].settings.update([self.modulation]),
+            "modulated": lambda: self.channels[0].settings.update([model.modulation]),
             "signal-added": add,
         }
 
@@ -253,8 +208,20 @@ class GeneratorDialect(Dialect):
         return self.channels[0].settings.get(header) == value
 
     def _sounding(self) -> bool:
-        """Whether channel 1 gives its signal while its output is on."""
-        return True
+        """Whether channel 1 gives its signal while it is on: a burst may wait, or be over."""
+        settings = self.channels[0].settings
+        # With an immediate trigger bursts follow one another all the time.
+        if not settings.get("BURSt:STATe") or settings[_TRIGGER] == "IMM":
+            return True
+        # Device time ends a burst, so that a stepped clock does, too.
+        return self._instrument.time_s < self._burst_end_s
+
+    def _trigger(self) -> None:
+        first = self.channels[0]
+        if first.settings[_TRIGGER] != "BUS":
+            raise ScpiError(-211, "Trigger ignored")
+        cycles = float(first.settings["BURSt:NCYCles"])
+        self._burst_end_s = self._instrument.time_s + cycles / first.frequency_hz
 
     def _preset(self) -> None:
         model = self._model
@@ -279,8 +246,6 @@ class GeneratorDialect(Dialect):
                 call.channel, on=scpi.boolean(call.argument)
             ),
             "OUTPut#[:STATe]?": lambda call: self._told(call, self.is_on(call.channel)),
-            "OUTPut#:LOAD": self._set_load,
-            "OUTPut#:LOAD?": self._tells(lambda it: it.load_ohm, 1.0, 10_000.0),
             f"{volts}[:AMPLitude]": self._set_amplitude,
             f"{volts}[:AMPLitude]?": self._amplitude,
             f"{volts}:OFFSet": self._set_offset,
@@ -290,14 +255,54 @@ class GeneratorDialect(Dialect):
             f"{volts}:HIGH?": self._tells(lambda it: it.level_v(1), -10, 10),
             f"{volts}:LOW?": self._tells(lambda it: it.level_v(-1), -10, 10),
         }
+        for word in self._model.load:
+            commands[f"OUTPut#:{word}"] = self._set_load
+            commands[f"OUTPut#:{word}?"] = self._tells(lambda it: it.load_ohm, 1.0, 10_000.0)
         if switch := self._model.limit_switch:
             commands[switch] = lambda call: self.of(call).limit(scpi.boolean(call.argument))
             commands[f"{switch}?"] = self._tells(lambda it: it.limited)
         for setting in self._model.settings:
             commands |= self._keeping(setting)
+            if setting.header == _TRIGGER:
+                commands["*TRG"] = asked(self._trigger)
+        if self._model.applies:
+            (words,) = (each.words for each in self._model.settings if each.name == "function")
+            set_phase = commands["[SOURce#:]PHASe"]
+            commands |= {f"{_APPLY}:{word}": self._applied(word, set_phase) for word in words}
+            commands[f"{_APPLY}?"] = self._application
+        for query, answer in self._model.answers.items():
+            commands[query] = asked(partial(str, answer))
         return commands
 
-    def _keeping(self, setting: Command) -> dict[str, Handler]:
+    def _applied(self, word: str, set_phase: Handler) -> Handler:
+        """`APPLy` sets everything at once, and leaves the output as it is."""
+
+        def apply(call: Call) -> None:
+            self.of(call).function = scpi.choice(word, (word,))
+            values = scpi.split_outside_quotes(call.argument, ",")
+            setters: tuple[Handler, ...] = (
+                *(self._set_frequency, self._set_amplitude, self._set_offset),
+                set_phase,
+            )
+            # Noise has no frequency, and a constant voltage neither that nor an amplitude.
+            if word == "NOISe":
+                setters = setters[1:]
+            elif word == "DC":
+                setters, values = setters[2:], values[2:]
+            # Not strict, because the last values may be left out.
+            for setter, value in zip(setters, values, strict=False):
+                setter(Call(argument=value, channel=call.channel))
+
+        return apply
+
+    def _application(self, call: Call) -> str:
+        scpi.nothing(call.argument)
+        channel = self.of(call)
+        phase, vpp = float(channel.settings["PHASe"]), channel.shown * channel.emf_vpp
+        values = (channel.frequency_hz, vpp / channel.unit_vpp, channel.offset_v, phase)
+        return f'"{channel.function},{",".join(map(self._text, values))}"'
+
+    def _keeping(self, setting: Setting) -> dict[str, Handler]:
         """The two commands of a setting that is only kept."""
         key = setting.name or setting.header
 
@@ -305,7 +310,7 @@ class GeneratorDialect(Dialect):
             return vars(self.of(call)) if setting.name else self.of(call).settings
 
         def put(call: Call) -> None:
-            place(call)[key] = setting.value(call.argument)
+            place(call)[key] = _value(setting, call.argument)
 
         def get(call: Call) -> str:
             return self._told(call, place(call)[key], setting.lowest, setting.highest)
@@ -325,7 +330,7 @@ class GeneratorDialect(Dialect):
         """Return the answer to a query: what is kept, or what `MIN` and `MAX` stand for."""
         if isinstance(kept, bool | str):
             scpi.nothing(call.argument)
-            return self.switches[kept] if isinstance(kept, bool) else kept
+            return self._model.switches[kept] if isinstance(kept, bool) else kept
         # SCPI has a number for infinity, and no word.
         return self._text(min(scpi.told(call.argument, kept, lowest, highest), SCPI_INFINITY))
 

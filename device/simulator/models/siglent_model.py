@@ -11,8 +11,9 @@ from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 
+from device.drivers.manual import Model
 from device.simulator.hardware.power_stage import Instrument
-from device.simulator.models.generator_model import GeneratorDialect, Model
+from device.simulator.models.generator_model import GeneratorDialect
 from device.simulator.models.scpi import Handler, ScpiError
 
 _GENERATORS = {
@@ -22,6 +23,8 @@ _GENERATORS = {
         digits=6,
         least_emf_vpp=4e-3,
         most_hz=40e6,
+        modulation=("MDWV", "ON"),
+        addition=("CMBN", "ON"),
     )
 }
 WAVES = ("SINE", "SQUARE", "RAMP", "PULSE", "NOISE", "ARB", "DC")
@@ -38,9 +41,6 @@ _Put = Callable[[int, list[str]], None]
 
 class SiglentDialect(GeneratorDialect):
     """Answers the commands of an SDG2042X."""
-
-    modulation = ("MDWV", "ON")
-    addition = ("CMBN", "ON")
 
     def __init__(self, model: Model, instrument: Instrument, beam: object) -> None:
         self._coupled = dict.fromkeys(_COUPLED, "OFF")

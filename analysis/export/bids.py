@@ -9,12 +9,12 @@ from typing import Any
 import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, json_text, tsv_cell, tsv_text
-from analysis.export.columns import BY_NAME, Column, known
-from analysis.export.dataset import Dataset
+from analysis.export.dataset import Dataset, known
 from analysis.export.readme import readme
 from analysis.export.recordings import DRIVEN, MEASURED, described, tsv_gz
 from analysis.export.trial_table import cells, of_tracks
 from analysis.loading.records import values
+from protocol.study.columns import BY_NAME, Column
 
 BIDS_VERSION = "1.11.1"
 HED_VERSION = "8.3.0"

@@ -10,12 +10,13 @@ import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_item, csv_quoted, csv_scalar, json_text
 from analysis.estimates import IntArray
-from analysis.export.columns import CONTRAST_COLUMNS, TOUCH_COLUMNS, Column, known
-from analysis.export.dataset import Chain, Dataset
+from analysis.export.dataset import Chain, Dataset, known
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
+from analysis.export.trial_table import CONTRAST_COLUMNS
 from analysis.loading.records import values
 from protocol.journal.events import ScoresImported, SessionOpened, StudyRegistered, Withdrawn
 from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX, shared_text
+from protocol.study.columns import TOUCH_COLUMNS, Column
 
 
 def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:

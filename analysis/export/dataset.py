@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import pandas as pd
 
-from analysis.export.columns import PARTICIPANT_COLUMNS, Column
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
 from analysis.loading.sessions import Sessions, load_sessions
@@ -20,6 +19,7 @@ from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
+from protocol.study.columns import PARTICIPANT_COLUMNS, Column
 from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
 from protocol.study.rules import PAPERS_SCALE, Publication, Rating
 from protocol.study.study import Study
@@ -120,7 +120,7 @@ class Dataset:
 
     @property
     def trials(self) -> pd.DataFrame:
-        """The trials, with the columns of `analysis.export.columns`."""
+        """The trials, with the columns of `protocol.study.columns`."""
         return self.tables.exported
 
     @cached_property
@@ -381,3 +381,9 @@ def _digested(chains: Iterable[Chain], digest: Any) -> Iterator[Chain]:
             mark = ", "
         yield events
     digest.update(b"]" if mark == ", " else b"[]")
+
+
+def known(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of `facts` that are known."""
+    # What nobody gave is left out, so that a validator can say that it is missing.
+    return {name: value for name, value in facts.items() if value}

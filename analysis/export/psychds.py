@@ -6,10 +6,10 @@ Psych-DS 1.5.0; the terms are those of schema.org.
 from typing import Any
 
 from analysis.cells import csv_cell, csv_text, json_text
-from analysis.export.columns import Column, known, names_of
-from analysis.export.dataset import Dataset
+from analysis.export.dataset import Dataset, known
 from analysis.export.readme import readme
 from analysis.export.trial_table import cells
+from protocol.study.columns import Column, names_of
 
 SCHEMA_VERSION = "Psych-DS 1.5.0"
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.export.columns import Column, names_of
 from analysis.friction.recorded import decoded
 from protocol.journal.events import (
     Opening,
@@ -20,6 +19,7 @@ from protocol.journal.events import (
     Withdrawn,
 )
 from protocol.journal.records import CHANNELS, DamagedSamplesError, ReadBack
+from protocol.study.columns import Column, names_of
 
 SessionKey = tuple[str, int, str]
 """Participant, number and kind of a session."""

@@ -9,9 +9,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from analysis.cells import json_text
-from analysis.export.columns import known
 from analysis.export.csv_tables import csv_tables
-from analysis.export.dataset import Dataset
+from analysis.export.dataset import Dataset, known
 from analysis.export.readme import readme
 from analysis.loading.records import CHANGED, values
 from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX

@@ -1,6 +1,6 @@
 """The exported tables of trials, participants, touches and contrasts, a column per `Column`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -11,29 +11,32 @@ import pandas as pd
 
 from analysis.cells import Cell
 from analysis.estimates import IntArray
-from analysis.export.columns import (
+from analysis.felt.measured_statistics import with_measures
+from analysis.loading.records import TEXT, values
+from analysis.loading.sessions import Sessions
+from analysis.trials.contrasts import trial_contrasts
+from device.friction.changes import RUNG
+from device.friction.laws import LAWS
+from device.friction.scenes import Calibration
+from protocol.journal.records import PlannedTrial
+from protocol.plan.trials import Trial
+from protocol.study.columns import (
+    BY_NAME,
     COLUMNS,
-    CONTRAST_COLUMNS,
     GROUP,
     PARTICIPANT_COLUMNS,
+    PLANNED,
     SESSION_COLUMNS,
     TOUCH_COLUMNS,
     TRACE_COLUMNS,
     TRACK_COLUMNS,
+    YES_NO,
     Column,
     factor_columns,
     in_tracks,
     names_of,
     question_columns,
 )
-from analysis.felt.measured_statistics import with_measures
-from analysis.loading.records import OF_TOUCH, TEXT, values
-from analysis.loading.sessions import Sessions
-from analysis.trials.contrasts import trial_contrasts
-from device.friction.changes import RUNG
-from device.friction.scenes import Calibration
-from protocol.journal.records import PlannedTrial
-from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from protocol.study.study_question import ONCE, StudyQuestion
 from protocol.study.touch import Touch
@@ -44,6 +47,34 @@ _SESSION_NAMES = {"exclusion": "session_exclusion", "inclusion": "session_inclus
 _NOTED = ("skin_state", "room_temperature", "humidity", "cleaning")
 """The columns of what the operator was asked before a session."""
 _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
+CONTRAST_COLUMNS = (
+    *TOUCH_COLUMNS[:4],
+    BY_NAME["condition"],
+    Column(
+        "law",
+        "Friction law of the prediction.",
+        levels={name: law.meaning for name, law in LAWS.items()},
+    ),
+    Column("rung", "Rung of the friction model; `touchbeam ladder` lists all."),
+    Column(
+        "predicted_contrast",
+        "Change of the logarithm of friction that the law predicts on the rig as calibrated, "
+        "positive in the expected direction; missing where nothing is predicted.",
+    ),
+    Column(
+        "touch_measured",
+        "Whether the prediction is for force or place as measured, not as planned.",
+        levels=YES_NO,
+    ),
+    BY_NAME["measured_contrast"],
+    BY_NAME["measured_contrast_error"],
+)
+"""Of a table of contrasts."""
+
+
+def _made(*, per_touch: bool) -> dict[str, Callable[[pd.DataFrame], Any]]:
+    """Return how the columns that follow from others are made, of trials or of touches."""
+    return {it.name: it.made for it in COLUMNS if it.made and it.per_touch == per_touch}
 
 
 def of_groups(sessions: pd.DataFrame) -> tuple[Column, ...]:
@@ -144,6 +175,7 @@ def contrast_table(
 def frames(study: Study, recorded: Sessions, *, rehearsals: bool) -> "Frames":
     """Return the tables of a study's sessions, rehearsals only if they are wanted, too."""
     found = with_measures(study, recorded)
+    found = replace(found, touches=found.touches.assign(**_made(per_touch=True)))
     questions = asked_questions(study, found.answers)
     return Frames(
         found=found,
@@ -280,7 +312,6 @@ class Frames:
             self._sessions.drop(columns="study_sha256"), "session_id", "inner"
         )
         planned = trials["attempts"].notna()
-        excluded = [trials["session_exclusion"].notna(), trials["exclusion"].notna()]
         touches = (
             self.found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
         )
@@ -294,11 +325,8 @@ class Frames:
             trial_index=trials["trial_index"].astype("Int64").where(planned),
             level=trials["level"].where(planned),
             opposite=trials["opposite"].astype("boolean").where(planned),
-            excluded=np.select(excluded, ["session", "trial"], "no"),
-            # A session's exclusion holds for all its trials, whatever else was said of one.
-            exclusion_reason=trials["session_exclusion"].fillna(trials["exclusion"]),
-            inclusion_reason=trials["session_inclusion"].fillna(trials["inclusion"]),
             touches=touches.astype("Int64").where(planned),
+            **_made(per_touch=False),
         )
         # All at once: pandas warns of a hundred columns that come one by one.
         # A question may have the name of a column that is not exported.
@@ -384,12 +412,6 @@ class Frames:
         return pd.DataFrame(rows, columns=headings).set_index(["table", "column"])
 
 
-_OF_TRIAL = {"trial_index": "index", "block": "block", "trial_kind": "kind"} | {
-    name: name for name in ("condition", "level", "opposite", "question", "expected")
-}
-"""The columns of a plan of trials, and the fields of a planned trial that they hold."""
-
-
 def plan_frame(planned: Iterable[Trial | PlannedTrial]) -> pd.DataFrame:
     """Return planned trials, a row each; a column per touch holds a tuple of values."""
     return pd.DataFrame([_plan_row(trial) for trial in planned])
@@ -401,7 +423,11 @@ def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
         for each in trial.touches
     ]
     return {
-        **{name: getattr(trial, of) for name, of in _OF_TRIAL.items()},
+        **{it.name: getattr(trial, it.planned) for it in PLANNED if not it.per_touch},
         "touches": len(touches),
-        **{name: tuple(getattr(it, of) for it in touches) for name, of in OF_TOUCH.items()},
+        **{
+            it.name: tuple(getattr(touch, it.planned) for touch in touches)
+            for it in PLANNED
+            if it.per_touch
+        },
     }

@@ -16,6 +16,7 @@ import pandas as pd
 from analysis.estimates import IntArray
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
+from protocol.study.columns import PLANNED
 from protocol.study.touch import Touch
 
 Row = TypeVar("Row")
@@ -176,26 +177,16 @@ class TouchRow:
     speed_ok: bool | None = None
 
 
-OF_TOUCH = {name: name for name in ("place", "direction", "coverage", "press")} | {
-    "sliding_speed_m_s": "sliding_speed_m_s",
-    "planned_voltage_v": "voltage_v",
-    "planned_end_voltage_v": "end_voltage_v",
-    "planned_frequency": "frequency",
-    "planned_end_frequency": "end_frequency",
-}
-"""The columns of a plan, and the fields of a planned touch that they hold."""
-_TEXTS = frozenset({"place", "direction", "coverage"})
-
-
 def with_plans(touches: pd.DataFrame) -> pd.DataFrame:
     """Return the table of touches with columns for what was planned of each."""
     # A study plans few different touches, and a table has many.
     places, plans = numbered(touches["planned"].tolist())
     told = {
-        name: pd.Series(
-            [getattr(plan, of) for plan in plans], dtype=TEXT if name in _TEXTS else "float64"
+        it.name: pd.Series(
+            [getattr(plan, it.planned) for plan in plans], dtype=TEXT if it.levels else "float64"
         )
-        for name, of in OF_TOUCH.items()
+        for it in PLANNED
+        if it.per_touch
     }
     return touches.join(pd.DataFrame(told).iloc[places].reset_index(drop=True))
 

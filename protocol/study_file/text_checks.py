@@ -7,6 +7,7 @@ from string import Formatter
 from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem
+from protocol.study.columns import GROUP, REACTION_TIME, TAKEN, TRACK_COLUMNS, names_of
 from protocol.study.fields import UNWANTED, unprintable
 from protocol.study.languages import reference_texts
 from protocol.study.participant_texts import (
@@ -192,32 +193,10 @@ def _fields(text: str) -> list[str]:
 
 # What is wrong with a study's own questions and pages: names, keys, labels, places and texts.
 
-REACTION_TIME = "_reaction_time_s"
-"""Ending of the exported column beside a question's own."""
-_COLUMNS = """
-inclusion_reason subject
-abort_reasons aborted agrees answer_order answered_utc attempts beam block change cleaning
-commanded_frequency_hz commanded_voltage_v condition coverage device direction duration_s
-end_frequency_hz end_monitor_v end_voltage_v excluded exclusion_reason expected force_n force_ok
-humidity language level notes opposite participant participant_id place place_ok places
-planned_end_frequency planned_end_voltage_v planned_frequency planned_voltage_v press pseudonym
-question reaction_time_s resonance_hz resonance_tip_m_per_v room_temperature roughness score
-score_reaction_time_s seed session session_completed session_kind session_kinds sessions
-skin_state sliding_speed_m_s slot speed_ok start_frequency_hz start_monitor_v start_voltage_v
-started_monotonic_s started_utc strength study_sha256 touchbeam_version touches trial_index
-trial_kind friction friction_error measured_contrast measured_contrast_error normal_n rate_n_per_s
-speed_m_s
-stick_slip vector_n
-"""
 PICTURE_RULE = (
     "must be a PNG or JPEG file in the study's folder, at most 4 MB and 4096 pixels wide and high, "
     "and no link"
 )
-TAKEN = frozenset(_COLUMNS.split())
-"""Names of the columns that every export has, and of the built-in questions."""
-
-_TRACK_COLUMNS = {"track", "track_role", "level_value", "interval", "correct", "reversal"}
-
 _Found = Iterator[tuple[str | int, str, str, str]]
 """Key, rule, value and hint of each problem."""
 
@@ -265,8 +244,8 @@ def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: s
 def _name_problems(study: Study) -> Iterator[Problem]:
     taken = {*TAKEN, *(each.name for each in trial_facts(study.rating))}
     # Only where there are groups has an export that column.
-    taken |= {"group"} if study.group else set()
-    taken |= _TRACK_COLUMNS if study.track else set()
+    taken |= {GROUP.name} if study.group else set()
+    taken |= set(names_of(TRACK_COLUMNS)) if study.track else set()
     for number, question in enumerate(study.question):
         name = question.name
         # A question fills two columns, and either may be taken.

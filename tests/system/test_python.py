@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 import touchbeam
-from analysis.export.columns import COLUMNS
 from protocol.journal.events import ResonanceMeasured, TrialExcluded, Withdrawn
 from protocol.plan.plan import plan
+from protocol.study.columns import COLUMNS
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.study.calibration import keep_fit

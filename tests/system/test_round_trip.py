@@ -14,7 +14,6 @@ import pandas as pd
 import pytest
 
 import touchbeam
-from analysis.export.columns import COLUMNS
 from protocol.journal.events import (
     Answered,
     Event,
@@ -27,6 +26,7 @@ from protocol.journal.events import (
     WatchdogTested,
 )
 from protocol.journal.records import QuestionAnswer
+from protocol.study.columns import COLUMNS
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template, text_digest
 from runner.journal.opening import open_journal

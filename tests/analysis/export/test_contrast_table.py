@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from numpy.random import default_rng
 
-from analysis.export.columns import CONTRAST_COLUMNS
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import csv_export
+from analysis.export.trial_table import CONTRAST_COLUMNS
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import report, report_json

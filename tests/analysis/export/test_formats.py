@@ -14,14 +14,13 @@ import pytest
 from bids.layout import BIDSLayout, Config
 
 from analysis.export.bids import bids_export
-from analysis.export.columns import COLUMNS
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, csv_export
 from analysis.export.psychds import psychds_export
 from analysis.loading.study_data import load_study_data
 from protocol.journal.events import StoredEvent
+from protocol.study.columns import COLUMNS, TAKEN
 from protocol.study_file.loading import parsed_study
-from protocol.study_file.text_checks import TAKEN
 from tests.analysis.chains import published_chain
 from tests.analysis.export.data_slips import (
     bids_slips,

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from analysis.export.bids import bids_export, bids_recordings
-from analysis.export.columns import names_of
 from analysis.export.csv_tables import csv_recordings
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS, RECORDINGS
 from analysis.export.recordings import DRIVEN, MEASURED
 from protocol.journal.events import TouchRecorded
 from protocol.journal.records import CHANNELS
+from protocol.study.columns import names_of
 from protocol.study_file.loading import parsed_study
 from tests.analysis.export.data_slips import csv_rows
 from tests.analysis.export.test_formats import NOBODY_SAID, as_pybids_reads, warnings

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from rocrate.rocrate import ROCrate
 
-from analysis.export.columns import COLUMNS
 from analysis.export.dataset import Dataset
 from analysis.export.rocrate import METADATA, crate_metadata, rocrate_export
 from protocol.journal.shared_form import FOLDER
+from protocol.study.columns import COLUMNS
 from tests.analysis.export.crate_validator import complaints
 from tests.analysis.export.data_slips import csv_rows, text_slips
 from tests.analysis.export.test_formats import nasty, published, written

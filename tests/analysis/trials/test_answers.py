@@ -5,14 +5,13 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.export.columns import COLUMNS
 from analysis.export.dataset import dataset
 from analysis.loading.study_data import load_study_data
 from analysis.trials.answers import Answers, answers_by_question
 from protocol.journal.events import Answered, Event, QuestionAnswered, StoredEvent
 from protocol.journal.records import QuestionAnswer
+from protocol.study.columns import COLUMNS, TAKEN
 from protocol.study_file.loading import parsed_study, template
-from protocol.study_file.text_checks import TAKEN
 from tests.analysis.chains import chain, scored_session
 from tests.protocol.studies import OWN_QUESTIONS
 

@@ -6,9 +6,9 @@ import pytest
 
 from protocol.plan.plan import plan
 from protocol.plan.trials import session_s
+from protocol.study.columns import TAKEN
 from protocol.study.participant_texts import lacking
 from protocol.study_file.loading import StudyError, parsed_study, template
-from protocol.study_file.text_checks import TAKEN
 from tests.protocol.studies import OWN_QUESTIONS
 
 PAPER = template("paper")

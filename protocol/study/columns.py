@@ -1,17 +1,18 @@
-"""The columns of exported trials in their order: meaning, unit and levels of each one.
+"""The columns of a study's data in their order: meaning, unit and levels of each one.
 
 Every export of a format has the same columns in the same order, whatever a study holds.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from device.friction.laws import LAWS
 from protocol.study.study import Study
 from protocol.study.study_question import INTERVALS, MEANINGS, QUESTIONS, StudyQuestion
 
+REACTION_TIME = "_reaction_time_s"
+"""Ending of the exported column beside a question's own."""
 YES_NO = {"true": "yes", "false": "no"}
 
 
@@ -23,6 +24,10 @@ class Column:
     many as were chosen. One that is `private` stays out of data sets that are made to be shared.
     One `of_session` stands in a table of sessions, too. `of_condition` is what it holds in trials
     of each condition.
+
+    A column holds what the tables of `analysis/loading` have under its name, or what is `made` of
+    their columns. `planned` is the field of a planned trial or touch that it holds, a number if a
+    column of touches has no levels.
     """
 
     name: str
@@ -35,6 +40,8 @@ class Column:
     private: bool = False
     of_session: bool = False
     of_condition: Mapping[str, str] = field(default_factory=dict)
+    planned: str = ""
+    made: Callable[[Any], Any] | None = None
 
     @property
     def of_lists(self) -> str:
@@ -44,6 +51,14 @@ class Column:
 
 _session = partial(Column, of_session=True)
 _touch = partial(Column, per_touch=True)
+
+
+def _plan(name: str, description: str, planned: str = "", **known: Any) -> Column:
+    return Column(name, description, planned=planned or name, **known)
+
+
+def _planned(name: str, description: str, unit: str | None = None) -> Column:
+    return _touch(f"planned_{name}", description, unit, planned=name)
 
 
 _SESSION = (
@@ -62,11 +77,12 @@ _SESSION = (
 )
 
 _PLAN = (
-    Column("trial_index", "Place of the trial in the session's plan, from 0."),
-    Column("block", "Block of the trial; 0 stands before the first block."),
-    Column(
+    _plan("trial_index", "Place of the trial in the session's plan, from 0.", planned="index"),
+    _plan("block", "Block of the trial; 0 stands before the first block."),
+    _plan(
         "trial_kind",
         "What the trial is for.",
+        planned="kind",
         levels={
             "baseline": "first touch, without a signal, to remember",
             "signal": "first touch with a signal",
@@ -76,15 +92,15 @@ _PLAN = (
             "published": "a score of a published table, of which nothing else is known",
         },
     ),
-    Column("condition", "The parameter that changes."),
-    Column("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
-    Column("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
-    Column(
+    _plan("condition", "The parameter that changes."),
+    _plan("level", "By what the amplitudes of the condition are multiplied; 0 in a catch trial."),
+    _plan("opposite", "Whether the touches come in the opposite order.", levels=YES_NO),
+    _plan(
         "question",
         "What is asked after the last touch.",
         levels={question: asked.meaning for question, asked in QUESTIONS.items()},
     ),
-    Column("expected", "The answer that agrees with the expectation."),
+    _plan("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
@@ -115,9 +131,24 @@ _COURSE = (
         "excluded",
         "Whether it was taken out of the analysis afterwards.",
         levels={"no": "it counts", "trial": "this trial", "session": "the whole session"},
+        made=lambda trials: (
+            trials["exclusion"]
+            .notna()
+            .map({True: "trial", False: "no"})
+            .mask(trials["session_exclusion"].notna(), "session")
+        ),
     ),
-    _session("exclusion_reason", "Why it was taken out."),
-    _session("inclusion_reason", "Why an exclusion of it was taken back, if one was."),
+    _session(
+        "exclusion_reason",
+        "Why it was taken out.",
+        # A session's exclusion holds for all its trials, whatever else was said of one.
+        made=lambda trials: trials["session_exclusion"].fillna(trials["exclusion"]),
+    ),
+    _session(
+        "inclusion_reason",
+        "Why an exclusion of it was taken back, if one was.",
+        made=lambda trials: trials["session_inclusion"].fillna(trials["inclusion"]),
+    ),
     Column("attempts", "How often the trial was begun; all else is of the last attempt."),
     Column("aborted", "How many of the attempts were broken off."),
     Column("abort_reasons", "Why, a line each."),
@@ -140,28 +171,32 @@ _TOUCHES = (
     _touch(
         "place",
         "Where the beam was to be touched.",
+        planned="place",
         levels={"smooth": "one place", "path": "sliding along the beam"},
     ),
     _touch(
         "direction",
         "Direction of a sliding finger.",
+        planned="direction",
         levels={"right": "left to right", "left": "right to left"},
     ),
     _touch(
         "coverage",
         "How much of the beam was to be covered.",
+        planned="coverage",
         levels={"local": "one finger", "full": "several fingers"},
     ),
-    _touch("press", "Touch force asked for, relative to the study's."),
+    _touch("press", "Touch force asked for, relative to the study's.", planned="press"),
     _touch(
         "sliding_speed_m_s",
         "Speed of a slide asked for, where the touch has one of its own.",
         "m/s",
+        planned="sliding_speed_m_s",
     ),
-    _touch("planned_voltage_v", "Planned amplitude (peak) at the start.", "V"),
-    _touch("planned_end_voltage_v", "Planned amplitude (peak) at the end.", "V"),
-    _touch("planned_frequency", "Planned drive at the start, relative to the resonance."),
-    _touch("planned_end_frequency", "Planned drive at the end, relative to the resonance."),
+    _planned("voltage_v", "Planned amplitude (peak) at the start.", "V"),
+    _planned("end_voltage_v", "Planned amplitude (peak) at the end.", "V"),
+    _planned("frequency", "Planned drive at the start, relative to the resonance."),
+    _planned("end_frequency", "Planned drive at the end, relative to the resonance."),
     _touch("commanded_voltage_v", "Amplitude (peak) commanded at the start.", "V"),
     _touch("commanded_frequency_hz", "Frequency commanded at the start.", "Hz"),
     _touch("start_voltage_v", "Amplitude (peak) read back at the start.", "V"),
@@ -291,12 +326,18 @@ def _of_question(question: StudyQuestion) -> Iterator[Column]:
         levels=names if question.values else {},
         several=question.kind == "several",
     )
-    yield Column(f"{question.name}_reaction_time_s", f"From the question to {question.name}.", "s")
+    yield Column(question.name + REACTION_TIME, f"From the question to {question.name}.", "s")
 
 
 COLUMNS = (*_SESSION, *_PLAN, *_ANSWER, *_FELT, *_COURSE, *_TOUCHES, *_SETTING)
 """Of the table of trials."""
+TAKEN = frozenset(("subject", "participant_id", "pseudonym", "session_kinds", "sessions")).union(
+    QUESTIONS, (column.name for column in COLUMNS)
+)
+"""Names of the columns that every export has, and of the built-in questions."""
 BY_NAME = {column.name: column for column in COLUMNS}
+PLANNED = tuple(column for column in COLUMNS if column.planned)
+"""Of a table of planned trials."""
 SESSION_COLUMNS = tuple(column for column in COLUMNS if column.of_session)
 """Of a table of sessions."""
 _TRIAL = (*_SESSION[:3], BY_NAME["trial_index"])
@@ -313,28 +354,6 @@ TRACE_COLUMNS = (
     Column("position_m", "Position of the finger along the beam.", "m"),
 )
 """Of a table of samples."""
-CONTRAST_COLUMNS = (
-    *_TRIAL,
-    BY_NAME["condition"],
-    Column(
-        "law",
-        "Friction law of the prediction.",
-        levels={name: law.meaning for name, law in LAWS.items()},
-    ),
-    Column("rung", "Rung of the friction model; `touchbeam ladder` lists all."),
-    Column(
-        "predicted_contrast",
-        "Change of the logarithm of friction that the law predicts on the rig as calibrated, "
-        "positive in the expected direction; missing where nothing is predicted.",
-    ),
-    Column(
-        "touch_measured",
-        "Whether the prediction is for force or place as measured, not as planned.",
-        levels=YES_NO,
-    ),
-    *_FELT,
-)
-"""Of a table of contrasts."""
 PARTICIPANT_COLUMNS = (
     _SESSION[0],
     Column("sessions", "How many of the participant's sessions are here."),
@@ -368,9 +387,3 @@ def factor_columns(study: Study, questions: Iterable[StudyQuestion]) -> tuple[Co
 def names_of(columns: Iterable[Column]) -> list[str]:
     """Return the names of columns, in their order."""
     return [column.name for column in columns]
-
-
-def known(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of `facts` that are known."""
-    # What nobody gave is left out, so that a validator can say that it is missing.
-    return {name: value for name, value in facts.items() if value}

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
 from math import lgamma
-from typing import TypeAlias
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from scipy.special import gammaincinv, logsumexp, ndtr, ndtri
@@ -32,6 +32,11 @@ NOWHERE, MOST_UNKNOWN = -1e9, 0.01
 NEGLIGIBLE = 1e-12
 # Halves of the points may disagree on a limit by so much of the interval's width.
 MOST_DISAGREEMENT = 0.1
+INTEGRATION = "its integration over the differences between people"
+DISAGREEMENT = NotEstimable(
+    f"two sets of points of {INTEGRATION} disagree on a limit by more than "
+    f"{MOST_DISAGREEMENT:.0%} of the interval's width"
+)
 # A correction may be at its limit at points of so much weight.
 MOST_LIMITED = 0.25
 # Points at which a smooth function stands for the density, and the distance in SDs from which its
@@ -68,36 +73,33 @@ class WeightedPoints:
 
     def refusal(self, *quantities: tuple["Marginals", Sequence[Interval]]) -> NotEstimable | None:
         """Return why the points do not tell quantities and their intervals, or None if they do."""
-        return next((NotEstimable(reason) for reason in self._reasons(quantities)), None)
+        return next(self._reasons(quantities), None)
 
     def _reasons(
         self, quantities: Iterable[tuple["Marginals", Sequence[Interval]]]
-    ) -> Iterator[str]:
-        integration = "its integration over the differences between people"
+    ) -> Iterator[NotEstimable]:
         if self.unknown > MOST_UNKNOWN:
-            yield f"it could not be evaluated at {self.unknown:.0%} of the points of {integration}"
+            yield NotEstimable(
+                f"it could not be evaluated at {self.unknown:.0%} of the points of {INTEGRATION}"
+            )
         if self.effective < self.least:
             # How few there are may depend on the processor where there are hardly any.
             few = self.least / 10
             reached = f"{self.effective:.0f}" if self.effective >= few else f"fewer than {few:.0f}"
-            yield (
-                f"{integration} reached {reached} effective points, and intervals need "
+            yield NotEstimable(
+                f"{INTEGRATION} reached {reached} effective points, and intervals need "
                 f"at least {self.least:.0f}"
             )
         for each, intervals in quantities:
             # How far it is beyond may depend on the processor where hardly anything is known.
             if each.limited is not None and each.limited.max() > MOST_LIMITED:
-                yield (
+                yield NotEstimable(
                     "the trials tell too little for its approximation: the skewness of a posterior "
                     f"is beyond the limit of its correction at more than {MOST_LIMITED:.0%} of the "
-                    f"points of {integration}"
+                    f"points of {INTEGRATION}"
                 )
-            apart = each.disagreement(self.halves, intervals)
-            if apart > MOST_DISAGREEMENT:
-                yield (
-                    f"two sets of points of {integration} disagree on a limit by more than "
-                    f"{MOST_DISAGREEMENT:.0%} of the interval's width"
-                )
+            if each.disagreement(self.halves, intervals) > MOST_DISAGREEMENT:
+                yield DISAGREEMENT
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the posterior mean of values at the points, along the first axis."""
@@ -149,6 +151,30 @@ class WeightedPoints:
         return weighted_quantiles(weights, values, *p)
 
 
+class Told(Protocol):
+    """What points tell of their density."""
+
+    @property
+    def refusal(self) -> NotEstimable | None:
+        """Why they do not represent it, or None."""
+
+
+Points = TypeVar("Points")
+OfPoints = TypeVar("OfPoints", bound=Told)
+
+
+def settled(drawn: Iterator[Points], tell: Callable[[Points], OfPoints]) -> OfPoints:
+    """Return what the first of the points drawn tell, or the second if halves of those disagree.
+
+    Halves of so many points as suffice for the limits may disagree where the posterior is narrow.
+    """
+    told = tell(next(drawn))
+    if told.refusal != DISAGREEMENT:
+        return told
+    del told  # it takes much memory
+    return tell(next(drawn))
+
+
 def weighted_points(
     log_density: LogDensity,
     start: FloatArray,
@@ -158,8 +184,8 @@ def weighted_points(
     pilot: int = PILOT,
     rise: float = MODE_RISE,
     step: FloatArray | float = CURVATURE_STEP,
-) -> tuple[WeightedPoints, BoolArray]:
-    """Return weighted points that represent the density, and which of the last ones they are.
+) -> Iterator[tuple[WeightedPoints, BoolArray]]:
+    """Yield weighted points that represent the density, and which of the last ones they are.
 
     Importance sampling from a t distribution with 5 degrees of freedom, first about the mode, found
     but for a `rise`, and scaled by the curvature there over a `step` along each axis, then with the
@@ -167,12 +193,13 @@ def weighted_points(
     the effective sample size is at least `least` (None for 200) or four times as many do or would
     not reach it. They are those of an additive low-discrepancy sequence instead of random ones, and
     of a proposal that is rounded, so that the same input gives the same points on every computer.
-    Points without weight are left out.
+    Points without weight are left out. Those who find too few points ask for the second ones, which
+    are twice as many; there are no more.
     """
-    least = LEAST_EFFECTIVE if least is None else least
+    least, enough = LEAST_EFFECTIVE if least is None else least, False
     log_density = _within_reach(log_density)
     centre, covariance = mode_of(log_density, start, rise, step)
-    for number in (pilot, count, 2 * count, 4 * count):
+    for number in (pilot, count, 2 * count, 4 * count, 8 * count):
         points, log_proposal = _t_points(centre, covariance, number)
         known = log_density(points)
         log_weights = known - log_proposal
@@ -180,27 +207,33 @@ def weighted_points(
         effective = float(1 / (weights**2).sum())  # (28), mathematics/sensitivity
         # At a share so far from what is needed four times as many hardly do: such fits take the
         # longest, and all that were tried were refused in the end.
-        if number >= count and not least / 10 <= effective < least:
-            break
+        more = number < count or (number < 4 * count and least / 10 <= effective < least)
+        if enough or not more:
+            some = weights > NEGLIGIBLE
+            early = np.arange(number) < number // 2
+            halves = [half[some] for half in (weights * early, weights * ~early)]
+            yield (
+                WeightedPoints(
+                    points=np.clip(points[some], -REACH, REACH),
+                    weights=weights[some] / weights[some].sum(),
+                    # A half without any weight agrees with nothing.
+                    halves=np.array([half / max(half.sum(), NEGLIGIBLE) for half in halves]),
+                    least=least,
+                    effective=effective,
+                    unknown=float((known <= NOWHERE).mean()),
+                    log_evidence=float(logsumexp(log_weights)) - float(np.log(number)),
+                    log_density=known[some],
+                ),
+                some,
+            )
+            if enough:
+                return
+            enough = True
         # Few effective points change the covariance little.
         centre, size = weights @ points, points.shape[1]
         away = points - centre
         found = effective * (weights * away.T) @ away
         covariance = (found + size * covariance) / (effective + size)
-    some = weights > NEGLIGIBLE
-    early = np.arange(number) < number // 2
-    halves = [half[some] for half in (weights * early, weights * ~early)]
-    return WeightedPoints(
-        points=np.clip(points[some], -REACH, REACH),
-        weights=weights[some] / weights[some].sum(),
-        # A half without any weight agrees with nothing.
-        halves=np.array([half / max(half.sum(), NEGLIGIBLE) for half in halves]),
-        least=least,
-        effective=effective,
-        unknown=float((known <= NOWHERE).mean()),
-        log_evidence=float(logsumexp(log_weights)) - float(np.log(number)),
-        log_density=known[some],
-    ), some
 
 
 def _normalised(log_weights: FloatArray) -> FloatArray:

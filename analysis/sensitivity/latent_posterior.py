@@ -1,6 +1,6 @@
 """Posterior of latent parameters, integrated over variance components, and draws from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,19 +123,26 @@ def integrated(
     start: FloatArray,
     components: Callable[[FloatArray], Components],
     log_prior: integration.LogDensity,
-) -> LatentPosterior:
-    """Return the posterior of the field's parameters, integrated from `start` over `components`."""
+) -> Iterator[LatentPosterior]:
+    """Yield the posterior of the field's parameters, integrated from `start` over `components`.
+
+    The second one has twice as many points, for `settled`.
+    """
     density, start, step = _known(field, start, components, log_prior)
     wanted = int(POINTS_BY_TRIALS / len(field.trials.x) ** 2)
     wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
     least = LARGE_EFFECTIVE if len(field.trials.x) > LARGE else None
-    points, kept = integration.weighted_points(
+    for points, kept in integration.weighted_points(
         density, start, wanted, least, rise=MODE_RISE, step=step
-    )
-    # The last evaluation was at the returned points, so these are their modes.
-    sds = components(points.points).residual_sd
-    modes = density.known[1].at(kept)
-    return LatentPosterior(trials=field.trials, points=points, residual_sds=sds, modes=modes)
+    ):
+        # The last evaluation was at the returned points, so these are their modes.
+        density.known = points.points, density.known[1].at(kept)
+        yield LatentPosterior(
+            trials=field.trials,
+            points=points,
+            residual_sds=components(points.points).residual_sd,
+            modes=density.known[1],
+        )
 
 
 def log_evidence(
@@ -146,14 +153,16 @@ def log_evidence(
 ) -> float:
     """Return the logarithm of the integral alone of which `integrated` gives the posterior."""
     density, start, step = _known(field, start, components, log_prior)
-    points, _ = integration.weighted_points(
-        density,
-        start,
-        EVIDENCE_POINTS,
-        EVIDENCE_EFFECTIVE,
-        pilot=EVIDENCE_PILOT,
-        rise=MODE_RISE,
-        step=step,
+    points, _ = next(
+        integration.weighted_points(
+            density,
+            start,
+            EVIDENCE_POINTS,
+            EVIDENCE_EFFECTIVE,
+            pilot=EVIDENCE_PILOT,
+            rise=MODE_RISE,
+            step=step,
+        )
     )
     return points.log_evidence
 

@@ -215,12 +215,12 @@ def linear_lines(ratings: Ratings) -> LineMixture | NotEstimable:
     def equal_gains(points: FloatArray) -> FloatArray:
         return _log_posterior(sums, np.insert(points, [2, 2], [-np.inf, 0.0], axis=1))
 
-    posterior, _ = weighted_points(log_posterior, START, POINTS)
+    posterior, _ = next(weighted_points(log_posterior, START, POINTS))
     if refusal := posterior.refusal():
         return refusal
 
     def evidence_of_equal() -> float:
-        return weighted_points(equal_gains, START[:2], POINTS // 2)[0].log_evidence
+        return next(weighted_points(equal_gains, START[:2], POINTS // 2))[0].log_evidence
 
     mixture = _mixture(sums, posterior, axes, evidence_of_equal)
     return mixture.refusal or mixture

@@ -219,7 +219,7 @@ class LineMixture:
         """
         return float(expit(self.log_evidence_of_equal() - self.points.log_evidence))
 
-    @property
+    @cached_property
     def refusal(self) -> NotEstimable | None:
         """Why the points do not represent the posterior, or None if they do."""
         people = np.flatnonzero(np.append(self.counts > 0, not self.alone))

@@ -4,7 +4,7 @@ Numbers of equations are those of docs/mathematics/sensitivity.md, "M3".
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.sensitivity.curvature import LatentTrials, counted
-from analysis.sensitivity.integration import Marginals
+from analysis.sensitivity.integration import Marginals, settled
 from analysis.sensitivity.laplace import WIDE, Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated
 from analysis.sensitivity.lines import Ratings, log_prior_of_spread, roots_of_covariances
@@ -130,7 +130,7 @@ class Noticing:
     def _intervals(self) -> list[Interval]:
         return self._found.interval_95(self.posterior.points.weights)
 
-    @property
+    @cached_property
     def refusal(self) -> NotEstimable | None:
         """Why noticing is not known, or None."""
         return self.posterior.points.refusal((self._found, self._intervals))
@@ -183,10 +183,9 @@ def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Notici
         weight=weight,
     )
     start = START if trials.conditions else START[:-1]
-    posterior = integrated(LatentField(trials), start, _components, _log_prior)
-    return Noticing(
-        trials=trials, posterior=posterior, subjects=ratings.subjects, reference=reference
-    )
+    of = partial(Noticing, trials=trials, subjects=ratings.subjects, reference=reference)
+    known = integrated(LatentField(trials), start, _components, _log_prior)
+    return settled(known, lambda posterior: of(posterior=posterior))
 
 
 def _components(points: FloatArray) -> Components:

@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.sensitivity.curvature import OrdinalTrials, counted
-from analysis.sensitivity.integration import Marginals
+from analysis.sensitivity.integration import Marginals, settled
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated, log_evidence
 from analysis.sensitivity.lines import (
@@ -89,7 +89,7 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    return fit_of(ready, latent_posterior(ready))
+    return posterior_of(ready).fit
 
 
 def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
@@ -97,11 +97,8 @@ def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return ready
-    known = latent_posterior(ready)
-    if refusal := known.points.refusal():
-        return refusal
-    mixture, _ = _mixture(ready, known)
-    return mixture.refusal or mixture
+    known = posterior_of(ready)
+    return known.refusal or known.lines
 
 
 def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
@@ -143,10 +140,57 @@ def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
     )
 
 
-def latent_posterior(ready: PreparedTrials) -> LatentPosterior:
-    """Return the posterior of prepared trials, discretised in σ, T and τ_δ."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrdinalPosterior:
+    """The posterior of prepared trials, discretised in σ, T and τ_δ."""
+
+    ready: PreparedTrials
+    latent: LatentPosterior
+
+    @cached_property
+    def _told(self) -> tuple[LineMixture, Marginals]:
+        return _mixture(self.ready, self.latent)
+
+    @property
+    def lines(self) -> LineMixture:
+        """The posteriors of the lines, in rating points."""
+        return self._told[0]
+
+    @cached_property
+    def refusal(self) -> NotEstimable | None:
+        """Why it does not tell the lines, or None if it does."""
+        return self.latent.points.refusal() or self.lines.refusal
+
+    @cached_property
+    def fit(self) -> OrdinalSensitivity | NotEstimable:
+        """Lines, thresholds and discrepancies, or why the posterior does not tell them."""
+        if self.refusal:
+            return self.refusal
+        ready, points, axes = self.ready, self.latent.points, self.ready.axes
+        lines, of_conditions = self._told
+        shared = points.weights @ self.latent.modes.shared
+        thresholds = ready.trials.edges(shared[None])[0, 1:-1]
+        names = ready.conditions if ready.trials.conditions else ()
+        values = (points.weights @ of_conditions.means).tolist()
+        intervals = of_conditions.interval_95(points.weights)
+        return OrdinalSensitivity(
+            lines=summary(ready.subjects, lines),
+            residual_sd=float(points.mean(self.latent.residual_sds)) * axes.y_sd,
+            categories=ready.categories,
+            thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
+            discrepancies={
+                name: Estimate(value=value, interval=interval)
+                for name, value, interval in zip(names, values, intervals, strict=True)
+            },
+            effective_points=points.effective,
+        )
+
+
+def posterior_of(ready: PreparedTrials) -> OrdinalPosterior:
+    """Return the posterior of prepared trials, of twice the points if halves of them disagree."""
     start = START if ready.trials.conditions else START[:-1]
-    return integrated(ready.field, start, _components, _log_prior)
+    known = integrated(ready.field, start, _components, _log_prior)
+    return settled(known, lambda latent: OrdinalPosterior(ready=ready, latent=latent))
 
 
 def _equal_gains(ready: PreparedTrials, middle: FloatArray) -> float:
@@ -179,31 +223,6 @@ def _log_prior_of_equal(points: FloatArray) -> FloatArray:
     others = np.delete(points, 1, axis=1)
     half_cauchy = (others - np.log1p(np.exp(2 * others))).sum(axis=1)
     return np.asarray(log_prior_of_spread(points[:, 1]) + half_cauchy)
-
-
-def fit_of(ready: PreparedTrials, known: LatentPosterior) -> OrdinalSensitivity | NotEstimable:
-    """Return lines, thresholds and discrepancies of the posterior, or why it does not tell them."""
-    points, axes = known.points, ready.axes
-    if refusal := points.refusal():
-        return refusal
-    mixture, of_conditions = _mixture(ready, known)
-    if refusal := mixture.refusal:
-        return refusal
-    thresholds = ready.trials.edges((points.weights @ known.modes.shared)[None])[0, 1:-1]
-    names = ready.conditions if ready.trials.conditions else ()
-    values = (points.weights @ of_conditions.means).tolist()
-    intervals = of_conditions.interval_95(points.weights)
-    return OrdinalSensitivity(
-        lines=summary(ready.subjects, mixture),
-        residual_sd=float(points.mean(known.residual_sds)) * axes.y_sd,
-        categories=ready.categories,
-        thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
-        discrepancies={
-            name: Estimate(value=value, interval=interval)
-            for name, value, interval in zip(names, values, intervals, strict=True)
-        },
-        effective_points=points.effective,
-    )
 
 
 def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture, Marginals]:

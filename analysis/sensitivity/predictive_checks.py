@@ -19,7 +19,7 @@ from analysis.estimates import (
 )
 from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.laplace import LARGE
-from analysis.sensitivity.latent_posterior import LatentDraws, LatentPosterior
+from analysis.sensitivity.latent_posterior import LatentDraws
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.two_stage_model import (
@@ -87,11 +87,11 @@ def checked_ordinal(ratings: Ratings) -> Checked[ordinal_model.OrdinalSensitivit
     ready = ordinal_model.prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return Checked(fit=ready, check=ready)
-    posterior = ordinal_model.latent_posterior(ready)
-    fit = ordinal_model.fit_of(ready, posterior)
+    posterior = ordinal_model.posterior_of(ready)
+    fit = posterior.fit
     if isinstance(fit, NotEstimable):
         return Checked(fit=fit, check=fit)
-    check = _check(_compared_scores(ready, posterior, ratings, np.random.default_rng(SEED)))
+    check = _check(_compared_scores(posterior, ratings, np.random.default_rng(SEED)))
     return Checked(fit=check.refusal or fit, check=check)
 
 
@@ -109,7 +109,7 @@ def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
     rng = np.random.default_rng(SEED)
     check = _check(
         _compared_answers(found.noticing, trials, rng)
-        | _compared_scores(found.rating.ready, found.rating.posterior, found.rating.ratings, rng)
+        | _compared_scores(found.rating.posterior, found.rating.ratings, rng)
     )
     return Checked(fit=check.refusal or summary, check=check)
 
@@ -122,14 +122,11 @@ They are those of (30), mathematics/sensitivity.
 
 
 def _compared_scores(
-    ready: ordinal_model.PreparedTrials,
-    posterior: LatentPosterior,
-    ratings: Ratings,
-    rng: np.random.Generator,
+    posterior: ordinal_model.OrdinalPosterior, ratings: Ratings, rng: np.random.Generator
 ) -> Distances:
-    trials, known, axes = ratings.given, ready.trials, ready.axes
+    trials, known, axes = ratings.given, posterior.ready.trials, posterior.ready.axes
     count = _draws(len(trials.rating))
-    draws = posterior.draws(count, rng)
+    draws = posterior.latent.draws(count, rng)
     streams = _streams(rng, 3, count * len(trials.rating))
     x = (trials.contrast - axes.x_mean) / axes.x_sd
     given = np.unique(trials.rating, return_inverse=True)[1]

@@ -11,7 +11,6 @@ from scipy.special import expit
 from analysis.estimates import BoolArray, IntArray, NotEstimable
 from analysis.sensitivity import ordinal_model
 from analysis.sensitivity.curvature import BEYOND, mills_ratio
-from analysis.sensitivity.latent_posterior import LatentPosterior
 from analysis.sensitivity.lines import Lines, Ratings
 from analysis.sensitivity.noticing import (
     EXPECTED,
@@ -95,13 +94,12 @@ class RatingStage:
 
     kind: Kind
     ratings: Ratings
-    ready: ordinal_model.PreparedTrials
-    posterior: LatentPosterior
+    posterior: ordinal_model.OrdinalPosterior
 
-    @cached_property
-    def fit(self) -> ordinal_model.OrdinalSensitivity | NotEstimable:
-        """The estimates, or why there are none."""
-        return ordinal_model.fit_of(self.ready, self.posterior)
+    @property
+    def log_evidence(self) -> float:
+        """That of people of this kind."""
+        return self.posterior.latent.points.log_evidence
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,16 +115,15 @@ class TwoStagePosterior:
         """The estimates, or why a stage tells none."""
         if refusal := self.noticing.refusal:
             return refusal
-        fit, other = self.rating.fit, self.other.fit
+        fit, other = self.rating.posterior.fit, self.other.posterior.fit
         if isinstance(fit, NotEstimable):
             return fit
-        more, less = (stage.posterior.points.log_evidence for stage in (self.rating, self.other))
         return TwoStageSensitivity(
             ratings=fit,
             detection=self.noticing.detection,
             reference_contrast=self.noticing.reference,
             scored=self.rating.kind,
-            scored_p=float(expit(more - less)),
+            scored_p=float(expit(self.rating.log_evidence - self.other.log_evidence)),
             other_gain=math.nan if isinstance(other, NotEstimable) else other.lines.gain,
         )
 
@@ -151,16 +148,14 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
         _stage("the change", trials.noticed),
         _stage("what was felt", felt_if_noticed(trials.noticed, first)),
     ]
-    other, rating = sorted(stages, key=lambda stage: stage.posterior.points.log_evidence)
+    other, rating = sorted(stages, key=lambda stage: stage.log_evidence)
     return TwoStagePosterior(noticing=first, rating=rating, other=other)
 
 
 def _stage(kind: Kind, ratings: Ratings) -> RatingStage:
     ready = ordinal_model.prepared_ratings(ratings)
     assert isinstance(ready, ordinal_model.PreparedTrials)
-    return RatingStage(
-        kind=kind, ratings=ratings, ready=ready, posterior=ordinal_model.latent_posterior(ready)
-    )
+    return RatingStage(kind=kind, ratings=ratings, posterior=ordinal_model.posterior_of(ready))
 
 
 def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:

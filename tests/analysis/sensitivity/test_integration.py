@@ -18,8 +18,8 @@ from analysis.sensitivity.integration import (
 def test_a_correlated_normal_is_integrated() -> None:
     covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.1], [0.0, 0.1, 2.0]])
     normal = stats.multivariate_normal(np.array([1.0, -2.0, 0.5]), covariance)
-    found, _ = weighted_points(
-        lambda points: np.atleast_1d(normal.logpdf(points)), np.zeros(3), 400
+    found, _ = next(
+        weighted_points(lambda points: np.atleast_1d(normal.logpdf(points)), np.zeros(3), 400)
     )
     mean = found.mean(found.points)
     spread = found.mean((found.points - mean)[:, :, None] * (found.points - mean)[:, None, :])
@@ -32,7 +32,7 @@ def test_a_skewed_density_is_integrated() -> None:
     def log_density(points: FloatArray) -> FloatArray:
         return np.asarray(3 * points[:, 0] - np.exp(points[:, 0]))
 
-    found, _ = weighted_points(log_density, np.zeros(1), 200)
+    found, _ = next(weighted_points(log_density, np.zeros(1), 200))
     assert found.mean(found.points)[0] == pytest.approx(0.92278, abs=0.01)
     assert found.mean(np.exp(found.points))[0] == pytest.approx(3.0, abs=0.03)
 
@@ -46,7 +46,7 @@ def test_the_same_density_gives_the_same_points() -> None:
     def log_density(points: FloatArray) -> FloatArray:
         return np.asarray(-(points**2).sum(axis=1))
 
-    one, two = (weighted_points(log_density, np.ones(2), 32)[0] for _ in range(2))
+    one, two = (next(weighted_points(log_density, np.ones(2), 32))[0] for _ in range(2))
     assert one.points.tobytes() == two.points.tobytes()
 
 
@@ -73,7 +73,7 @@ def test_an_unbounded_density_is_evaluated_within_reach_only() -> None:
         asked.append(float(np.abs(points).max()))
         return np.asarray(5.0 * points[:, 0] - points[:, 1] ** 2)
 
-    found, _ = weighted_points(rising, np.zeros(2), 50)
+    found, _ = next(weighted_points(rising, np.zeros(2), 50))
     assert max(asked) <= REACH
     assert np.abs(found.points).max() <= REACH
     assert found.mean(found.points)[0] > REACH - 1
@@ -87,7 +87,7 @@ def test_points_of_which_one_has_all_the_weight_are_refused_before_anything_is_m
     def spike(points: FloatArray) -> FloatArray:
         return np.where(np.arange(len(points)) == len(points) // 3, 1e4, 0.0)
 
-    found, _ = weighted_points(spike, np.zeros(2), 50)
+    found, _ = next(weighted_points(spike, np.zeros(2), 50))
     refusal = found.refusal()
     assert refusal is not None
     assert refusal.reason.endswith(

@@ -16,8 +16,7 @@ from analysis.sensitivity.lines import Ratings, spread_at
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
-    fit_of,
-    latent_posterior,
+    posterior_of,
     prepared_ratings,
 )
 
@@ -37,10 +36,9 @@ def reference(study: str) -> dict[str, Any]:
 @cache
 def fit(study: str) -> Fit:
     ready = prepared(study)
-    posterior = latent_posterior(ready)
-    found = fit_of(ready, posterior)
-    assert isinstance(found, OrdinalSensitivity)
-    return ready, posterior, found
+    posterior = posterior_of(ready)
+    assert isinstance(posterior.fit, OrdinalSensitivity)
+    return ready, posterior.latent, posterior.fit
 
 
 def prepared(study: str) -> PreparedTrials:

@@ -8,7 +8,12 @@ import pytest
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.noticing import NoticingTrials
-from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
+from analysis.sensitivity.two_stage_model import (
+    AnsweredTrials,
+    TwoStagePosterior,
+    TwoStageSensitivity,
+    two_stage_posterior,
+)
 from tests.analysis.sensitivity.noticing_people import (
     CONTRASTS,
     NoticingPeople,
@@ -114,6 +119,25 @@ def test_scores_after_a_wrong_answer_or_without_a_change_do_not_move_the_gain() 
     missing = np.isnan(trials.ratings.rating)
     scored = replace(trials.ratings, rating=np.where(missing, 0.0, trials.ratings.rating))
     assert fit(replace(trials, ratings=scored)) == fit(trials)
+
+
+def test_only_the_stage_whose_halves_disagree_has_twice_the_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    trials = a_study(0).trials
+
+    def effective() -> list[float]:
+        found = two_stage_posterior(trials)
+        assert isinstance(found, TwoStagePosterior)
+        assert isinstance(found.summary, TwoStageSensitivity)
+        rated = (found.rating.posterior.latent, found.other.posterior.latent)
+        return [each.points.effective for each in (found.noticing.posterior, *rated)]
+
+    once = effective()
+    monkeypatch.setattr("analysis.sensitivity.integration.MOST_DISAGREEMENT", 0.04)
+    twice = effective()
+    assert twice[0] > 1.8 * once[0]
+    assert twice[1:] == pytest.approx(once[1:], rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,14 @@
 """The page: warnings at the top, its parts, and escaping of texts."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from analysis.loading.study_data import load_study_data
-from analysis.report.page import SECTIONS, page_html
+from analysis.report.blocks import Section, Table, columns
+from analysis.report.page import SECTIONS, Masthead, page_html, rendered
 from analysis.report.report import report, report_html
 from analysis.report.table4_text import table4_tex
 from tests.analysis.chains import chain
@@ -94,3 +96,15 @@ def test_the_page_has_no_marks_of_another_format_and_says_what_a_model_is_before
     assert "M2, a model of the ratings" in page[first : first + 30]
     for place in (it.end() for it in re.finditer(r"just noticeable difference", page)):
         assert "no threshold" in page[place : place + 250]
+
+
+def test_a_table_of_many_rows_has_its_own_bar_to_scroll() -> None:
+    rows = [(f"P{number:02d}", "7") for number in range(41)]
+    many = Table(name="many", columns=columns("subject", "score"), rows=rows, caption="Many.")
+    few = replace(many, name="few", rows=rows[:40])
+    section = Section(title="Scores", blocks=[many, few])
+    tags = ReadPage(rendered(Masthead(title="", authors="", facts={}), [], [section])).tags
+    assert [attrs["class"] for _, attrs in tags if attrs.get("role") == "region"] == [
+        "wide roomy long",
+        "wide roomy",
+    ]

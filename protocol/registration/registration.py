@@ -3,11 +3,10 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
-from itertools import permutations
 from typing import Any
 
 from protocol.errors import BadInput
@@ -17,7 +16,6 @@ from protocol.journal.shared_form import REGISTRATION_FILE, UNKNOWN_UTC
 from protocol.plan.plan import plan, slide_plan, slide_study
 from protocol.plan.trials import Plan, planned_trial
 from protocol.study.study import Study
-from protocol.study.track import Track
 from protocol.study_file.loading import parsed_study, text_digest
 from protocol.study_file.toml import in_toml
 
@@ -192,7 +190,7 @@ def _toml(document: Mapping[str, Any], table: str = "") -> str:
     return "".join([*lines, *tables])
 
 
-# The hypotheses that a registration can name, each with the test that decides on it.
+# Names of hypotheses, from which a report or a power analysis knows them.
 
 OMNIBUS = "conditions differ"
 GAINS = "gains differ"
@@ -218,11 +216,6 @@ def effect_of(*factors: str) -> str:
     return f"effect of {factors[0]}" if len(factors) == 1 else " by ".join(factors)
 
 
-def factors_of(study: Study) -> tuple[str, ...]:
-    """Return the factors that a hypothesis may name, sessions among them."""
-    return (*study.factors, *["session"] * (study.design.sessions > 1))
-
-
 def threshold_of(track: str, other: str = "") -> str:
     """Return the name of what is said of a track's threshold: it, or that it is above another."""
     return f"threshold of {track}" + (f" above that of {other}" if other else "")
@@ -236,86 +229,6 @@ def weber_below(name: str) -> tuple[str, float] | None:
     """
     found = re.fullmatch(r"Weber fraction of (.+) below (0?\.\d{1,6})", name)
     return (found[1], float(found[2])) if found and float(found[2]) > 0 else None
-
-
-def hypotheses_of(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
-    """Return the test of each hypothesis of a study, by its name; those of conditions first.
-
-    `named` are some that may have a number of their own, such as the limit of a Weber fraction.
-    """
-    of_tracks, catch_trials = hypotheses_of_tracks(study.track, named), study.design.catch_trials
-    if not study.condition:
-        return of_tracks
-    of_conditions = study.conditions, study.groups, factors_of(study)
-    return hypotheses(*of_conditions, catch_trials=catch_trials) | of_tracks
-
-
-def hypotheses_of_tracks(tracks: Iterable[Track], named: Iterable[str] = ()) -> dict[str, str]:
-    """Return the test of each hypothesis on thresholds, by its name."""
-    tracks = tuple(tracks)
-    # Of a place no contrast is predicted, nor of a comparison with nothing.
-    felt = {track.name for track in tracks if track.standard and track.axis != "place"}
-    limited = {
-        name: "the 95% t interval of the geometric mean of the participants' Weber fractions, "
-        "measured where friction was recorded of all of them, else predicted, lies below the limit"
-        for name in named
-        if (of := weber_below(name)) and of[0] in felt
-    }
-    # On one axis: volts are not compared with metres.
-    pairs = ((a, b) for a, b in permutations(tracks, 2) if a.axis == b.axis)
-    found = {
-        threshold_of(a.name, b.name): "Wilcoxon's signed-rank test of the participants' log "
-        "thresholds, two-sided; p < .05 and a geometric mean of the ratios above 1"
-        for a, b in pairs
-    }
-    estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
-    return found | {threshold_of(track.name): estimated for track in tracks} | limited
-
-
-def hypotheses(
-    conditions: Sequence[str],
-    groups: Iterable[str] = (),
-    factors: Sequence[str] = (),
-    *,
-    catch_trials: int = 0,
-) -> dict[str, str]:
-    """Return the test of each hypothesis on conditions with these names, by its name.
-
-    >>> list(hypotheses(["a", "b"]))[1:3]
-    ['a above b', 'b above a']
-    """
-    noticing = {NOTICED: f"{_EXACT}; p < .05"} | {
-        f"{name} {NOTICED}": f"{_EXACT}, corrected by Holm's method over all conditions; p < .05"
-        for name in conditions
-    }
-    return {
-        OMNIBUS: "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
-        **{above(*pair): _ABOVE for pair in permutations(conditions, 2)},
-        # These words stand in registered texts, which are compared: another p of F leaves them.
-        GAINS: "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
-        FOLLOWS: "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
-        ORDER: "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
-        "p < .05 and a correlation above 0",
-        **{between(*pair): _BETWEEN for pair in permutations(groups, 2)},
-        **(noticing if catch_trials else {}),
-        **{effect_of(of): f"main effect {_BY_FACTOR}" for of in factors},
-        **{effect_of(*pair): f"interaction {_BY_FACTOR}" for pair in permutations(factors, 2)},
-    }
-
-
-_ABOVE = (
-    "Wilcoxon's signed-rank test, two-sided, corrected by Holm's method over all pairs of "
-    "conditions; p < .05 and a mean difference above 0"
-)
-_BETWEEN = (
-    "Wilcoxon-Mann-Whitney test of the participants' mean scores, two-sided, corrected by Holm's "
-    "method over all pairs of groups; p < .05 and a Hodges-Lehmann shift above 0"
-)
-_EXACT = "exact test within people of reported changes against those on catch trials, one-sided"
-_BY_FACTOR = (
-    "within participants on mean scores: permutation of levels, and F with Greenhouse and "
-    "Geisser's correction; the larger p < .05"
-)
 
 
 _MOST_NAMES = 12

@@ -1,9 +1,9 @@
 """The text of a registration to paste into a registry, under the headings that registries use."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 
-from protocol.registration.registration import Registration, hypotheses_of
+from protocol.registration.registration import Registration
 from protocol.study.rules import Order, hours_in_words
 from protocol.study.study import Study
 from protocol.study.study_question import When
@@ -27,15 +27,15 @@ _TIMES: dict[When, str] = {
 }
 
 
-def registry_text(study: Study, registered: Registration) -> str:
-    """Return the text, in plain English."""
+def registry_text(study: Study, registered: Registration, tests: Mapping[str, str]) -> str:
+    """Return the text, in plain English; `tests` says of each hypothesis how it is tested."""
     blind, sessions = study.session.blind_operator, registered.sessions
     seen = f"The operator sees {'neither condition nor' if blind else 'condition and'}"
     parts: dict[str, Iterable[str]] = {
         "Title": [study.publication.title or registered.study],
         # What the study file does not say is left to its author and never invented.
         "Authors": [", ".join(study.publication.authors) or "(to be filled in)"],
-        "Hypotheses": _hypotheses(study, registered),
+        "Hypotheses": _hypotheses(registered, tests),
         "Study type": _study_type(study),
         "Blinding": [
             "Participants are not told what the device does in a trial or what is expected. "
@@ -73,8 +73,7 @@ def registry_text(study: Study, registered: Registration) -> str:
     return "\n".join("\n  ".join([heading, *lines]) + "\n" for heading, lines in parts.items())
 
 
-def _hypotheses(study: Study, registered: Registration) -> Iterator[str]:
-    tests = hypotheses_of(study, registered.hypotheses)
+def _hypotheses(registered: Registration, tests: Mapping[str, str]) -> Iterator[str]:
     for name in registered.hypotheses:
         rank = "Primary" if name == registered.primary else "Secondary"
         yield f"{rank}: {name}. Test: {tests[name]}."

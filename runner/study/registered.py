@@ -3,7 +3,7 @@
 import json
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -16,12 +16,10 @@ from protocol.registration.registration import (
     FILE,
     Registration,
     Setting,
-    hypotheses_of,
     registered_event,
     registration_in,
     require_known,
 )
-from protocol.registration.registry_text import registry_text
 from protocol.study.fields import require_printable
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, text_digest
@@ -43,6 +41,8 @@ _MOST_TESTS = 50
 _LONGEST_LINE = 10_000
 _LONGEST_POWER_BYTES = 2**24
 """Of every design and pair of conditions there are some 800 bytes."""
+Told = Callable[[Study, Registration], str]
+"""Returns the text of a registration for a registry."""
 _STALE = "it has changed since this analysis; run touchbeam power again"
 
 
@@ -102,24 +102,28 @@ def _command(made: Registration) -> str:
     return f"{command} --power FILE (that with {file})" if file else command
 
 
-def registration_problem(journal: Journal, folder: StudyFolder, *, of_files: bool = False) -> str:
+def registration_problem(journal: Journal, folder: StudyFolder, told: Told | None = None) -> str:
     """Return what is wrong with the file of a study's registration, if anything; '' otherwise.
 
-    Or, `of_files` that it locks, which one is not as it was registered.
+    Or, if there is what it is `told` as, which one of the files that it locks is not as it was
+    registered.
     """
     recorded = in_force(journal)
     try:
         problem = file_problem(recorded, registration_of(folder.path))
-        if problem or recorded is None or not of_files:
+        if problem or recorded is None or told is None:
             return problem
         made = registration_in(recorded.text)
-        checks = (_changed_study, _changed_calibration, _changed_registry_text)
-        return next(filter(None, (changed(journal, folder, made) for changed in checks)), "")
+        return (
+            _changed_study(journal, folder)
+            or _changed_calibration(folder, made)
+            or _changed_registry_text(folder, made, told)
+        )
     except BadInput as error:
         return str(error)
 
 
-def _changed_study(journal: Journal, folder: StudyFolder, _: Registration) -> str:
+def _changed_study(journal: Journal, folder: StudyFolder) -> str:
     if text_digest(folder.text()) == accepted_digests(journal)[-1]:
         return ""
     return (
@@ -128,7 +132,7 @@ def _changed_study(journal: Journal, folder: StudyFolder, _: Registration) -> st
     )
 
 
-def _changed_calibration(_: Journal, folder: StudyFolder, made: Registration) -> str:
+def _changed_calibration(folder: StudyFolder, made: Registration) -> str:
     """Return that the registered fit is gone or changed; another slide's is a later calibration."""
     settled, now = str(made.calibration.get("origin", "")), fitted_calibration(folder.path).origin
     same_session = settled.partition(",")[0] == now.partition(",")[0]
@@ -141,14 +145,14 @@ def _changed_calibration(_: Journal, folder: StudyFolder, made: Registration) ->
     )
 
 
-def _changed_registry_text(_: Journal, folder: StudyFolder, made: Registration) -> str:
+def _changed_registry_text(folder: StudyFolder, made: Registration, told: Told) -> str:
     """Return that the registry's text was changed, if this version made it from this study file."""
     path, text = folder.path / REGISTRY_FILE, folder.text()
     known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
     # Another version may word it otherwise, and another study file gives another text.
     if not (known and path.exists()):
         return ""
-    if bytes_of(path, most=LONGEST_TEXT) == registry_text(parsed_study(text), made).encode():
+    if bytes_of(path, most=LONGEST_TEXT) == told(parsed_study(text), made).encode():
         return ""
     return (
         f"{path}: was changed after touchbeam register wrote it; move it away and run touchbeam "
@@ -161,21 +165,20 @@ def new_registration(
     text: str,
     study: Study,
     *,
-    hypotheses: tuple[str | None, Sequence[str]],
+    hypotheses: tuple[str | None, Sequence[str], Iterable[str]],
     analysis: Mapping[str, Setting],
     exclusions: Sequence[str],
     power: Path | None,
 ) -> Registration:
     """Return the registration of a study with a file of this text.
 
-    `hypotheses` are the primary one, else the study's first, and the others; `power` is the file
-    of a power analysis. Raise `BadInput` for an unknown hypothesis, no planned size, or an
-    unreadable power analysis.
+    `hypotheses` are the primary one, else the first that is known, the others, and all that are
+    known; `power` is the file of a power analysis. Raise `BadInput` for an unknown hypothesis, no
+    planned size, or an unreadable power analysis.
     """
     from device.friction.changes import LAW, RUNG
 
-    primary, secondary = hypotheses
-    known = hypotheses_of(study, filter(None, (primary, *secondary)))
+    primary, secondary, known = hypotheses
     primary = primary or next(iter(known))
     for name in (primary, *secondary):
         require_known(name, known)
@@ -254,7 +257,7 @@ def _power(test: Mapping[str, Any]) -> str:
 
 
 def register(
-    folder: StudyFolder, study: Study, made: Registration, clock: Clock
+    folder: StudyFolder, study: Study, made: Registration, clock: Clock, told: Told
 ) -> tuple[Registration, str]:
     """Write `made` into the study's folder and its journal; restore a lost file.
 
@@ -284,7 +287,7 @@ def register(
             raise BadInput(file_problem(recorded, kept))
     # After the event: a file without one is refused, and a lost file is restored from the journal.
     write_whole(file, made.text().encode())
-    write_whole(for_registry, registry_text(study, made).encode())
+    write_whole(for_registry, told(study, made).encode())
     return made, replaced
 
 

@@ -288,9 +288,9 @@ def register(
     seeds every order, so that the data prove that the plan came first.
     """
     from analysis.loading.study_data import rules_in_words
+    from analysis.report.hypotheses import for_registry, how_tested
     from analysis.report.sections.registration import analysis_settings
     from protocol.registration.registration import FILE
-    from protocol.registration.registry_text import registry_text
     from runner.journal.location import checked_place, mounts_of_this_machine
     from runner.study.check import validated_study
     from runner.study.registered import REGISTRY_FILE, new_registration
@@ -300,17 +300,19 @@ def register(
     text = folder.text()
     checked = validated_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
+    asked = hypothesis or []
+    known = how_tested(checked, [*filter(None, (primary, *asked))])
     made = new_registration(
         folder,
         text,
         checked,
-        hypotheses=(primary, hypothesis or []),
+        hypotheses=(primary, asked, known),
         analysis=analysis_settings(checked.rating.minimum),
         exclusions=rules_in_words(checked.exclusions),
         power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
     )
-    made, replaced = write(folder, checked, made, WallClock())
-    told = registry_text(checked, made)
+    made, replaced = write(folder, checked, made, WallClock(), for_registry)
+    told = for_registry(checked, made)
     if as_json:
         print_json(
             {

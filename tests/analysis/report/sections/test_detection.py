@@ -8,10 +8,11 @@ import pytest
 
 from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
+from analysis.report.hypotheses import how_tested
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.sections.registration import NamedResult, named_results
 from analysis.simulation.simulation import Simulation
-from protocol.registration.registration import NOTICED, hypotheses
+from protocol.registration.registration import NOTICED
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.report.sections.test_registered import REGISTERED
@@ -98,11 +99,10 @@ def test_the_page_says_why_scores_are_missing_and_what_that_does(study: str, why
 
 
 def test_hypotheses_on_noticing_are_those_of_studies_with_catch_trials() -> None:
-    assert not any(NOTICED in name for name in hypotheses(("a", "b")))
-    assert [name for name in hypotheses(("a", "b"), catch_trials=4) if NOTICED in name] == [
+    assert not any(NOTICED in name for name in how_tested(PAPER))
+    assert [name for name in how_tested(EXTENDED) if NOTICED in name] == [
         NOTICED,
-        f"a {NOTICED}",
-        f"b {NOTICED}",
+        *(f"{name} {NOTICED}" for name in EXTENDED.conditions),
     ]
 
 

@@ -10,11 +10,11 @@ import pytest
 from analysis.cells import json_text
 from analysis.loading.study_data import load_study_data
 from analysis.report.drawing import labels_of, marked
+from analysis.report.hypotheses import how_tested, registered
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import DIFFER, TOGETHER, WHICH, paragraphs
-from analysis.report.sections.registration import _computed
 from analysis.statistics.factorial import Factorial
-from protocol.registration.registration import effect_of, factors_of, hypotheses
+from protocol.registration.registration import effect_of
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
 from tests.analysis.chains import chain, scored_session
@@ -125,7 +125,7 @@ def test_sessions_alone_are_crossed_with_the_conditions() -> None:
 
 def test_registered_effects_are_judged_by_their_own_p() -> None:
     made, study = crossed_report(), study_of(50, 100, 200)
-    known = hypotheses(study.conditions, factors=factors_of(study))
+    known = how_tested(study)
     assert {"effect of voltage", "voltage by direction", "direction by voltage"} <= known.keys()
     assert not any("session" in name for name in known)  # this study plans a single one
     tests = made.trials.factorial
@@ -140,7 +140,8 @@ def test_registered_effects_are_judged_by_their_own_p() -> None:
 
 
 def _judged(made: Report, name: str) -> tuple[str, float | None, bool | None]:
-    found = _computed(made, None, name)  # type: ignore[arg-type]  # an effect needs no registration
+    (hypothesis,) = registered(made.study, [name])
+    found = hypothesis.judge(made)
     assert isinstance(found, tuple)
     return found
 

@@ -8,13 +8,14 @@ import pytest
 
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.loading.study_lock import StudyLock
+from analysis.report.hypotheses import how_tested
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import GROUPS, TOGETHER, paragraphs
 from analysis.report.sections.registration import marked, named_results
 from analysis.statistics.groups import CLAIMED, SCORE
 from device.friction.changes import LAW, RUNG
 from protocol.journal.events import Answered, SessionOpened
-from protocol.registration.registration import Registration, between, hypotheses
+from protocol.registration.registration import Registration, between
 from protocol.study.factor import Group
 from tests.analysis.chains import BEGAN, chain
 from tests.analysis.reports import EXTENDED, ORIGIN, made, session_events
@@ -122,8 +123,8 @@ def test_withheld_scores_are_told_and_read_otherwise() -> None:
 )
 def test_a_registered_hypothesis_on_groups_is_judged(rise: int, name: str, supported: bool) -> None:
     hypothesis = between(*name.split(" above "))
-    assert hypothesis in hypotheses(STUDY.conditions, STUDY.groups)
-    assert hypothesis not in hypotheses(STUDY.conditions)
+    assert hypothesis in how_tested(STUDY)
+    assert hypothesis not in how_tested(EXTENDED)
     registration = Registration(
         study="a study",
         study_sha256="1" * 64,

@@ -10,14 +10,19 @@ from analysis.estimates import NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Findings
-from analysis.report.sections.registration import _of_tracks, _of_weber
+from analysis.report.hypotheses import Judged, how_tested, registered
 from analysis.trials.track_fits import thresholds
 from device.friction.scenes import NOMINAL
-from protocol.registration.registration import hypotheses_of, threshold_of
+from protocol.registration.registration import OMNIBUS, threshold_of
 from protocol.study_file.loading import parsed_study
-from tests.analysis.tracks import TRACKS, session
+from tests.analysis.tracks import BOTH, TRACKS, session
 
 QUEST, STAIRCASE = "smallest amplitude", "by a staircase"
+
+
+def judged(found: Findings, name: str) -> Judged:
+    (hypothesis,) = registered(found.study, [name])
+    return hypothesis.judge(found)
 
 
 @pytest.fixture(scope="module")
@@ -36,32 +41,34 @@ def found() -> Findings:
 
 
 def test_thresholds_that_are_twice_as_large_are_above_the_others(found: Findings) -> None:
-    told = _of_tracks(found, threshold_of(STAIRCASE, QUEST))
+    told = judged(found, threshold_of(STAIRCASE, QUEST))
     assert isinstance(told, tuple)
     said, p, supported = told
     assert supported
     assert p is not None
     assert p < 0.05
     assert said.startswith("ratio ")
-    contrary = _of_tracks(found, threshold_of(QUEST, STAIRCASE))
+    contrary = judged(found, threshold_of(QUEST, STAIRCASE))
     assert isinstance(contrary, tuple)
     assert contrary[1:] == (p, False)
 
 
 def test_a_single_threshold_is_estimated_and_nothing_is_claimed(found: Findings) -> None:
-    told = _of_tracks(found, threshold_of(QUEST))
+    told = judged(found, threshold_of(QUEST))
     assert isinstance(told, tuple)
     assert told[1:] == (None, None)
     assert " V, 95% CI [" in told[0]
 
 
-def test_other_hypotheses_are_left_to_others_and_missing_thresholds_are_said(
-    found: Findings,
-) -> None:
-    assert _of_tracks(found, "conditions differ") is None
+def test_a_study_of_tracks_alone_has_no_hypotheses_on_conditions() -> None:
+    assert next(iter(how_tested(parsed_study(TRACKS)))) == threshold_of(QUEST, STAIRCASE)
+    assert OMNIBUS in how_tested(parsed_study(BOTH))
+
+
+def test_missing_thresholds_are_said(found: Findings) -> None:
     nobody = cast(Findings, SimpleNamespace(study=found.study, thresholds=None))
-    assert isinstance(_of_tracks(nobody, threshold_of(QUEST)), NotEstimable)
-    assert isinstance(_of_tracks(nobody, threshold_of(QUEST, STAIRCASE)), NotEstimable)
+    assert isinstance(judged(nobody, threshold_of(QUEST)), NotEstimable)
+    assert isinstance(judged(nobody, threshold_of(QUEST, STAIRCASE)), NotEstimable)
 
 
 def test_a_weber_fraction_is_below_a_limit_if_its_interval_is(found: Findings) -> None:
@@ -71,12 +78,12 @@ def test_a_weber_fraction_is_below_a_limit_if_its_interval_is(found: Findings) -
     assert not isinstance(cohort.weber_interval, NotEstimable)
     upper = cohort.weber_interval[1]
     for limit, holds in ((round(1.1 * upper, 4), True), (round(0.9 * upper, 4), False)):
-        told = _of_weber(found, f"Weber fraction of {QUEST} below {limit:g}")
+        told = judged(found, f"Weber fraction of {QUEST} below {limit:g}")
         assert isinstance(told, tuple)
         assert told[1:] == (None, holds)
         assert "(predicted friction), 95% CI [" in told[0]
     nobody = cast(Findings, SimpleNamespace(study=found.study, thresholds=None))
-    unknown = _of_weber(nobody, f"Weber fraction of {QUEST} below 0.1")
+    unknown = judged(nobody, f"Weber fraction of {QUEST} below 0.1")
     assert isinstance(unknown, NotEstimable)
 
 
@@ -89,4 +96,4 @@ def test_only_a_share_is_a_limit_of_a_weber_fraction() -> None:
         "Weber fraction of nothing below 0.15",
         f"Weber fraction of {QUEST}",
     ):
-        assert [*hypotheses_of(study, [right, wrong])][-1] == right
+        assert [*how_tested(study, [right, wrong])][-1] == right

@@ -1,0 +1,291 @@
+"""The hypotheses that a registration can name: each with its test in words and how results decide.
+
+A further one is a `Hypothesis` here and nothing else: `touchbeam register` knows its name, the text
+for a registry its test, and the report its verdict. Power is told of those that
+`analysis/power/diagnosands.py` knows.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, permutations
+from math import exp, log
+
+import numpy as np
+
+from analysis.estimates import LEVEL, NotEstimable
+from analysis.report import results as page
+from analysis.report.blocks import at
+from analysis.report.findings import Findings
+from analysis.report.wording import interval, number, p_equals
+from analysis.statistics.signed_rank import signed_rank
+from device.friction.changes import LAW
+from protocol.registration.registration import (
+    FOLLOWS,
+    GAINS,
+    NOTICED,
+    OMNIBUS,
+    ORDER,
+    Registration,
+    above,
+    between,
+    effect_of,
+    threshold_of,
+    weber_below,
+)
+from protocol.registration.registry_text import registry_text
+from protocol.study.study import Study
+
+Judged = tuple[str, float | None, bool | None] | NotEstimable
+"""What was found, p, and whether it supports the hypothesis; None where nothing decides."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A hypothesis that a registration can name.
+
+    `judge` decides by what a report found. `question` is that of the page whose answer is on it, ''
+    if there is none. One that is not `asked` belongs to no such study, but a study file may change
+    after it was registered. Nothing is claimed of one that is only `estimated`.
+    """
+
+    name: str
+    test: str
+    judge: Callable[[Findings], Judged]
+    question: str = page.WHICH
+    asked: bool = True
+    estimated: bool = False
+
+
+def how_tested(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
+    """Return the test of each hypothesis of a study, by its name; those of conditions first.
+
+    `named` are some that may have a number of their own, such as the limit of a Weber fraction.
+    """
+    return {each.name: each.test for each in _all(study, named) if each.asked}
+
+
+def for_registry(study: Study, registration: Registration) -> str:
+    """Return the text of a registration for a registry."""
+    return registry_text(study, registration, how_tested(study, registration.hypotheses))
+
+
+def registered(study: Study, names: Sequence[str]) -> list[Hypothesis]:
+    """Return the hypotheses of these names; also one of which the study no longer has the parts."""
+    known = {each.name: each for each in _all(study, names)}
+    return [known.get(name) or _gone(name) for name in names]
+
+
+def _gone(name: str) -> Hypothesis:
+    why, question = "these conditions have no scores to compare", page.WHICH
+    if name.endswith(NOTICED):
+        why, question = _NO_SUCH_TRIALS, page.NOTICE
+    return Hypothesis(name, "", lambda _: NotEstimable(why), question)
+
+
+def _all(study: Study, named: Iterable[str]) -> Iterator[Hypothesis]:
+    return chain(_of_conditions(study), _of_tracks(study, named))
+
+
+def _of_conditions(study: Study) -> Iterator[Hypothesis]:
+    named = partial(Hypothesis, asked=bool(study.condition))
+    # The tests' words stand in registered texts, which are compared: another p of F leaves them.
+    yield named(
+        OMNIBUS,
+        "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
+        lambda found: _tested(found.table.main.omnibus_p),
+        page.DIFFER,
+    )
+    for pair in permutations(study.conditions, 2):
+        yield named(above(*pair), _ABOVE, partial(_pair, *pair))
+    yield named(
+        GAINS,
+        "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
+        lambda found: _tested(at(found.table, "heterogeneity.p")),
+        "",
+    )
+    yield named(
+        FOLLOWS,
+        "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
+        _gain,
+        page.FOLLOW,
+    )
+    yield named(
+        ORDER,
+        "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
+        "p < .05 and a correlation above 0",
+        _order,
+        page.ORDERED,
+    )
+    for pair in permutations(study.groups, 2):
+        yield named(between(*pair), _BETWEEN, partial(_groups, *pair), page.GROUPS)
+    caught = partial(Hypothesis, asked=bool(study.condition and study.design.catch_trials))
+    for each in ("", *study.conditions):
+        corrected = ", corrected by Holm's method over all conditions" * bool(each)
+        test = f"{_EXACT}{corrected}; p < .05"
+        yield caught(f"{each} {NOTICED}".strip(), test, partial(_noticed, each), page.NOTICE)
+    # Sessions are a factor, too.
+    factors = (*study.factors, *["session"] * (study.design.sessions > 1))
+    for of in (*zip(factors), *permutations(factors, 2)):
+        test = f"{'main effect' if len(of) == 1 else 'interaction'} {_BY_FACTOR}"
+        yield named(effect_of(*of), test, partial(_effect, of), page.FACTORS)
+
+
+def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
+    named = partial(Hypothesis, question=page.THRESHOLDS)
+    for a, b in permutations(study.track, 2):
+        # On one axis: volts are not compared with metres.
+        if a.axis == b.axis:
+            yield named(
+                threshold_of(a.name, b.name),
+                "Wilcoxon's signed-rank test of the participants' log thresholds, two-sided; "
+                "p < .05 and a geometric mean of the ratios above 1",
+                partial(_higher, a.name, b.name),
+            )
+    estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
+    for each in study.track:
+        judge = partial(_threshold, each.name)
+        yield named(threshold_of(each.name), estimated, judge, estimated=True)
+    # Of a place no contrast is predicted, nor of a comparison with nothing.
+    felt = {track.name for track in study.track if track.standard and track.axis != "place"}
+    for name in names:
+        if of := weber_below(name):
+            yield named(name, _WEBER, partial(_weber, *of), asked=of[0] in felt)
+
+
+_ABOVE = (
+    "Wilcoxon's signed-rank test, two-sided, corrected by Holm's method over all pairs of "
+    "conditions; p < .05 and a mean difference above 0"
+)
+_BETWEEN = (
+    "Wilcoxon-Mann-Whitney test of the participants' mean scores, two-sided, corrected by Holm's "
+    "method over all pairs of groups; p < .05 and a Hodges-Lehmann shift above 0"
+)
+_EXACT = "exact test within people of reported changes against those on catch trials, one-sided"
+_BY_FACTOR = (
+    "within participants on mean scores: permutation of levels, and F with Greenhouse and "
+    "Geisser's correction; the larger p < .05"
+)
+_WEBER = (
+    "the 95% t interval of the geometric mean of the participants' Weber fractions, measured where "
+    "friction was recorded of all of them, else predicted, lies below the limit"
+)
+_NO_SUCH_TRIALS = "there are no such trials to compare with catch trials"
+
+
+# How results decide.
+
+
+def _tested(p: float | NotEstimable) -> Judged:
+    return p if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
+
+
+def _pair(higher: str, lower: str, found: Findings) -> Judged:
+    for pair in found.table.main.pairwise:
+        # Tests know a pair in one order, a hypothesis may name it in the other.
+        if {pair.a, pair.b} == {higher, lower}:
+            if isinstance(pair.test, NotEstimable):
+                return pair.test
+            by, p = pair.test.mean_difference * (1 if pair.a == higher else -1), pair.p_holm
+            if isinstance(p, NotEstimable):
+                return p
+            told = f"mean difference {number(by, 2)}, {p_equals(p)} (Holm)"
+            return told, p, by > 0 and p < LEVEL
+    return NotEstimable("these conditions have no scores to compare")
+
+
+def _gain(found: Findings) -> Judged:
+    fit = found.trials.m2
+    if isinstance(fit, NotEstimable):
+        return fit
+    ends = fit.lines.gain_interval
+    if not fit.lines.group_known:
+        return NotEstimable("a single participant tells nothing about a group")
+    # A posterior interval decides, so that there is no p.
+    return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
+
+
+def _order(found: Findings) -> Judged:
+    lock = found.loaded.lock
+    order = found.trials.orders.get(lock.registration.law if lock else LAW)
+    if order is None or isinstance(order, NotEstimable):
+        return NotEstimable("too few conditions with a prediction")
+    rho, p = order.spearman, order.p
+    if isinstance(rho, NotEstimable):
+        return rho
+    if isinstance(p, NotEstimable):
+        return p
+    # Two-sided p, so that an order against the law must not count for it.
+    return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
+
+
+def _groups(higher: str, lower: str, found: Findings) -> Judged:
+    score = NotEstimable("no group has a score") if found.groups is None else found.groups.score
+    if isinstance(score, NotEstimable):
+        return score
+    for pair in score.pairs:
+        if {pair.a, pair.b} == {higher, lower}:
+            shift = pair.shift * (1 if pair.a == higher else -1)
+            told = f"shift {number(shift, 2)}, {p_equals(pair.p_holm)} (Holm)"
+            return told, pair.p_holm, shift > 0 and pair.differs
+    return NotEstimable("these groups have no scores to compare")
+
+
+def _noticed(condition: str, found: Findings) -> Judged:
+    """Return the test of a condition, or of all together if it has no name."""
+    for each in found.trials.noticed:
+        if each.of.get("condition", "") == condition:
+            if isinstance(each.found, NotEstimable):
+                return each.found
+            # That of all conditions needs no correction.
+            p = each.found.p if each.p_holm is None else each.p_holm
+            told = f"d′ = {number(each.found.d_prime, 2)}, {p_equals(p)}"
+            return f"{told}{' (Holm)' * bool(condition)}", p, p < LEVEL
+    return NotEstimable(_NO_SUCH_TRIALS)
+
+
+def _effect(factors: Sequence[str], found: Findings) -> Judged:
+    tests = found.trials.factorial
+    for it in tests.effects if tests else ():
+        if {*it.factors} == {*factors}:
+            return _tested(at(it.effect, "p"))
+    return NotEstimable("these conditions have no scores to compare")
+
+
+def _threshold(track: str, found: Findings) -> Judged:
+    for each in found.thresholds.cohort if found.thresholds else ():
+        if each.track == track:
+            if isinstance(each.threshold, NotEstimable):
+                return each.threshold
+            told = f"{number(each.threshold, 3)} {each.unit}".strip()
+            if not isinstance(each.threshold_interval, NotEstimable):
+                told += f", 95% CI {interval(each.threshold_interval, 3)}"
+            return told, None, None
+    return NotEstimable("nobody has a threshold")
+
+
+def _higher(higher: str, lower: str, found: Findings) -> Judged:
+    logs: dict[str, dict[str, float]] = {higher: {}, lower: {}}
+    for each in found.thresholds.people if found.thresholds else ():
+        if each.track in logs and each.threshold > 0:
+            logs[each.track][each.participant] = log(each.threshold)
+    both = [who for who in logs[higher] if who in logs[lower]]
+    differences = np.array([logs[higher][who] - logs[lower][who] for who in both])
+    test = signed_rank(differences)
+    if isinstance(test, NotEstimable):
+        return test
+    ratio = exp(differences.mean())
+    return f"ratio {number(ratio, 2)}, {p_equals(test.p)}", test.p, ratio > 1 and test.p < LEVEL
+
+
+def _weber(track: str, limit: float, found: Findings) -> Judged:
+    cohort = found.thresholds.cohort if found.thresholds else ()
+    each = next((each for each in cohort if each.track == track), None)
+    if each is None or isinstance(each.weber, NotEstimable):
+        return NotEstimable("nobody's Weber fraction is known")
+    ends = each.weber_interval
+    if isinstance(ends, NotEstimable):
+        return ends
+    told = f"{number(each.weber, 3)} ({each.weber_of} friction), 95% CI {interval(ends, 3)}"
+    # An interval decides, so that there is no p.
+    return told, None, ends[1] < limit

@@ -12,8 +12,19 @@ from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from hashlib import sha256
-from types import FunctionType, NoneType
-from typing import Any, ParamSpec, Protocol, TypeVar, cast, get_args, get_origin, get_type_hints
+from types import FunctionType, NoneType, UnionType
+from typing import (
+    Any,
+    Literal,
+    ParamSpec,
+    Protocol,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -127,7 +138,8 @@ class Kept:
         if content is None:
             return None
         try:
-            return (_value(json.loads(zlib.decompress(content)), _returned(function)),)
+            found = _value(json.loads(zlib.decompress(content)), _returned(function))
+            return (found,) if _fits(found, _hint(function)) else None
         # A file that was cut or changed costs no more than the time to compute it again.
         except _DAMAGED:
             return None
@@ -220,11 +232,40 @@ def _class_name(known: Any) -> str:
 
 
 @cache
+def _hint(function: Callable[..., Any]) -> Any:
+    """Return the type that `function`, or a class, returns."""
+    return function if isinstance(function, type) else get_type_hints(function)["return"]
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Return whether what was read is of type `hint`, and all that it contains."""
+    kind, inner = get_origin(hint) or hint, get_args(hint)
+    if kind in {UnionType, Union}:
+        return any(_fits(value, each) for each in inner)
+    if kind in {Any, Literal} or isinstance(kind, TypeVar):
+        return kind is not Literal or value in inner
+    # numpy's numbers are kept as Python's, and a whole one may have been given for a float.
+    if issubclass(kind, float):
+        kind = int | float
+    if not isinstance(value, kind):
+        return False
+    if kind is tuple:
+        inner = inner[:1] * len(value) if inner[-1] is Ellipsis else inner
+        return len(inner) == len(value) and all(map(_fits, value, inner))
+    if isinstance(value, Mapping):
+        return all(_fits(each, inner[1]) for each in value.values())
+    return all(_fits(getattr(value, name), _hints(kind)[name]) for name in _field_names(kind))
+
+
+_hints = cache(get_type_hints)
+
+
+@cache
 def _returned(function: Callable[..., Any]) -> Records:
     """Return the records that `function`, or a class, returns, and those that they contain."""
     # The function's own signature says what may be made, so that a file cannot choose.
     records: dict[str, type] = {}
-    hints = [function if isinstance(function, type) else get_type_hints(function)["return"]]
+    hints = [_hint(function)]
     while hints:
         hint = hints.pop()
         hints += get_args(hint)

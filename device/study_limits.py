@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from device.beam.beam import Beam
 from device.drivers.limits import Amplifier, Limits
-from protocol.errors import Path, Problem
+from protocol.errors import Path, Problem, dotted
 from protocol.study.rig_settings import Rig
 from protocol.study.study import Study
 
@@ -48,7 +48,7 @@ def reach_problems(study: Study) -> Iterator[Problem]:
             places.append((("track", number, "standard"), track.reference))
     for path, place_m in places:
         if place_m > length_m:
-            where = ".".join(map(str, path))
+            where = dotted(path)
             if path[0] == "track":
                 where = f"track {study.track[int(path[1])].name}, {path[2]}"
             rule = f"must lie on the beam, which ends at {length_m:g} m"

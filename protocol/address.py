@@ -5,7 +5,8 @@ import re
 from protocol.errors import BadInput
 
 ADDRESS_RULE = (
-    "must be sim, a serial port, socket://HOST:PORT or rfc2217://HOST:PORT, without options"
+    "must be sim, a serial port such as /dev/ttyACM0 or COM3 (touchbeam device list), "
+    "socket://HOST:PORT or rfc2217://HOST:PORT, without options"
 )
 _HOST = r"(?:[\w.-]+|\[[\w:.%]+\])"
 _ON_A_NETWORK = re.compile(rf"(?:socket|rfc2217)://{_HOST}:(\d{{1,5}})", re.ASCII | re.IGNORECASE)
@@ -33,7 +34,7 @@ def is_address(text: str) -> bool:
     """
     # A serial port is a name of the system, which only the system knows: opening it tells the rest.
     if "://" not in text:
-        return True
+        return bool(text.strip())
     # The whole text must match, because pySerial takes options after `?`.
     matched = _ON_A_NETWORK.fullmatch(text)
     return matched is not None and 1 <= int(matched[1]) <= 65_535
@@ -42,5 +43,6 @@ def is_address(text: str) -> bool:
 def checked_address(text: str) -> str:
     """Return `text` if it may be the address of a device, else raise an AddressError."""
     if not is_address(text):
-        raise AddressError(f"{text}: not the address of a device; it {ADDRESS_RULE}")
+        told = text.strip() or repr(text)
+        raise AddressError(f"{told}: not the address of a device; it {ADDRESS_RULE}")
     return text

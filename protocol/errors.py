@@ -1,6 +1,10 @@
 """Errors that are not bugs, distinguished by their exit codes, and problems of a study file."""
 
+import json
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import PurePath
 
 
@@ -16,6 +20,34 @@ Path = tuple[str | int, ...]
 # One slip can break a whole file, and nobody reads more than a screen of problems.
 MOST_PROBLEMS = 50
 """Most problems of a study file that are listed at once."""
+_LONGEST_VALUE = 80
+
+
+def dotted(path: Path) -> str:
+    """Return where `path` leads, as TOML writes it.
+
+    >>> dotted(("beams", "1.5 mm", 0)), dotted(())
+    ('beams."1.5 mm".0', 'file')
+    """
+    # A name with a point in it would read as two keys.
+    bare = (re.fullmatch(r"[\w-]+", str(part)) for part in path)
+    parts = zip(map(str, path), bare, strict=True)
+    return ".".join(part if it else json.dumps(part, ensure_ascii=False) for part, it in parts) or (
+        "file"
+    )
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: on one line, cut if it is long."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+
+
+def meant(name: object, known: Iterable[str], more: Iterable[str] = ()) -> str:
+    """Return a hint that names what was probably meant, `more` of it possible; else all `known`."""
+    known = tuple(known)
+    close = get_close_matches(str(name), [*known, *more], n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
 
 
 @dataclass(frozen=True)
@@ -35,9 +67,12 @@ class Problem:
     file: str = ""
 
     @classmethod
-    def of_key(cls, key: str, rule: str, value: object, hint: str = "") -> "Problem":
-        """Return the problem of a key such as `design.repeats`."""
-        return cls(key, rule, str(value), hint, tuple(key.split(".")))
+    def of_key(
+        cls, key: str | Path, rule: str, value: object, hint: str = "", where: str = ""
+    ) -> "Problem":
+        """Return the problem of a key such as `design.repeats`, or at a path; there in `where`."""
+        path = tuple(key.split(".")) if isinstance(key, str) else key
+        return cls(where or dotted(path), rule, str(value), hint, path)
 
     def __str__(self) -> str:
         """Return the problem in one line."""

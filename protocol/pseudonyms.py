@@ -27,6 +27,7 @@ def pseudonym(text: str) -> str:
     if not _PSEUDONYM.fullmatch(text):
         raise BadInput(
             "a participant must be a pseudonym of at most 32 letters, digits, - and _ with a digit "
-            f"in it, such as P01, and not COM1 or the like; real names are not stored, got {text!r}"
+            "in it, such as P01; real names are not stored, nor is the name of a port of Windows, "
+            f"such as COM1, got {text!r}"
         )
     return text

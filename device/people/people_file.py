@@ -17,9 +17,8 @@ population, or, in a file of one person, as in `Person`. `[group.NAME.person]` a
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any
 
 from device.people.person import (
@@ -34,7 +33,7 @@ from device.people.person import (
     Population,
     Uniform,
 )
-from protocol.errors import BadInput, Path, Problem
+from protocol.errors import BadInput, Path, Problem, meant, shown
 from protocol.study_file.loading import located
 from protocol.study_file.toml import toml_document
 
@@ -176,15 +175,11 @@ def _is_number(value: Any) -> bool:
 
 
 def _problem(path: Path, rule: str, value: Any, hint: str = "") -> Problem:
-    shown = repr(value)
-    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    return Problem(where=".".join(map(str, path)), rule=rule, value=shown, hint=hint, path=path)
+    return Problem.of_key(path, rule, shown(value), hint)
 
 
-def _unknown(path: Path, known: Any) -> Problem:
-    close = get_close_matches(str(path[-1]), known, n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
-    return _problem(path, "unknown key", str(path[-1]), hint)
+def _unknown(path: Path, known: Iterable[str]) -> Problem:
+    return _problem(path, "unknown key", str(path[-1]), meant(path[-1], known))
 
 
 def _distribution(given: Mapping[str, Any]) -> Distribution:

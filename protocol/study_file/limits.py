@@ -440,7 +440,9 @@ def _above(value: float, limit: float, digits: int = 6) -> str:
 
 def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:
     if beam is not None and beam not in study.beams:
-        rule, hint = "the beam must be one of [beams]", f"known: {', '.join(study.beams) or 'none'}"
+        none = "name it in [beams] with the spacing of its ciliary bodies in m, or leave it out"
+        rule, known = "the beam must be one of [beams]", ", ".join(study.beams)
+        hint = f"known: {known}" if known else none
         yield Problem(where, rule, repr(beam), hint, (*path, "beam"))
 
 

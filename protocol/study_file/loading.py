@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from protocol.errors import MOST_PROBLEMS, BadInput, Path, Problem
+from protocol.errors import MOST_PROBLEMS, BadInput, Path, Problem, dotted, meant, shown
 from protocol.plan.feasibility import design_problems
 from protocol.study.fields import LONGEST_NAME, Names, unprintable
 from protocol.study.languages import built_in_codes
@@ -89,7 +89,7 @@ def _located(problem: Problem, lines: Mapping[Path, int], files: Mapping[str, st
     if problem.path[:1] != ("languages",) or code not in files:
         return replace(problem, line=line_of(lines, problem.path))
     line = line_of(key_lines(files[code]), path)
-    return replace(problem, where=".".join(map(str, path)) or "file", line=line, file=_name(code))
+    return replace(problem, where=dotted(path), line=line, file=_name(code))
 
 
 def _files(document: Mapping[str, Any]) -> dict[str, str]:
@@ -161,10 +161,7 @@ def _problem(document: Mapping[str, Any], entry: Any) -> Problem:
         return Problem(where, "must be given", "nothing", path=path)
     if entry["type"] == "value_error" and isinstance(entry["input"], Mapping):
         return _disagreement(document, path, entry)
-    value = repr(entry["input"])
-    if len(value) > 80:
-        value = f"{value[:77]}..."
-    return Problem(where, _rule(entry), value, _hint(document, path, entry), path)
+    return Problem(where, _rule(entry), shown(entry["input"]), _hint(document, path, entry), path)
 
 
 def _hint(document: Mapping[str, Any], path: Path, entry: Any) -> str:
@@ -213,7 +210,7 @@ def _meant_choice(entry: Any) -> str:
 def place(document: Mapping[str, Any], path: Path) -> str:
     """Return where `path` leads, in words: `condition voltage, touch 1, ramp_to_v`."""
     if len(path) < 2 or not isinstance(path[1], int):
-        return ".".join(map(str, path)) or "file"
+        return dotted(path)
     words = [f"{path[0]} {_named(document, path[0], path[1])}"]
     for part in path[2:]:
         if isinstance(part, int):
@@ -240,9 +237,7 @@ def _near_miss(path: Path) -> str:
         return f"{_PEAK}; known: {', '.join(names)}"
     close = _meant(path)
     unit = unit_hint((close,)) if close and key.startswith(f"{close}_") else ""
-    if unit:
-        return f"did you mean {close!r}, {unit}"
-    return f"did you mean {close!r}?" if close else f"known: {', '.join(names)}"
+    return f"did you mean {close!r}, {unit}" if unit else meant(key, names)
 
 
 def _meant(path: Path) -> str | None:

@@ -1,12 +1,11 @@
 """What is wrong with the texts of a study: its own, those of its languages, the names of bands."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from itertools import combinations
 from string import Formatter
 from unicodedata import category, normalize
 
-from protocol.errors import Path, Problem
+from protocol.errors import Path, Problem, dotted, meant
 from protocol.study.columns import GROUP, REACTION_TIME, TAKEN, TRACK_COLUMNS, names_of
 from protocol.study.fields import UNWANTED, unprintable
 from protocol.study.languages import reference_texts
@@ -45,7 +44,7 @@ def text_problems(study: Study) -> Iterator[Problem]:
         if code in study.languages:
             own, given = ("languages", code, "texts"), study.languages[code].texts
             missing = (key for key in required_texts(study) if key not in given)
-            yield from (_dotted((*own, key), "must be given", "nothing") for key in missing)
+            yield from (Problem.of_key((*own, key), "must be given", "nothing") for key in missing)
             read = {own: given, **read}
         for path, texts in read.items():
             for key, text in texts.items():
@@ -85,33 +84,17 @@ def unnamed_problems(
     for code, text in names.items():
         where = _place(study, (*path, code))
         if code not in known:
-            yield _unknown_key((*path, code), (*others, *known), where=where)
+            hint = meant(code, (*others, *known))
+            yield Problem.of_key((*path, code), "unknown key", repr(code), hint, where)
         elif not plain(text) or unprintable(text):
             rule = "a text must not be blank" if not plain(text) else f"a text {UNWANTED}"
-            yield _dotted((*path, code), rule, repr(text), where=where)
+            yield Problem.of_key((*path, code), rule, repr(text), where=where)
     for code in required_codes(study):
         if code not in names:
             built_in = code not in study.languages and code not in study.texts
             hint = f"or leave {code!r} out of session.languages" if built_in else ""
             where = _place(study, (*path, code))
-            yield _dotted((*path, code), "must be given", "nothing", hint, where)
-
-
-def _unknown_key(
-    path: Path, known: Sequence[str], more: Iterable[str] = (), where: str = ""
-) -> Problem:
-    close = get_close_matches(str(path[-1]), [*known, *more], n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
-    return _dotted(path, "unknown key", repr(path[-1]), hint, where)
-
-
-def dotted(path: Path) -> str:
-    """Return where `path` leads, as TOML writes it."""
-    return ".".join(map(str, path))
-
-
-def _dotted(path: Path, rule: str, value: str, hint: str = "", where: str = "") -> Problem:
-    return Problem(where or dotted(path), rule, value, hint, path)
+            yield Problem.of_key((*path, code), "must be given", "nothing", hint, where)
 
 
 def _place(study: Study, path: Path) -> str:
@@ -127,18 +110,18 @@ def _place(study: Study, path: Path) -> str:
 def _text_problems(path: Path, text: str, named: set[str]) -> Iterator[Problem]:
     key, known = str(path[-1]), reference_texts()
     if key not in known and key not in named:
-        yield _unknown_key(path, tuple(known), named)
+        yield Problem.of_key(path, "unknown key", repr(key), meant(key, known, named))
     elif not plain(text):
-        yield _dotted(path, "a text must not be blank", repr(text))
+        yield Problem.of_key(path, "a text must not be blank", repr(text))
     # At a terminal numbers choose an answer, and a colon begins a command.
     elif key.startswith("answer.") and is_typed_to_choose(text):
-        yield _dotted(path, TYPED_TO_CHOOSE, repr(text))
+        yield Problem.of_key(path, TYPED_TO_CHOOSE, repr(text))
     elif unprintable(text):
-        yield _dotted(path, f"a text {UNWANTED}", repr(text))
+        yield Problem.of_key(path, f"a text {UNWANTED}", repr(text))
     # A field that is missing would not be told to the participant; one too many stops the page.
     elif _fields(text) not in (allowed := _allowed_fields(key)):
         wanted = " or ".join(", ".join(fields) or "none" for fields in allowed)
-        yield _dotted(path, f"the fields in braces must be {wanted}", repr(text))
+        yield Problem.of_key(path, f"the fields in braces must be {wanted}", repr(text))
 
 
 TYPED_TO_CHOOSE = "an answer must be no number, for these are typed to choose, nor begin with ':'"
@@ -159,7 +142,7 @@ def _alike_answers(study: Study, code: str) -> Iterator[Problem]:
             # Only where the study has a say: built-in texts are not its author's to mend.
             if path and plain(texts[one]) == plain(texts[other]):
                 value = f"{texts[other]!r} for {one} and {other}"
-                yield _dotted(path, "answers to one question must differ", value)
+                yield Problem.of_key(path, "answers to one question must differ", value)
 
 
 def plain(text: str) -> str:

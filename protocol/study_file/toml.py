@@ -22,6 +22,9 @@ _TRUTH = {"True": "true", "TRUE": "true", "False": "false", "FALSE": "false", "y
 _LISTS = {"question", "page", "opening", "condition"}
 """Tables that may stand several times."""
 _LONGEST = 60
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+_UNSEEN = re.compile(r"[^\S \t]|[\u200b-\u200f\u2060\ufeff]")
+_QUOTED = re.compile(r"\"[^\"]*\"?|'[^']*'?")
 _COMMA = re.compile(r"[0-9],[0-9]")
 _NUMBER = r"[-+]?[0-9][0-9_]*"
 
@@ -53,9 +56,15 @@ def no_toml(text: str, error: TOMLDecodeError) -> Problem:
     # The parser stops at the end of the file; the slip is where the bracket was opened.
     if unclosed and not _COMMA.search(lines[number - 1]):
         number = next(filter(lambda each: _opens(lines[each - 1]), range(number, 0, -1)), number)
-    line = _without_comment(lines[number - 1])
-    shown = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."
+    line, written = _without_comment(lines[number - 1]), lines[number - 1].rstrip("\r")
     hint = _remedy(line, str(error), unclosed=unclosed)
+    # A comment, too, must not hold them; elsewhere than in texts nothing that cannot be seen may.
+    if stray := _CONTROL.search(written) or _UNSEEN.search(_QUOTED.sub("", line)):
+        column = written.index(stray[0])
+        line = written[max(0, column - _LONGEST // 2) :].strip(" ")
+        code = f"U+{ord(stray[0]):04X} in column {column + 1}"
+        hint = f"delete the character {code}, which cannot be seen"
+    shown = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 3]}..."
     return Problem("file", "must be TOML", f"the line '{shown}'", hint, line=number)
 
 
@@ -78,8 +87,11 @@ def _remedy(line: str, said: str, *, unclosed: bool) -> str:
         return f"a text stands in straight quotes: {_CURLY.sub(chr(34), line)}"
     if "Cannot" in said and line.startswith("[") and (name := line.strip("[]")) in _LISTS:
         return f"each {name} begins with two brackets: [[{name}]]"
-    if "Cannot overwrite" in said or "Cannot declare" in said:
-        return f"{key} stands twice; keep one, with the keys of both"
+    if twice := re.search(
+        "Cannot overwrite|Cannot declare|Duplicate inline table key '(.*)'", said
+    ):
+        of_both = ", with the keys of both" if line.startswith("[") else ""
+        return f"{twice[1] or key} stands twice; keep one{of_both}"
     if unclosed and re.search(r"[\[{]", line) and not _COMMA.search(line):
         return "what is opened here with [ or { must be closed with ] or }"
     alone = "a key and its value need = between them"
@@ -156,7 +168,7 @@ def _extreme(value: Any, path: Path) -> Problem | None:
         return _EXTREME
     if isinstance(value, int) and not -_MOST <= value < _MOST:
         rule, many = "a whole number must fit into 64 bits", f"one of {value.bit_length()} bits"
-        return Problem(".".join(map(str, path)), rule, many, "shorten it to 18 digits")
+        return Problem.of_key(path, rule, many, "shorten it to 18 digits")
     inner: Any = value.items() if isinstance(value, dict) else ()
     inner = enumerate(value) if isinstance(value, list) else inner
     extremes = (_extreme(item, (*path, key)) for key, item in inner)

@@ -170,6 +170,13 @@ def _kind(options: SessionOptions, study: Study, url: str) -> SessionKind:
     return "participant"
 
 
+_ONLY_REHEARSED = (
+    ("the device is simulated", "give the device with --device"),
+    ("--ratings virtual with --consent", "leave out one of the two"),
+)
+"""Why a session in which a person may be meant is a rehearsal, and the way out."""
+
+
 def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
     """Have the operator confirm what may be a slip; refuse a session that is not planned or due."""
     options, planned = request.options, request.study.design.sessions
@@ -192,10 +199,10 @@ def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
         )
     person = options.consent is not None or options.ratings != "virtual"
     if person and request.rehearsal and not options.rehearsal:
-        why = "the device is simulated" if request.url == SIMULATED else "the ratings are virtual"
+        why, otherwise = _ONLY_REHEARSED[options.ratings == "virtual"]
         confirm(
             f"{why}: {request.name} will be a rehearsal, which no report counts",
-            "add --rehearsal if that is meant; otherwise give the device with --device",
+            f"add --rehearsal if that is meant; otherwise {otherwise}",
         )
     if options.new_name:
         return

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import chain, product
 
-from protocol.errors import BadInput, Path, Problem
+from protocol.errors import BadInput, Path, Problem, dotted
 from protocol.study import participant_texts
 from protocol.study.study import Item, Study
 from protocol.study_file.text_checks import question_problems
@@ -127,7 +127,7 @@ def fit_problems(study: Study) -> Iterator[Problem]:
         for text, hint in misfits(shown, wording):
             path = _path(study, wording, text)
             yield Problem(
-                where=".".join(str(part) for part in path) or f"the text in {code}",
+                where=dotted(path) if path else f"the text in {code}",
                 rule="a text must fit its place on the participant's screen",
                 value=repr(text),
                 hint=hint,

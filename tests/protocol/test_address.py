@@ -28,6 +28,8 @@ def test_ports_and_sockets_are_addresses(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
+        "",
+        " ",
         "spy:///dev/ttyUSB0",
         "SPY:///dev/ttyUSB0?file=thesis.tex",
         "alt:///dev/ttyUSB0?class=Serial",

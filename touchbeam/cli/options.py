@@ -1,6 +1,7 @@
 """Arguments and options shared by several commands."""
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -115,10 +116,10 @@ SimulatedRungOption = Annotated[
 
 
 def _damping(given: str) -> float:
-    ratio = float(given)
-    if not 0 < ratio < 1:
-        raise ValueError(f"{given} does not lie strictly between 0 and 1.")
-    return ratio
+    with suppress(ValueError):
+        if 0 < float(given) < 1:
+            return float(given)
+    raise ValueError("must lie strictly between 0 and 1")
 
 
 SimulatedDampingOption = Annotated[

@@ -12,11 +12,11 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import typer
 
-from protocol.errors import BadInput, WorkFailed
+from protocol.errors import BadInput, WorkFailed, shown
 from runner.people.terminal import at_terminal, visible, visible_json
 
 # Columns of a table in a pipe: programs and searches find each cell whole.
@@ -280,22 +280,25 @@ _OWN_WORDS = (
 """The words of the library that reads options, and ours."""
 
 
-def _own_words(message: str) -> str:
-    """Return what the library says about an option, in our words.
+def _own_words(message: str, cause: BaseException | None = None) -> str:
+    """Return what the library says about an option, in our words, and the value that was given.
 
     >>> _own_words("Invalid value for '--session': Input should be greater than or equal to 1")
     "Invalid value for '--session': must be at least 1"
     """
     for theirs, ours in _OWN_WORDS:
         message = message.replace(theirs, ours)
-    return message
+    refused: Any = getattr(cause, "errors", list)()
+    given = str(refused[0]["input"]) if refused else ""
+    return message if given in message else f"{message}, got {shown(given)}"
 
 
 def _line(error: BaseException) -> tuple[str, int]:
     match error:
         case typer.TyperException():
             of = getattr(getattr(error, "ctx", None), "command_path", "touchbeam")
-            return f"{_own_words(error.format_message())} (see {of} --help)", error.exit_code
+            said = _own_words(error.format_message(), error.__cause__)
+            return f"{said} (see {of} --help)", error.exit_code
         case BadInput():
             return str(error), BAD_INPUT
         case WorkFailed():

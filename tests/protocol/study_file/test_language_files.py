@@ -139,9 +139,13 @@ def test_a_file_comes_through_as_it_is(character: str) -> None:
         (
             '= "it became rougher"',
             '= "It became smoother"',
-            "39: texts.answer.rougher: answers to one question must",
+            '39: texts."answer.rougher": answers to one question must',
         ),
-        ('= "it became rougher"', '= "1"', "39: texts.answer.rougher: an answer must be no number"),
+        (
+            '= "it became rougher"',
+            '= "1"',
+            '39: texts."answer.rougher": an answer must be no number',
+        ),
         ('name = "French"', "", " name: must be given, got nothing"),
         ('name = "French"', 'nmae = "French"', "7: nmae: unknown key, got 'nmae'; did you mean"),
         ("font_package", "font_packge", "9: font_packge: unknown key, got 'font_packge'; did"),

@@ -117,7 +117,8 @@ def test_an_unknown_template_is_refused() -> None:
         (
             'device = "sim"',
             'device = "spy:///dev/null?file=thesis.tex"',
-            r"study.toml:10: rig.device: must be sim, a serial port, socket://HOST:PORT or "
+            r"study.toml:10: rig.device: must be sim, a serial port such as /dev/ttyACM0 or COM3 "
+            r".touchbeam device list., socket://HOST:PORT or "
             r"rfc2217://HOST:PORT, without options, got 'spy:///dev/null.file=thesis.tex'$",
         ),
         ("[rating]", "[force_channel]\nrate_hz = 40\n[rating]", "must be at least 50, got 40"),
@@ -310,7 +311,7 @@ def test_all_problems_are_found_at_once_with_their_lines() -> None:
         ("[0.010, 0.081]", "[0.081, 0.01]", "23: touch.path_m: must lead from left to right, got"),
         ("force_n = 0.5", "force_n = -1", "20: touch.force_n: must be at least 0.01, got -1"),
         ("\nbeam = ", "\nbeem = ", "26: touch.beem: unknown key, got 'beem'; did you mean 'beam'?"),
-        ('"1 mm" = 0.001', '"1 mm" = "x"', "31: beams.1 mm: must be a number, got 'x'"),
+        ('"1 mm" = 0.001', '"1 mm" = "x"', "31: beams.\"1 mm\": must be a number, got 'x'"),
         ("participants = 9", "opposite_repeats = 1", "34: design.opposite_repeats: must be less"),
         ('"swapped"', '"swap"', "84: condition direction, expected: must be one of swapped, not"),
         ("to = 4", "to = 3", "39: rating.bands: must follow one another from 0 to 10, got 0-0, 1"),

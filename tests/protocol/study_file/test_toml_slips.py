@@ -49,14 +49,41 @@ def test_the_usual_slips_have_a_remedy(line: str, remedy: str) -> None:
 @pytest.mark.parametrize(
     ("text", "line", "remedy"),
     [
-        ("seed = 1\nseed = 2", 2, "seed stands twice; keep one, with the keys"),
+        ("seed = 1\nseed = 2", 2, "seed stands twice; keep one"),
+        ("[rig]\nseed = 1\nseed = 2\n[touch]", 3, "seed stands twice; keep one"),
+        ("rig = {seed = 1, seed = 2}", 1, "seed stands twice; keep one"),
         ("[question]\n[[question]]", 2, "each question begins with two brackets: [[question]]"),
         ("[page]\n[page]", 2, "each page begins with two brackets: [[page]]"),
         ("[rig]\n[touch]\n[rig]", 3, "[rig] stands twice; keep one, with the keys of both"),
     ],
 )
 def test_what_stands_twice_is_named(text: str, line: int, remedy: str) -> None:
-    assert (problem(text).line, problem(text).hint[: len(remedy)]) == (line, remedy)
+    assert (problem(text).line, problem(text).hint) == (line, remedy)
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "code"),
+    [
+        ("# a comment\x00 of the study", 12, "U+0000"),
+        ("name = 'bell \x07'", 14, "U+0007"),
+        ("seed = 1\x0b", 9, "U+000B"),
+        ("seed\u00a0= 1", 5, "U+00A0"),
+        ("\ufeffseed = 1", 1, "U+FEFF"),
+        ("seed = 1\rx = 2", 9, "U+000D"),
+        (f"# {'y' * 200}\x01{'z' * 200}", 203, "U+0001"),
+    ],
+)
+def test_a_character_that_cannot_be_seen_is_named_and_shown(
+    line: str, column: int, code: str
+) -> None:
+    found = problem(f"[study]\n{line}\nname = 1")
+    assert found.hint == f"delete the character {code} in column {column}, which cannot be seen"
+    assert (found.line, chr(int(code[2:], 16)) in found.value) == (2, True)
+
+
+def test_what_cannot_be_seen_in_a_text_or_a_comment_is_not_blamed() -> None:
+    assert problem("name = 'a\u00a0b' 1 # \u200b\r\n").hint != ""
+    assert "cannot be seen" not in problem("name = 'a\u00a0b' 1 # \u200b\r\n").hint
 
 
 def test_a_long_line_is_shortened() -> None:

@@ -189,7 +189,7 @@ GRID = "to = 158.11, count = 31"
         (
             [(COMPARISON, 'comparison = { place = "smooth", beam = "xx" }')],
             "track smallest amplitude, comparison: the beam must be one of [beams], got 'xx'; "
-            "known: none",
+            "name it in [beams] with the spacing of its ciliary bodies in m, or leave it out",
         ),
         (
             [(QUEST, 'method = "constant"')],

@@ -29,7 +29,7 @@ PAPER = template("paper")
         ("frequency = 0.98", "24221", "at most 10, got 24221; relative to the resonance: 1.0"),
         ("force_n = 0.5", "50", "touch.force_n: must be at most 10, got 50; in N: 50 g is 0.49033"),
         ("force_n = 0.5", "1e308", "must be at most 10, got 1e+308; in N: 50 g is 0.49033"),
-        ('"1 mm" = 0.001', "1", "beams.1 mm: must be at most 0.05, got 1; in m: 1 mm is 0.001"),
+        ('"1 mm" = 0.001', "1", 'beams."1 mm": must be at most 0.05, got 1; in m: 1 mm is 0.001'),
         (
             "nominal_resonance_hz = 24221",
             "24.221",
@@ -92,7 +92,7 @@ def test_all_wrong_units_are_found_at_once() -> None:
         "touch.path_m.0",
         "touch.path_m.1",
         "touch.smooth_place_m",
-        "beams.1 mm",
+        'beams."1 mm"',
         "condition voltage, touch 1",
     ]
 

@@ -125,6 +125,32 @@ def assert_damage_changes_no_number(folder: Path, times: int, seed: int) -> None
         assert not trap.exists()
 
 
+def with_a_text_for_a_number(form: Any) -> Any:
+    """Return the form of a result in which each list of two or more numbers has a text, too."""
+    if isinstance(form, dict):
+        return {kind: with_a_text_for_a_number(given) for kind, given in form.items()}
+    if isinstance(form, list):
+        changed = [with_a_text_for_a_number(each) for each in form]
+        numbers = [at for at, each in enumerate(changed) if isinstance(each, float)]
+        return [*changed[: numbers[0]], "x", *changed[numbers[0] + 1 :]] if numbers else changed
+    return form
+
+
+@pytest.mark.parametrize("wrong", [5, None, "x", {"tuple": [1.5]}, {"mapping": [["a", 1.5]]}, ...])
+def test_a_result_of_another_type_is_computed_anew_and_replaced(
+    folder: Path, wrong: object
+) -> None:
+    right = found(Kept(KeptFiles(folder)))
+    kept = {path: path.read_bytes() for path in folder.iterdir()}
+    for path, content in kept.items():
+        form = json.loads(zlib.decompress(content[kept_files._DIGEST_BYTES :]))
+        other = with_a_text_for_a_number(form) if wrong is ... else wrong
+        packed = zlib.compress(json.dumps(other, separators=(",", ":")).encode(), level=1)
+        path.write_bytes(kept_files._digest(path.name, packed) + packed)
+    assert found(Kept(KeptFiles(folder))) == right
+    assert {path: path.read_bytes() for path in folder.iterdir()} == kept
+
+
 def test_a_damaged_result_is_computed_anew(folder: Path) -> None:
     assert_damage_changes_no_number(folder, 40, 1)
 

@@ -130,14 +130,14 @@ def _placed(node: ast.AST, where: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _left_out(tree: ast.Module, *, texts: bool) -> set[int]:
-    """Return the nodes that nothing depends on: annotations, aliases of types and messages."""
+    """Return the nodes that no guard depends on: annotations, types, messages, simulation."""
     errors = {
         name.asname or name.name
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and (node.module or "").endswith("errors")
         for name in node.names
     }
-    found: set[int] = set()
+    found = _simulated(tree)
     for node in ast.walk(tree):
         if isinstance(node, ast.Raise):
             found |= _inside(node) - {id(node)}
@@ -149,6 +149,15 @@ def _left_out(tree: ast.Module, *, texts: bool) -> set[int]:
                 found |= _inside(inner)
         if isinstance(node, ast.Assign) and _is_type(node.value):
             found |= _inside(node.value)
+    return found
+
+
+def _simulated(tree: ast.Module) -> set[int]:
+    """Return what a module says below its `DRIVER`: what the simulated device does."""
+    found: set[int] = set()
+    for place, node in enumerate(tree.body):
+        if ast.unparse(node).startswith("DRIVER = "):
+            found = found.union(*map(_inside, tree.body[place:]))
     return found
 
 

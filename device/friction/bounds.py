@@ -16,15 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from device.beam import modes
 from device.beam.beam import Beam
-from device.beam.modes import (
-    BoolArray,
-    FloatArray,
-    IndexArray,
-    modal_displacement_m,
-    mode_constants,
-    natural_frequency_hz,
-)
 from device.beam.windows import window_width
 from device.friction import rungs
 from device.friction.contact import contact_window, same_direction_given, with_eq15_ratio
@@ -40,7 +33,7 @@ from device.friction.prediction import (
 )
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
-Range = FloatArray
+Range = modes.FloatArray
 """The lowest and the highest values, shape (2, n)."""
 
 
@@ -52,7 +45,7 @@ def _table() -> Mapping[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def _resonance(mode: int) -> Mapping[str, FloatArray]:
+def _resonance(mode: int) -> Mapping[str, modes.FloatArray]:
     """Return the top rung at one mode's resonance: the mode's row, with its running sums."""
     row = {name: np.array(values) for name, values in _table()["modes"][str(mode)].items()}
     steps = {
@@ -62,7 +55,7 @@ def _resonance(mode: int) -> Mapping[str, FloatArray]:
     return row | {name: np.concatenate([[0.0], np.cumsum(each)]) for name, each in steps.items()}
 
 
-def certified(batch: Batch) -> BoolArray:
+def certified(batch: Batch) -> modes.BoolArray:
     """Return for which scenes the table has the top rung's range, shape (n,)."""
     known = str(batch.mode) in _table()["modes"]
     resonant = np.isnan(batch.frequency_hz)
@@ -71,7 +64,7 @@ def certified(batch: Batch) -> BoolArray:
     return np.broadcast_to(inside, batch.size)
 
 
-def reduced_certified(batch: Batch) -> BoolArray:
+def reduced_certified(batch: Batch) -> modes.BoolArray:
     """Return for which scenes the table has the errors of `timoshenko-modes`, shape (n,)."""
     plain = _in_domain(batch)
     if plain.any():
@@ -79,7 +72,7 @@ def reduced_certified(batch: Batch) -> BoolArray:
     return np.broadcast_to(plain, batch.size)
 
 
-def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> BoolArray:
+def _in_domain(batch: Batch, frequency_hz: modes.FloatArray | None = None) -> modes.BoolArray:
     """Return which scenes have the table's beam and damping, and drives within its bins."""
     table, beam = _table(), batch.beam
     plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
@@ -93,7 +86,7 @@ def _in_domain(batch: Batch, frequency_hz: FloatArray | None = None) -> BoolArra
     return np.asarray(inside)
 
 
-def _bins(beam: Beam, frequency_hz: FloatArray) -> IndexArray:
+def _bins(beam: Beam, frequency_hz: modes.FloatArray) -> modes.IndexArray:
     """Return the table's bin of each drive frequency; 0, which is unused, at resonance."""
     envelope = _table()["envelope"]
     scaled = frequency_hz / (beam.frequency_scale * envelope["low_hz"])
@@ -123,7 +116,7 @@ def _terms(
     )
 
 
-def _window_ranges(batch: Batch, top: Mapping[str, FloatArray]) -> tuple[Range, Range]:
+def _window_ranges(batch: Batch, top: Mapping[str, modes.FloatArray]) -> tuple[Range, Range]:
     """Return the top rung's right-moving part and mean |W|/rms over each window."""
     contact, length_m = batch.contact, batch.beam.length_m
     full = contact.coverage == "full"
@@ -131,7 +124,7 @@ def _window_ranges(batch: Batch, top: Mapping[str, FloatArray]) -> tuple[Range, 
     width_m = end_m if full else window_width(contact.x_m, contact.contact_m)
     start_m, width = end_m - width_m, np.where(width_m > 0, width_m, 1e-12)
 
-    def between(places_m: FloatArray, before: FloatArray) -> FloatArray:
+    def between(places_m: modes.FloatArray, before: modes.FloatArray) -> modes.FloatArray:
         return np.interp(end_m, places_m, before) - np.interp(start_m, places_m, before)
 
     part = between(top["edges_m"], top["right_before_m"]) / width
@@ -146,7 +139,7 @@ def _window_ranges(batch: Batch, top: Mapping[str, FloatArray]) -> tuple[Range, 
     return _part_about(part, slack), mean
 
 
-def _part_about(part: FloatArray, slack: FloatArray) -> Range:
+def _part_about(part: modes.FloatArray, slack: modes.FloatArray) -> Range:
     return np.stack([np.maximum(part - slack, 0.0), np.minimum(part + slack, 1.0)])
 
 
@@ -161,12 +154,14 @@ def _same_direction(batch: Batch, right: Range) -> Range:
 def resonant_terms(batch: Batch) -> ContactTerms:
     """Return the ranges for scenes driven at the resonance of a mode in the table."""
     top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
-    omega = 2 * math.pi * natural_frequency_hz(beam, mode)
-    displacement_m = modal_displacement_m(
+    omega = 2 * math.pi * modes.natural_frequency_hz(beam, mode)
+    displacement_m = modes.modal_displacement_m(
         beam, mode, batch.voltage_v, omega / (2 * math.pi), batch.damping_ratio
     )
     # (5)
-    speed = math.sqrt(2.0) * omega * displacement_m * (mode_constants(mode).root / beam.length_m)
+    speed = (
+        math.sqrt(2.0) * omega * displacement_m * (modes.mode_constants(mode).root / beam.length_m)
+    )
     right, mean = _window_ranges(batch, top)
     inertia = omega**2 * displacement_m * batch.contact.body_mass_kg / math.pi
     return _terms(
@@ -186,7 +181,7 @@ def driven_terms(batch: Batch) -> ContactTerms:
     acceleration = np.array(envelope["acceleration_per_v"])[bins] * batch.voltage_v
     inertia = acceleration * batch.contact.body_mass_kg / math.pi
 
-    def up_to(most: FloatArray | float) -> Range:
+    def up_to(most: modes.FloatArray | float) -> Range:
         return np.stack([np.zeros(batch.size), np.broadcast_to(most, batch.size)])
 
     return _terms(batch, _same_direction(batch, up_to(1.0)), up_to(speed), up_to(inertia))
@@ -255,6 +250,6 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
     return prediction, _law_range(ranges, batch, choice)
 
 
-def _around(values: FloatArray, relative: FloatArray) -> Range:
+def _around(values: modes.FloatArray, relative: modes.FloatArray) -> Range:
     """Return the range about values of at least 0 that have a relative error."""
     return np.stack([np.maximum(values * (1 - relative), 0.0), values * (1 + relative)])

@@ -8,15 +8,7 @@ from statistics import median
 import numpy as np
 
 from device.force_channel.recording import Samples
-from protocol.journal import events
-from protocol.journal.records import (
-    CHANNELS,
-    LIFTED_N,
-    NOT_JUDGED,
-    Compliance,
-    ReadBack,
-    TraceSample,
-)
+from protocol.journal import events, records
 from protocol.study.rig_settings import TARE_S
 from protocol.study.rules import TouchRules
 from runner.screens import Pacing
@@ -95,7 +87,7 @@ def end(context: SessionContext, touch: int, moved_s: tuple[float, float]) -> li
     warnings = []
     if samples.saturated:
         warnings.append(f"the force channel was at its limit in {samples.saturated} samples")
-    if felt is None or (tare_n is not None and felt[1] - tare_n[1] < LIFTED_N):
+    if felt is None or (tare_n is not None and felt[1] - tare_n[1] < records.LIFTED_N):
         warnings.append("the force channel felt no finger")
     return warnings
 
@@ -105,7 +97,7 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
 
     Begin and end are `within_s` on the session's clock; without them everything counts.
     """
-    counts = np.frombuffer(samples.counts, "<i2").reshape(len(CHANNELS), -1)
+    counts = np.frombuffer(samples.counts, "<i2").reshape(len(records.CHANNELS), -1)
     first_s = samples.first_s + samples.clock_offset_s
     places = [round((moment_s - first_s) * samples.rate_hz) for moment_s in within_s]
     count = counts.shape[1]
@@ -120,15 +112,17 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
 # Compliance with the touch instruction: the finger's position, movement, speed and force.
 
 
-def samples_of(read_back: ReadBack) -> list[TraceSample]:
+def samples_of(read_back: records.ReadBack) -> list[records.TraceSample]:
     """Return the finger sample in `read_back`, or an empty list if the rig has no sensors."""
     t_s, force_n, position_m = read_back.device_time_s, read_back.force_n, read_back.position_m
     if t_s is None or force_n is None or position_m is None:
         return []
-    return [TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]
+    return [records.TraceSample(t_s=t_s, force_n=force_n, position_m=position_m)]
 
 
-def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) -> Compliance:
+def judged(
+    pacing: Pacing, samples: Sequence[records.TraceSample], rules: TouchRules
+) -> records.Compliance:
     """Return the measured force and whether the touch complied with `pacing`.
 
     `force_ok`: the median force is near the instructed force. `place_ok`: the finger stayed in
@@ -137,11 +131,11 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
     contact: the rig may have no sensors.
     """
     # Samples before the finger arrives, or after it has left, would pull the median force down.
-    touching = [entry for entry in samples if entry.force_n > LIFTED_N]
+    touching = [entry for entry in samples if entry.force_n > records.LIFTED_N]
     if not touching:
-        return NOT_JUDGED
+        return records.NOT_JUDGED
     force_n = median(entry.force_n for entry in touching)
-    return Compliance(
+    return records.Compliance(
         force_n=round(force_n, 4),
         force_ok=abs(force_n - pacing.force_n) <= rules.force_within * pacing.force_n,
         place_ok=_place_ok(pacing, touching, rules),
@@ -149,7 +143,7 @@ def judged(pacing: Pacing, samples: Sequence[TraceSample], rules: TouchRules) ->
     )
 
 
-def _place_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules) -> bool:
+def _place_ok(pacing: Pacing, touching: Sequence[records.TraceSample], rules: TouchRules) -> bool:
     path_m = pacing.end_m - pacing.start_m
     # A touch without a path stays at one place. The share of the path below would divide by 0.
     if path_m == 0:
@@ -159,7 +153,9 @@ def _place_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules
     return abs(moved_m / path_m - 1) <= rules.path_within
 
 
-def _speed_ok(pacing: Pacing, touching: Sequence[TraceSample], rules: TouchRules) -> bool | None:
+def _speed_ok(
+    pacing: Pacing, touching: Sequence[records.TraceSample], rules: TouchRules
+) -> bool | None:
     asked_m_s = (pacing.end_m - pacing.start_m) / pacing.duration_s
     speeds_m_s = [
         (after.position_m - before.position_m) / (after.t_s - before.t_s)

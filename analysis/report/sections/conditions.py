@@ -9,18 +9,7 @@ import numpy as np
 
 from analysis.estimates import LEVEL, Interval, Json, NotEstimable, or_null, plain, why
 from analysis.loading.score_table import ScoreTable
-from analysis.report import estimates_json, figure_data
-from analysis.report.blocks import (
-    Cell,
-    Column,
-    Figure,
-    Section,
-    Table,
-    at,
-    columns,
-    p_cell,
-    spread_columns,
-)
+from analysis.report import blocks, estimates_json, figure_data
 from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING, counts
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
@@ -35,10 +24,10 @@ from protocol.registration.registration import OMNIBUS
 Fit = TypeVar("Fit")
 
 
-def tests(found: Findings) -> Section:
+def tests(found: Findings) -> blocks.Section:
     """Return the tests of the conditions, and the scores that they compare."""
     main = found.table.main
-    return Section(
+    return blocks.Section(
         title="Do the conditions differ?",
         blocks=[
             omnibus_line(main),
@@ -72,21 +61,21 @@ def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
     return f"Significant differences after Holm's correction: {', '.join(differ)}."
 
 
-def _pairwise_table(pairs: Sequence[PairwiseTest]) -> Table:
+def _pairwise_table(pairs: Sequence[PairwiseTest]) -> blocks.Table:
     numbers = ("mean difference", "V", "n", "zeros", "rank-biserial r", "p", "p (Holm)")
-    return Table(
+    return blocks.Table(
         name="pairwise",
         caption="Two-sided Wilcoxon signed-rank test of each pair of conditions. V is the sum of "
         "the ranks of positive differences; zero differences are dropped and counted; p (Holm) is "
         "corrected for the number of pairs that could be tested. In brackets: 95% intervals; a "
         "mean difference has none where all subjects differ by the same.",
-        columns=columns("pair", *numbers, "method"),
+        columns=blocks.columns("pair", *numbers, "method"),
         rows=[[f"{pair.a} − {pair.b}", *_pair_cells(pair)] for pair in pairs],
         unbroken=True,
     )
 
 
-def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
+def _pair_cells(pair: PairwiseTest) -> list[str | blocks.Cell]:
     test = pair.test
     if not isinstance(test, SignedRank):
         return [*[number(None)] * 7, test.reason]
@@ -97,18 +86,18 @@ def _pair_cells(pair: PairwiseTest) -> list[str | Cell]:
         str(test.n),
         str(test.n_zero),
         number(test.rank_biserial, 2) + beside(test.rank_biserial_interval),
-        p_cell(test.p),
-        p_cell(pair.p_holm),
+        blocks.p_cell(test.p),
+        blocks.p_cell(pair.p_holm),
         test.method,
     ]
 
 
-def scores_figure(found: Findings) -> Figure:
+def scores_figure(found: Findings) -> blocks.Figure:
     """Return the scores, which stand among the results."""
     table, means = found.loaded.table, found.table.main.table4.column_means
     lines = table.scores[figure_data.thinned(len(table.subjects), figure_data.MOST_LINES)]
     drawn = of_all(len(lines), len(table.subjects), "subjects' lines")
-    return Figure(
+    return blocks.Figure(
         name="scores",
         title="Scores by condition",
         caption="Scores by condition. Lines with circles show subjects, clouds the density of "
@@ -120,11 +109,11 @@ def scores_figure(found: Findings) -> Figure:
     )
 
 
-def _quartile_table(table: ScoreTable) -> Table:
+def _quartile_table(table: ScoreTable) -> blocks.Table:
     given = (column[~np.isnan(column)] for column in table.scores.T)
-    name, count, *quartiles = spread_columns("condition")
-    mean = Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
-    return Table.over(
+    name, count, *quartiles = blocks.spread_columns("condition")
+    mean = blocks.Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
+    return blocks.Table.over(
         zip(table.conditions, given, strict=True),
         [name, count, mean, *quartiles],
         name="quartiles",
@@ -137,13 +126,13 @@ _COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
 
 
 def _tests_json(main: Reading) -> Json:
-    test, w_ends = main.friedman, at(main.friedman, "kendall_w_interval")
+    test, w_ends = main.friedman, blocks.at(main.friedman, "kendall_w_interval")
     sums = () if isinstance(test, NotEstimable) else test.rank_sums
     return {
         "friedman": estimates_json.friedman_json(main),
         "skillings_mack": estimates_json.skillings_mack_json(main.skillings_mack),
         **why("skillings_mack", main.skillings_mack or _COMPLETE),
-        "kendall_w": or_null(at(test, "kendall_w")),
+        "kendall_w": or_null(blocks.at(test, "kendall_w")),
         **why("kendall_w", test),
         "kendall_w_interval": or_null(w_ends),
         **why("kendall_w_interval", w_ends),
@@ -157,9 +146,9 @@ def _tests_json(main: Reading) -> Json:
 # Agreement between subjects, and effects of conditions and subjects.
 
 
-def agreement(found: Findings) -> Section:
+def agreement(found: Findings) -> blocks.Section:
     """Return intraclass correlations, additive effects and ordinal effects."""
-    return Section(
+    return blocks.Section(
         title="Agreement and effects",
         blocks=[
             _icc_table(found.table),
@@ -181,17 +170,17 @@ def agreement(found: Findings) -> Section:
     )
 
 
-def _icc_table(table: TableStatistics) -> Table:
+def _icc_table(table: TableStatistics) -> blocks.Table:
     targets = {
         "subjects (how reliably one condition's score measures a subject)": table.icc_subjects,
         "conditions (how reliably one subject's score measures a condition)": table.icc_conditions,
     }
-    return Table(
+    return blocks.Table(
         name="icc",
         caption="Intraclass correlations by target (Shrout and Fleiss): (2,1) absolute agreement "
         "of single scores, (3,1) consistency of single scores, (3,k) consistency of means. In "
         "brackets: 95% intervals.",
-        columns=columns("target", *(f"ICC({kind})" for kind in _ICC)),
+        columns=blocks.columns("target", *(f"ICC({kind})" for kind in _ICC)),
         rows=[[target, *_icc_cells(icc)] for target, icc in targets.items()],
     )
 
@@ -263,7 +252,7 @@ def _by_link(fits: Mapping[str, Fit | NotEstimable], told: Callable[[Fit], str])
     return "; ".join(f"{link}: {words}" for link, words in said.items())
 
 
-def _condition_table(found: Findings) -> Table:
+def _condition_table(found: Findings) -> blocks.Table:
     conditions, ordinal = found.loaded.table.conditions, found.trials.ordinal
     effects = found.table.additive
     additive = (
@@ -274,13 +263,13 @@ def _condition_table(found: Findings) -> Table:
             for name, effect in effects.conditions.items()
         }
     )
-    return Table(
+    return blocks.Table(
         name="conditions",
         caption="Effects of conditions: additive, in points relative to the grand mean, "
         "with 95% intervals; and in the ordinal mixed model with a random intercept per subject"
         f"{', and per subject and condition,' if found.trials.has_repeats else ','} on its latent "
         f"scale relative to {conditions[0]}, ± standard error.",
-        columns=columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
+        columns=blocks.columns("condition", "additive", *(f"ordinal, {link}" for link in ordinal)),
         rows=[
             [name, additive.get(name, number(None)), *(_effect(e, name) for e in ordinal.values())]
             for name in conditions
@@ -303,18 +292,20 @@ def _effect(effects: OrdinalEffects | NotEstimable, name: str) -> str:
     return f"{number(best.effects[name])} ± {number(best.standard_errors[name])}"
 
 
-def _subject_table(table: TableStatistics) -> Table | None:
+def _subject_table(table: TableStatistics) -> blocks.Table | None:
     effects, gains = table.additive, table.heterogeneity
     if isinstance(effects, NotEstimable):
         return None
     slopes: Mapping[str, float] = {} if isinstance(gains, NotEstimable) else gains.gains
-    return Table.over(
+    return blocks.Table.over(
         effects.subjects.items(),
         [
-            Column("subject", itemgetter(0)),
-            Column("additive", lambda it: number(it[1]) + _ends(effects.subject_intervals, it[0])),
-            Column("shrinkage", lambda it: effects.subject_shrinkage[it[0]], 3),
-            Column("slope", lambda it: slopes.get(it[0]), 3),
+            blocks.Column("subject", itemgetter(0)),
+            blocks.Column(
+                "additive", lambda it: number(it[1]) + _ends(effects.subject_intervals, it[0])
+            ),
+            blocks.Column("shrinkage", lambda it: effects.subject_shrinkage[it[0]], 3),
+            blocks.Column("slope", lambda it: slopes.get(it[0]), 3),
         ],
         name="subjects",
         caption="Each subject's additive effect in points with its 95% interval, the "
@@ -323,10 +314,10 @@ def _subject_table(table: TableStatistics) -> Table | None:
     )
 
 
-def _people_figure(found: Findings) -> Figure:
+def _people_figure(found: Findings) -> blocks.Figure:
     scores, table = figure_data.people(found), found.loaded.table
     if not scores:
-        return Figure(name="people")
+        return blocks.Figure(name="people")
     some = (
         f" Of {len(table.subjects)} subjects, those with the lowest and the highest means and the "
         "smallest and the largest spread are drawn; the trials of all are listed below."
@@ -334,7 +325,7 @@ def _people_figure(found: Findings) -> Figure:
         else ""
     )
     means = found.table.main.table4.column_means
-    return Figure(
+    return blocks.Figure(
         name="people",
         title="Every subject",
         caption="Scores of each subject's trials by condition (points), and the mean of all "

@@ -14,7 +14,7 @@ from analysis.claims.coverage import PLACES_M, full_coverage, local_curve, local
 from analysis.report.drawing import Panel, Series
 from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import FloatArray
-from device.beam.windows import mode_window, window_width
+from device.beam.windows import mode_window
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
@@ -42,7 +42,7 @@ def _friction_along_the_beam() -> tuple[Panel, ...]:
 
 
 def _ratios() -> tuple[Panel, ...]:
-    exact = mode_window(6, 0.1, PLACES_M, window_width(PLACES_M, 0.01)).right
+    exact = mode_window(6, 0.1, PLACES_M, 0.01).right
     curves = {
         "Eq 15, lower γ first": same_direction_ratio(PLACES_M, 0.01),
         "Eq 15, higher γ last": same_direction_ratio(PLACES_M, 0.01, "last"),

@@ -319,7 +319,7 @@ def _first_rise() -> Outcome:
 
 def _mode_ratio(places_m: FloatArray) -> FloatArray:
     # A finger at the beam's beginning lies on it with a part of its length.
-    return mode_window(6, BEAM.length_m, places_m, np.minimum(places_m, CONTACT_M)).right
+    return mode_window(6, BEAM.length_m, places_m, CONTACT_M).right
 
 
 @CLAIMS.add("Eq 15, first piece", "a/u is 0 on [0, 0.0131)", "0")

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap, same_direction_ratio
 from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.windows import Pattern, Window, mode_window, window_width
+from device.beam.windows import ModeSums, Pattern, Window, mode_window, window_means, window_width
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,13 +19,29 @@ class ModePattern(Pattern):
     mode: int
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        return mode_window(self.mode, self.length_m, x_m, window_width(x_m, contact_m))
+        return mode_window(self.mode, self.length_m, x_m, contact_m)
 
 
-def _folded_sine_integral(angle: FloatArray) -> FloatArray:
-    """Return ∫₀^angle |sin|, (10) of mathematics/beam, for any sign of the angle."""
-    lobe = np.floor(angle / math.pi)
-    return np.asarray(2.0 * lobe + 1.0 - np.cos(angle - math.pi * lobe))
+@lru_cache(maxsize=256)
+def _sinusoid_sums(mode: int, length_m: float) -> ModeSums:
+    """Return the sums of √2 sin(bξ - π/4), of which |sin| is (10) of mathematics/beam."""
+    unit_m = length_m / mode_constants(mode).root
+    halves = np.arange(2 * mode + 1)  # the first from 0 to λ/8, the others λ/4 long
+    starts_m = np.asarray((0.5 * halves - 0.25) * math.pi * unit_m, dtype=np.float64)
+    # What follows a node moves left, and all before 3λ/8.
+    slope = np.where((halves % 2 == 0) & (halves > 0), 1.0, 0.0)
+    lobe = (halves - 1) // 2
+    complete = np.maximum(lobe, 0) * (math.pi / 2 * unit_m)
+    return ModeSums(
+        order=mode,
+        length_m=length_m,
+        inner_m=starts_m[1:],
+        slope=slope,
+        offset_m=complete - slope * starts_m,
+        size_m=math.sqrt(2.0) * unit_m * np.where(lobe % 2, -1.0, 1.0),
+        lag=np.full(lobe.size, 0.75 * math.pi),
+        rest_m=np.asarray(unit_m * (math.sqrt(2.0) * (2 * lobe + 2) - 1)),  # 0 at the clamp
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,31 +53,12 @@ class SinusoidPattern(Pattern):
 
     mode: int
 
-    @property
-    def _wave_number_per_m(self) -> float:
-        return mode_constants(self.mode).root / self.length_m
-
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
         width_m = window_width(x_m, contact_m)
-        places = np.concatenate([x_m - width_m, x_m])
-        width = np.where(width_m > 0, width_m, 1.0)
-        right = np.clip(_difference(self._right_before_m(places)) / width, 0.0, 1.0)
-        angles = places * self._wave_number_per_m - math.pi / 4
-        magnitude = _difference(_folded_sine_integral(angles)) / (width * self._wave_number_per_m)
-        mean = np.where(width_m > 0, math.sqrt(2.0) * magnitude, 1.0)  # √2 sin(-π/4) at the clamp
+        sums = _sinusoid_sums(self.mode, self.length_m)
+        right, mean = window_means(sums, x_m, width_m, contact_m, sums.least_m)
+        mean[width_m == 0] = 1.0  # √2 sin(-π/4) at the clamp
         return Window(right=right, left=1.0 - right, mean=mean)
-
-    def _right_before_m(self, place_m: FloatArray) -> FloatArray:
-        half_wave_m = math.pi / self._wave_number_per_m
-        period = np.maximum(place_m / half_wave_m - 0.75, 0.0)
-        complete = np.floor(period)
-        return np.asarray(half_wave_m * (0.5 * complete + np.minimum(period - complete, 0.5)))
-
-
-def _difference(ends: FloatArray) -> FloatArray:
-    """Return the second half of an array less its first."""
-    half = ends.size // 2
-    return ends[half:] - ends[:half]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +91,7 @@ class Field:
     displacement_m: FloatArray
     rotation: FloatArray
 
-    @property
+    @cached_property
     def angular_frequency_rad_s(self) -> FloatArray:
         return 2 * math.pi * self.frequency_hz
 

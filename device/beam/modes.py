@@ -26,7 +26,7 @@ ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]
 
-_LOW_ORDER = 12  # up to here bξ itself is good to 1e-14, at half the cost
+LOW_ORDER = 12  # up to here bξ itself is good to 1e-14, at half the cost
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ def mode_constants(order: int) -> ModeConstants:
 
 def phase(constants: ModeConstants, xi: FloatArray, lag: float) -> FloatArray:
     """Return bξ - lag; at high orders whole turns are removed before multiplying by π."""
-    if constants.order <= _LOW_ORDER:
+    if constants.order <= LOW_ORDER:
         plain = constants.root * xi
         plain -= lag
         return plain
@@ -134,7 +134,7 @@ def mode_integral(order: int, xi: FloatArray) -> FloatArray:
     c = mode_constants(order)
     # (9)
     decay = np.exp(-c.root * xi)
-    if order <= _LOW_ORDER:  # far from underflow, so that one exponential gives the other
+    if order <= LOW_ORDER:  # far from underflow, so that one exponential gives the other
         total = c.tip_weight * math.exp(-c.root) / c.root / decay
     else:
         total = (c.tip_weight / c.root) * np.exp(-c.root * (1.0 - xi))

@@ -12,7 +12,7 @@ from device.beam import modes
 from device.beam.beam import Beam
 from device.beam.modes import BoolArray, ComplexArray, FloatArray
 from device.beam.timoshenko import Waves, sections, system_matrix, waves_of
-from device.beam.windows import Pattern, Window, window_width
+from device.beam.windows import Pattern, Sums, Window, window_means, window_width
 
 _ROUNDING = 1e-14
 
@@ -138,6 +138,7 @@ def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
 
 _SAMPLES_PER_RADIAN = 12
 _STEPS, _SETTLED = 60, 1e-13
+_SAME = 1e-15  # part of the length
 _CLAMP = 1e-5  # part of the length next to the clamp where rounding exceeds the motion
 
 Curve = Callable[[MotionState], tuple[FloatArray, FloatArray]]
@@ -185,10 +186,12 @@ def _refined(
 
 
 def _once(places: FloatArray, more: FloatArray | tuple[float, ...]) -> FloatArray:
-    """Return all these places once, in rising order."""
+    """Return all these places in rising order, those that differ by rounding alone once."""
     # Not np.union1d, which loads masked arrays: that takes longer than to set a motion up.
     every = np.sort(np.concatenate([places, more]))
-    return np.asarray(every[np.concatenate([[True], every[1:] != every[:-1]])])
+    once: FloatArray = every[np.concatenate([[True], np.diff(every) > _SAME * every[-1]])]
+    once[-1] = every[-1]
+    return once
 
 
 def sample_places(motion: Motion) -> FloatArray:
@@ -235,6 +238,81 @@ _ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])
 """From values at the nodes to the antiderivative's coefficients of t⁰ … t⁶; it is 0 at t = -1."""
 
 
+class _Pieces(NamedTuple):
+    """Polynomials between neighbouring ends, from t = -½ to ½ in each: rows of t⁰, t¹ …."""
+
+    ends_m: FloatArray
+    rows: FloatArray
+
+    def within(self, low_m: FloatArray, high_m: FloatArray) -> FloatArray:
+        """Return the rows of parts of the pieces, by Taylor's shift."""
+        middle_m = (low_m + high_m) / 2
+        piece = np.searchsorted(self.ends_m[1:-1], middle_m, side="right")
+        start_m, stop_m = self.ends_m[piece], self.ends_m[piece + 1]
+        width_m = stop_m - start_m
+        offset, part = (middle_m - (start_m + stop_m) / 2) / width_m, (high_m - low_m) / width_m
+        rows = np.take(self.rows, piece, axis=1)
+        for first in range(len(rows)):
+            for power in range(len(rows) - 2, first - 1, -1):
+                rows[power] += offset * rows[power + 1]
+            rows[first + 1 :] *= part
+        return rows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _MotionSums(Sums):
+    """`Sums` of a motion: two polynomials, with the rows `right` and `area`, in each piece.
+
+    Piece k goes from k - ½ to k + ½ in `numbers`, so that one look-up tells both piece and t.
+    """
+
+    ends_m: FloatArray
+    numbers: FloatArray
+    right: FloatArray
+    area: FloatArray
+
+    def at(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Sums`."""
+        t = np.interp(x_m, self.ends_m, self.numbers)
+        nearest = np.rint(t)
+        t -= nearest
+        piece = nearest.astype(np.intp)
+
+        def value(rows: FloatArray) -> FloatArray:
+            total: FloatArray = rows[-1].take(piece)
+            for row in rows[-2::-1]:
+                total *= t
+                total += row.take(piece)
+            return total
+
+        return value(self.right), value(self.area)
+
+    def of_windows(self, width_m: float) -> "_MotionSums":
+        """See `Sums`."""
+        later = self.ends_m + width_m
+        ends_m = _once(self.ends_m, later[later < self.ends_m[-1]])
+        parts = _Pieces(self.ends_m, self.right), _Pieces(self.ends_m, self.area)
+        return _motion_sums(ends_m, parts, width_m)
+
+
+def _motion_sums(
+    ends_m: FloatArray, parts: tuple[_Pieces, _Pieces], width_m: float = 0.0
+) -> _MotionSums:
+    """Return the sums between common ends, in windows of `width_m` unless it is 0."""
+    low_m, high_m = ends_m[:-1], ends_m[1:]
+    right, area = (part.within(low_m, high_m) for part in parts)
+    if width_m:
+        low_m, high_m = low_m - width_m, high_m - width_m
+        begun = low_m + high_m > 0  # earlier windows begin at the clamp
+        right, area = (
+            until - begun * part.within(low_m, high_m)
+            for until, part in zip((right, area), parts, strict=True)
+        )
+    numbers = np.arange(-0.5, ends_m.size - 1, dtype=np.float64)
+    numbers[-1] = np.nextafter(numbers[-1], 0.0)  # the last end is in the last piece
+    return _MotionSums(ends_m=ends_m, numbers=numbers, right=right, area=area)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionPattern(Pattern):
     """Direction and magnitude of a motion along the beam; |W| is relative to its rms.
@@ -251,20 +329,19 @@ class MotionPattern(Pattern):
     rotation_per_v: float
     edges_m: FloatArray
     moves_right: FloatArray
-    before: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    before: _MotionSums
 
     def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        width_m = window_width(x_m, contact_m)
-        narrow = np.flatnonzero((width_m > 0) & (width_m < _NARROW * self.length_m))
-        places = np.concatenate([x_m - width_m, x_m])
-        count = x_m.size
-        right, area = self.before(places)
-        width = np.where(width_m > 0, width_m, 1.0)
-        share = np.clip((right[count:] - right[:count]) / width, 0.0, 1.0)
-        mean = (area[count:] - area[:count]) / width
+        width_m, least_m = window_width(x_m, contact_m), _NARROW * self.length_m
+        right, mean = window_means(self.before, x_m, width_m, contact_m, least_m)
+        narrow = (width_m < least_m).nonzero()[0]
+        if narrow.size:
+            some = width_m[narrow] > 0
+            right[narrow[~some]] = mean[narrow[~some]] = 0.0  # at the clamp
+            narrow = narrow[some]
         if narrow.size:
             mean[narrow] = self._narrow_mean(x_m[narrow], width_m[narrow])
-        return Window(right=share, left=1.0 - share, mean=mean)
+        return Window(right=right, left=1.0 - right, mean=mean)
 
     def _narrow_mean(self, x_m: FloatArray, width_m: FloatArray) -> FloatArray:
         """Return the mean over narrow windows from the motion itself."""
@@ -333,37 +410,17 @@ def _cells(motion: Motion) -> _Cells:
 
 def _before(
     cells: _Cells, rms_m_per_v: float, edges_m: FloatArray, moves_right: FloatArray
-) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return `MotionPattern.before`: zones summed, and a polynomial in t on [-1, 1] of each cell.
-
-    Cells are cut at the zone edges too, so that one search finds cell and zone.
-    """
+) -> _MotionSums:
+    """Return `MotionPattern.before`, with cells cut at the zone edges too."""
     area = cells.half_m * cells.deflection / rms_m_per_v
     whole = _ANTIDERIVATIVE @ area.T
     whole[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
-    start_m = _once(cells.low_m, edges_m[:-1])
-    cell = np.searchsorted(cells.low_m[1:], start_m, side="right")
-    zone = np.searchsorted(edges_m[1:-1], start_m, side="right")
-    coefficients = np.take(whole, cell, axis=1)
-    middle_m = ((cells.low_m + cells.high_m) / 2)[cell]
-    per_m = (2 / (cells.high_m - cells.low_m))[cell]
-    zone_start_m, is_right = edges_m[zone], moves_right[zone]
-    right_before_m = np.concatenate([[0.0], np.cumsum(np.diff(edges_m) * moves_right)])[zone]
-
-    def before(place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        piece = np.searchsorted(start_m[1:], place_m, side="right")
-        right = place_m - zone_start_m.take(piece)
-        right *= is_right.take(piece)
-        right += right_before_m.take(piece)
-        t = place_m - middle_m.take(piece)
-        t *= per_m.take(piece)
-        area = coefficients[-1].take(piece)
-        for row in coefficients[-2::-1]:
-            area *= t
-            area += row.take(piece)
-        return right, area
-
-    return before
+    whole *= 2.0 ** np.arange(len(whole))[:, None]  # from t in [-1, 1]
+    ends_m = np.append(cells.low_m, cells.high_m[-1])
+    right_m = np.diff(edges_m) * moves_right
+    middle_m = np.cumsum(right_m) - right_m / 2
+    parts = _Pieces(edges_m, np.stack([middle_m, right_m])), _Pieces(ends_m, whole)
+    return _motion_sums(_once(ends_m, edges_m), parts)
 
 
 def motion_pattern(motion: Motion) -> MotionPattern:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,12 +32,15 @@ from device.friction.scenes import Scene
 _AT_ONCE = 3000
 """Places computed together: arrays of more leave the processor's cache and cost more per place."""
 
+_choice = lru_cache(maxsize=8)(LawChoice)
+_lowest, _highest = np.minimum.reduce, np.maximum.reduce  # a third less than `min` and `max`
+
 
 def _places(scene: Scene, x_m: ArrayLike | None) -> FloatArray:
     """Return the places `x_m`, shape (n,), or the scene's own place for None."""
     places = np.atleast_1d(np.asarray(scene.touch.x_m if x_m is None else x_m, dtype=np.float64))
     length_m = scene.structure.beam.length_m
-    if places.size and not (places.min() >= 0 and places.max() <= length_m):
+    if places.size and not (_lowest(places) >= 0 and _highest(places) <= length_m):
         row = int(np.flatnonzero(~((places >= 0) & (places <= length_m)))[0])
         raise OutOfRangeError("x_m", f"must lie in [0, {length_m:g}]", places[row], row)
     return places
@@ -80,7 +84,7 @@ def friction_coefficient(
     array([0.4])
     """
     places = _places(scene, x_m)
-    choice = LawChoice(name=law) if isinstance(law, str) else law
+    choice = _choice(name=law) if isinstance(law, str) else law
     if rung == "auto":
         chosen = auto_prediction(scene_batch(scene, places), choice, tolerance)
         return chosen.prediction.mu_effective
@@ -89,7 +93,7 @@ def friction_coefficient(
     for first in range(0, places.size, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
         try:
-            terms = law_terms(contact_of(scene, places[part]), field, rung, choice)
+            terms = law_terms(contact_of(scene, places[part]), field, rung, choice, whole=False)
         except OutOfRangeError as error:
             error.row += first  # it counts from the part's first place
             raise

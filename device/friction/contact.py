@@ -117,9 +117,16 @@ def contact_window(contact: Contact, field: Field) -> Window:
 
 
 def contact_terms(
-    contact: Contact, field: Field, reference_tip_speed_m_s: float, window: Window | None = None
+    contact: Contact,
+    field: Field,
+    reference_tip_speed_m_s: float,
+    window: Window | None = None,
+    *,
+    whole: bool = True,
 ) -> ContactTerms:
     """Return the terms of a contact in a field; `window` is its own, if known already.
+
+    Unless they are to be `whole`, f_p and its ratio are nan: no repaired law needs them.
 
     Inertia per metre is mω²|q|·mean|φ|/π: over the window it is Eq 11's f_p (inner limit T/2; Eq
     9's over the whole beam) with the body mass m read as kg per metre. The reference tip speed is
@@ -129,8 +136,7 @@ def contact_terms(
     # (1) to (5), mathematics/friction
     omega = field.angular_frequency_rad_s
     acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi
-    inertia_n_per_m = acceleration * window.mean
-    inertial_load_n = np.asarray(inertia_n_per_m * contact.covered_m)
+    load_n = np.asarray(acceleration * window.mean * contact.covered_m if whole else np.nan)
     tip_speed = field.tip_speed_m_s(contact.lever_m) / contact.sliding_speed_m_s
     same_direction, opposing = _directions(contact, window.right, window.left)
     return ContactTerms(
@@ -138,7 +144,7 @@ def contact_terms(
         same_direction=np.asarray(same_direction),
         opposing=np.asarray(opposing),
         relative_tip_speed=tip_speed * (REFERENCE_SPEED_M_S / reference_tip_speed_m_s),
-        inertial_ratio=inertia_n_per_m / contact.load_n_per_m,
-        printed_inertial_ratio=inertial_load_n / (contact.body_count * contact.body_load_n),
-        inertial_load_n=inertial_load_n,
+        inertial_ratio=acceleration / contact.load_n_per_m * window.mean,
+        printed_inertial_ratio=load_n / (contact.body_count * contact.body_load_n),
+        inertial_load_n=load_n,
     )

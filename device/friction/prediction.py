@@ -1,6 +1,7 @@
 """Predictions for many scenes at once, with all the numbers of each."""
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -35,7 +36,7 @@ class LawChoice:
         one_of("ratio", self.ratio, get_args(Ratio))
         one_of("eq15_overlap", self.overlap, get_args(Overlap))
 
-    @property
+    @cached_property
     def law(self) -> Law:
         return law_by_name(self.name)
 
@@ -107,13 +108,20 @@ class Prediction:
 
 
 def law_terms(
-    contact: Contact, field: Field, rung: str, choice: LawChoice, window: Window | None = None
+    contact: Contact,
+    field: Field,
+    rung: str,
+    choice: LawChoice,
+    window: Window | None = None,
+    *,
+    whole: bool = True,
 ) -> ContactTerms:
-    """Return the contact's terms as a law sees them; `window` is its own, if known already.
+    """Return the contact's terms as a law sees them; see `contact_terms` for the rest.
 
     Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
-    terms = contact_terms(contact, field, rungs.reference_tip_speed_m_s(rung), window)
+    reference = rungs.reference_tip_speed_m_s(rung)
+    terms = contact_terms(contact, field, reference, window, whole=whole or choice.law.as_printed)
     if choice.takes_eq15:
         return with_eq15_ratio(terms, contact, choice.overlap)
     if rung == "eq15" and not choice.law.as_printed:

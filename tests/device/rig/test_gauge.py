@@ -81,6 +81,14 @@ def test_what_is_recorded_is_what_the_gauge_measured(gauged: GaugeBench) -> None
     assert gauged.rig.forces is None
 
 
+def test_a_rig_without_a_thread_lets_its_gauge_work_in_time(gauged: GaugeBench) -> None:
+    gauged.rig.record(1000)
+    for _ in range(50):
+        gauged.clock.advance(BEAT_S)
+        gauged.rig.step()
+    assert gauged.gauge.latest is not None
+
+
 def test_a_session_that_is_ahead_of_its_gauge_waits_for_it(gauged: GaugeBench) -> None:
     gauged.rig.record(1000)
     for _ in range(10):

@@ -26,6 +26,7 @@ from protocol.study.columns import (
     GROUP,
     PARTICIPANT_COLUMNS,
     PLANNED,
+    PLANNED_PER_TOUCH,
     SESSION_COLUMNS,
     TOUCH_COLUMNS,
     TRACE_COLUMNS,
@@ -423,11 +424,7 @@ def _plan_row(trial: Trial | PlannedTrial) -> dict[str, Any]:
         for each in trial.touches
     ]
     return {
-        **{it.name: getattr(trial, it.planned) for it in PLANNED if not it.per_touch},
+        **{it.name: getattr(trial, it.planned) for it in PLANNED},
         "touches": len(touches),
-        **{
-            it.name: tuple(getattr(touch, it.planned) for touch in touches)
-            for it in PLANNED
-            if it.per_touch
-        },
+        **{it.name: tuple(getattr(of, it.planned) for of in touches) for it in PLANNED_PER_TOUCH},
     }

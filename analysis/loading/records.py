@@ -16,7 +16,7 @@ import pandas as pd
 from analysis.estimates import IntArray
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
-from protocol.study.columns import PLANNED
+from protocol.study.columns import PLANNED_PER_TOUCH
 from protocol.study.touch import Touch
 
 Row = TypeVar("Row")
@@ -185,8 +185,7 @@ def with_plans(touches: pd.DataFrame) -> pd.DataFrame:
         it.name: pd.Series(
             [getattr(plan, it.planned) for plan in plans], dtype=TEXT if it.levels else "float64"
         )
-        for it in PLANNED
-        if it.per_touch
+        for it in PLANNED_PER_TOUCH
     }
     return touches.join(pd.DataFrame(told).iloc[places].reset_index(drop=True))
 

@@ -5,10 +5,10 @@ driver that sends a wrong one is answered with an error.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Setting:
     """What a channel keeps: a number with `unit` (`V`, `s`) and range, one of `words`, a switch.
 
@@ -16,6 +16,7 @@ class Setting:
     """
 
     header: str
+    _: KW_ONLY
     name: str = ""
     default: float | str | bool = False
     lowest: float = 0.0
@@ -24,21 +25,18 @@ class Setting:
     words: tuple[str, ...] = ()
 
 
-UNIT = Setting(header="VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
+UNIT = Setting("VOLTage:UNIT", name="unit", words=("VPP", "VRMS"))
 
 
 def function(*words: str) -> Setting:
     """Return the setting of the wave, which is one of `words`."""
-    return Setting(header="FUNCtion[:SHAPe]", name="function", words=words)
+    return Setting("FUNCtion[:SHAPe]", name="function", words=words)
 
 
 def limits(header: str) -> tuple[Setting, Setting]:
     """Return the settings of the voltage limits, which begin with `header`."""
-    volts = Setting(header="", lowest=-10.0, highest=10.0, unit="V")
-    return (
-        replace(volts, header=f"{header}:HIGH", name="limit_high_v"),
-        replace(volts, header=f"{header}:LOW", name="limit_low_v"),
-    )
+    high = Setting(f"{header}:HIGH", name="limit_high_v", lowest=-10.0, highest=10.0, unit="V")
+    return high, replace(high, header=f"{header}:LOW", name="limit_low_v")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -67,15 +67,12 @@ DRIVER = Rigol
 _SETTINGS = (
     function("SINusoid", "SQUare", "RAMP", "PULSe", "NOISe", "USER", "HARMonic", "DC"),
     UNIT,
-    Setting(header="MOD[:STATe]"),
-    Setting(header="SWEep:STATe"),
-    Setting(header="BURSt[:STATe]"),
-    Setting(header="HARMonic[:STATe]"),
-    Setting(header="SUM[:STATe]"),
-    Setting(header="PHASe", default=0.0, lowest=0, highest=360),
-    Setting(header="PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
-    Setting(header="PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, unit="s"),
-    Setting(header="OUTPut#:SYNC[:STATe]", default=True),
+    *map(Setting, ("MOD[:STATe]", "SWEep:STATe", "BURSt[:STATe]", "HARMonic[:STATe]")),
+    Setting("SUM[:STATe]"),
+    Setting("PHASe", default=0.0, lowest=0, highest=360),
+    Setting("PULSe:DCYCle", default=50.0, lowest=0.001, highest=99.999),
+    Setting("PULSe:WIDTh", default=5e-4, lowest=16e-9, highest=1e6, unit="s"),
+    Setting("OUTPut#:SYNC[:STATe]", default=True),
 )
 _DG1062Z = Model(
     idn="Rigol Technologies,DG1062Z,SIM,03.01.12",

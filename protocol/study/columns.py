@@ -336,7 +336,10 @@ TAKEN = frozenset(("subject", "participant_id", "pseudonym", "session_kinds", "s
 )
 """Names of the columns that every export has, and of the built-in questions."""
 BY_NAME = {column.name: column for column in COLUMNS}
-PLANNED = tuple(column for column in COLUMNS if column.planned)
+PLANNED, PLANNED_PER_TOUCH = (
+    tuple(column for column in COLUMNS if column.planned and column.per_touch is per_touch)
+    for per_touch in (False, True)
+)
 """Of a table of planned trials."""
 SESSION_COLUMNS = tuple(column for column in COLUMNS if column.of_session)
 """Of a table of sessions."""

@@ -85,10 +85,10 @@ def _reach(frequency_hz: float, damping_ratio: float) -> tuple[float, float]:
     """Return the top rung's tip speed per volt and metre of lever, and ω² max|W| per volt."""
     beam = replace(Beam(), damping_ratio=damping_ratio)
     motion = segmented_motion(beam, frequency_hz, patched=True, shear=True)
-    state = motion.state(np.linspace(0.0, beam.length_m, 401))
+    (deflection,), (rotation,) = np.abs(motion.state(np.linspace(0.0, beam.length_m, 401), 1))
     omega = 2 * math.pi * frequency_hz
-    rotation = math.sqrt(float(np.mean(np.abs(state.rotation) ** 2)))
-    return math.sqrt(2) * omega * rotation, omega**2 * float(np.abs(state.deflection).max())
+    speed = math.sqrt(2 * float(np.mean(rotation**2))) * omega
+    return speed, omega**2 * float(deflection.max())
 
 
 def _envelope() -> dict[str, object]:
@@ -127,7 +127,7 @@ def _sum_errors(frequency_hz: float, damping_ratio: float) -> tuple[float, float
     everywhere = np.zeros(1, dtype=np.intp)
     field = modal_sum_field(beam, everywhere, np.array([frequency_hz]), np.array([damping_ratio]))
     places, found = cast(ModalPattern, field.pattern).direction()
-    exact = direction(motion.state(places))[0]
+    exact = direction(motion.state(places, 1))[0]
     ends = np.linspace(0.0, beam.length_m, 1500)
     ours = field.displacement_m[0] * field.pattern.window(ends, ends[-1]).mean
     area = ends * (ours / top.rms_m_per_v - top.window(ends, ends[-1]).mean)

@@ -278,9 +278,9 @@ def _mode_wavelength_m() -> float:
 
 def _wavelength_at(frequency_hz: float, *, shear: bool) -> float:
     """Return the length of the travelling wave in the bare beam at a frequency."""
-    part = sections(BEAM, patched=False, shear=shear)[0]
-    wave = waves(part, np.array([2 * math.pi * frequency_hz]), 0.0)
-    return float(2 * math.pi / abs(wave.exponent[0, 0].imag))
+    bare = sections(BEAM, patched=False, shear=shear)
+    wave = waves(bare, np.array([2 * math.pi * frequency_hz]), 0.0)
+    return float(2 * math.pi / abs(wave.exponent[0, 0, 0].imag))
 
 
 @CLAIMS.add(

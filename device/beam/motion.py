@@ -11,27 +11,19 @@ import numpy as np
 from device.beam import modes
 from device.beam.beam import Beam
 from device.beam.modes import BoolArray, ComplexArray, FloatArray
-from device.beam.timoshenko import Waves, sections, system_matrix, waves_of
+from device.beam.timoshenko import sections, system_matrix, waves
 from device.beam.windows import Pattern, Sums, Window, window_means, window_width
 
 _ROUNDING = 1e-14
-
-
-@dataclass(frozen=True, eq=False)
-class MotionState:
-    """Deflection, m/V, and rotation, rad/V, at some places, with derivatives along the beam."""
-
-    deflection: ComplexArray
-    deflection_slope: ComplexArray
-    deflection_curvature: ComplexArray
-    rotation: ComplexArray
-    rotation_slope: ComplexArray
-    rotation_curvature: ComplexArray
+_LEAST = 1e-250  # size of a wave, far from underflow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """A beam's harmonic motion per volt: `state` at places, shape (n,), in rising order.
+    """A beam's harmonic motion per volt.
+
+    `state(x, count)` is deflection, m/V, and rotation, rad/V, with their first `count - 1`
+    derivatives along the beam, at places x, shape (n,), in rising order: shape (2, count, n).
 
     `wave_number_per_m`, the largest one, says how finely to sample it; `rounding_m_per_v` is the
     largest rounding error of a deflection; it is not smooth at the inner `joints_m`.
@@ -41,27 +33,34 @@ class Motion:
     wave_number_per_m: float
     rounding_m_per_v: float
     joints_m: tuple[float, ...]
-    state: Callable[[FloatArray], MotionState]
+    state: Callable[[FloatArray, int], ComplexArray]
 
 
 def _segment(
-    wave: Waves, weight: ComplexArray, length_m: float, start_m: float
-) -> Callable[[FloatArray], ComplexArray]:
-    """Return what tells the fields of `MotionState` at places in a segment, shape (n, 6).
+    exponent: ComplexArray, rotation: ComplexArray, weight: ComplexArray, ends_m: FloatArray
+) -> Callable[[FloatArray, int], ComplexArray]:
+    """Return `Motion.state` in the segment between two ends.
 
     Each of its waves e^{λ(x - x0)} has size 1 at the end x0 from which it decays.
     """
-    exponent, rotation = wave.exponent[0], wave.rotation[0]
-    both, turn = np.concatenate([-exponent, exponent]), np.concatenate([-rotation, rotation])
-    deflection = np.stack([weight * both**power for power in range(3)], axis=-1)
-    columns = np.concatenate([deflection, deflection * turn[:, None]], axis=-1)
-    origin_m = np.array([0.0, 0.0, length_m, length_m])
+    both, turn = np.append(-exponent, exponent), np.append(-rotation, rotation)
+    deflection = np.stack([weight * both**power for power in range(3)])
+    columns = np.stack([deflection, deflection * turn])
+    fade = np.exp(-exponent * (ends_m[1] - ends_m[0]))[:, None]
+    in_range = np.abs(fade).min() > _LEAST
 
-    def fields(x_m: FloatArray) -> ComplexArray:
-        waves = ((x_m - start_m)[:, None] - origin_m) * both
-        return np.asarray(np.exp(waves, out=waves) @ columns)
+    def state(x_m: FloatArray, count: int) -> ComplexArray:
+        waves = np.empty((4, x_m.size), dtype=np.complex128)
+        np.multiply.outer(-exponent, x_m - ends_m[0], out=waves[:2])
+        if in_range:  # a growing wave is then a quotient, which takes a fifth of the time
+            np.exp(waves[:2], out=waves[:2])
+            np.divide(fade, waves[:2], out=waves[2:])
+        else:
+            np.multiply.outer(exponent, x_m - ends_m[1], out=waves[2:])
+            np.exp(waves, out=waves)
+        return np.asarray(columns[:, :count] @ waves)
 
-    return fields
+    return state
 
 
 def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: bool) -> Motion:
@@ -72,33 +71,31 @@ def segmented_motion(beam: Beam, frequency_hz: float, *, patched: bool, shear: b
     E(1 + 2jζ); for `patched` and `shear` see `timoshenko.segmented_natural_frequency_hz`.
     """
     parts = sections(beam, patched=patched, shear=shear)
-    omega = np.array([2 * math.pi * frequency_hz])
-    segment_waves = waves_of(parts, omega, beam.damping_ratio)
-    matrix = system_matrix(parts, segment_waves)[0]
+    wave = waves(parts, np.array([2 * math.pi * frequency_hz]), beam.damping_ratio)
     load = np.zeros(12, dtype=np.complex128)
-    jump = beam.patch_moment_n_m_per_v / abs(segment_waves[0].moment[0, 0])
+    jump = beam.patch_moment_n_m_per_v / abs(wave.moment[0, 0, 0])
     # (24): rows 4 and 8 are the moments across the patches' ends, over the waves' scale.
     load[4], load[8] = jump, -jump
-    weights = np.asarray(np.linalg.solve(matrix, load), dtype=np.complex128)
-    lengths_m = [part.length_m for part in parts]
-    joints_m = (lengths_m[0], lengths_m[0] + lengths_m[1])
+    weights = np.asarray(np.linalg.solve(system_matrix(parts, wave)[..., 0], load))
+    ends_m = np.concatenate([[0.0], np.cumsum(parts.length_m)])
+    segments = [
+        _segment(wave.exponent[k, :, 0], wave.rotation[k, :, 0], weight, ends_m[k : k + 2])
+        for k, weight in enumerate(np.split(weights, 3))
+    ]
 
-    starts_m = (0.0, *joints_m)
-    segments = list(map(_segment, segment_waves, np.split(weights, 3), lengths_m, starts_m))
-
-    def state(x_m: FloatArray) -> MotionState:
-        ends = [0, *np.searchsorted(x_m, joints_m).tolist(), x_m.size]
-        fields = np.empty((x_m.size, 6), dtype=np.complex128)
-        for segment, (first, last) in zip(segments, pairwise(ends), strict=True):
+    def state(x_m: FloatArray, count: int) -> ComplexArray:
+        places = [0, *np.searchsorted(x_m, ends_m[1:3]).tolist(), x_m.size]
+        found = np.empty((2, count, x_m.size), dtype=np.complex128)
+        for segment, (first, last) in zip(segments, pairwise(places), strict=True):
             if first < last:
-                fields[first:last] = segment(x_m[first:last])
-        return MotionState(*fields.T)
+                found[..., first:last] = segment(x_m[first:last], count)
+        return found
 
     return Motion(
-        length_m=sum(lengths_m),
-        wave_number_per_m=max(float(np.abs(wave.exponent).max()) for wave in segment_waves),
+        length_m=float(ends_m[3]),
+        wave_number_per_m=float(np.abs(wave.exponent).max()),
         rounding_m_per_v=_ROUNDING * float(np.abs(weights).max()),
-        joints_m=joints_m,
+        joints_m=(float(ends_m[1]), float(ends_m[2])),
         state=state,
     )
 
@@ -120,12 +117,12 @@ def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
         modes.modal_amplitude_m_per_v(beam, order, frequency_hz) for order in range(1, count + 1)
     ]
 
-    def state(x_m: FloatArray) -> MotionState:
+    def state(x_m: FloatArray, count: int) -> ComplexArray:
         derivatives = np.zeros((4, x_m.size), dtype=np.complex128)
         for order, amplitude in enumerate(amplitudes, start=1):
             derivatives += amplitude * _shape_derivatives(order, x_m / beam.length_m)
-        rows = [row / beam.length_m**power for power, row in enumerate(derivatives)]
-        return MotionState(*rows[:3], *rows[1:])
+        rows = derivatives / beam.length_m ** np.arange(4)[:, None]
+        return np.stack([rows[:count], rows[1 : count + 1]])
 
     return Motion(
         length_m=beam.length_m,
@@ -141,43 +138,35 @@ _STEPS, _SETTLED = 60, 1e-13
 _SAME = 1e-15  # part of the length
 _CLAMP = 1e-5  # part of the length next to the clamp where rounding exceeds the motion
 
-Curve = Callable[[MotionState], tuple[FloatArray, FloatArray]]
+Curve = Callable[[ComplexArray], FloatArray]
 
 
-def direction(state: MotionState) -> tuple[FloatArray, FloatArray]:
-    """Return -Re(W ψ*), (27) of mathematics/beam, and its derivative along the beam."""
-    turned = np.conj(state.rotation)
-    value = -(state.deflection * turned).real
-    slope = -(
-        state.deflection_slope * turned + state.deflection * np.conj(state.rotation_slope)
-    ).real
-    return value, slope
+def direction(state: ComplexArray) -> FloatArray:
+    """Return -Re(W ψ*), (27) of mathematics/beam, and as far as `state` goes its derivatives."""
+    deflection, turned = state[0], np.conj(state[1])
+    rows = [deflection[0] * turned[0]]
+    if len(deflection) > 1:
+        rows.append(deflection[1] * turned[0] + deflection[0] * turned[1])
+    if len(deflection) > 2:
+        bend = deflection[2] * turned[0] + deflection[0] * turned[2]
+        rows.append(bend + 2 * deflection[1] * turned[1])
+    return -np.stack(rows).real
 
 
-def _direction_slope(state: MotionState) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative of `direction` and its own derivative."""
-    _, slope = direction(state)
-    turned = np.conj(state.rotation)
-    bend = state.deflection_curvature * turned + state.deflection * np.conj(
-        state.rotation_curvature
-    )
-    cross = state.deflection_slope * np.conj(state.rotation_slope)
-    return slope, -(bend + 2 * cross).real
+def _roots(motion: Motion, order: int, places_m: FloatArray, values: FloatArray) -> FloatArray:
+    """Return roots of a derivative of `direction`, 0 or 1, that has these values at places.
 
-
-def _refined(
-    motion: Motion, curve: Curve, low_m: FloatArray, high_m: FloatArray, rising: BoolArray
-) -> FloatArray:
-    """Return roots between places of opposite sign, by Newton's method kept inside by bisection."""
-    if not low_m.size:
-        return low_m
-    place = (low_m + high_m) / 2
-    for _ in range(_STEPS):
-        value, slope = curve(motion.state(place))
+    They follow from secants by Newton's method, kept by bisection between places of opposite sign.
+    """
+    cells = np.flatnonzero((values[:-1] > 0) != (values[1:] > 0))
+    low_m, high_m = places_m[cells], places_m[cells + 1]
+    start, stop = values[cells], values[cells + 1]
+    rising, place = start < 0, low_m + (high_m - low_m) * (start / (start - stop))
+    for _ in range(_STEPS if cells.size else 0):
+        value, slope = direction(motion.state(place, order + 2))[order:]
         below = (value < 0) == rising
         low_m, high_m = np.where(below, place, low_m), np.where(below, high_m, place)
-        step = value / np.where(slope == 0, 1.0, slope)
-        newton = place - step
+        newton = place - value / np.where(slope == 0, 1.0, slope)
         inside = (newton >= low_m) & (newton <= high_m) & (slope != 0)
         former, place = place, np.where(inside, newton, (low_m + high_m) / 2)
         if np.abs(place - former).max() <= _SETTLED * motion.length_m:
@@ -202,17 +191,14 @@ def sample_places(motion: Motion) -> FloatArray:
     return _once(even, motion.joints_m)
 
 
-def _signed_cells(motion: Motion, curve: Curve, places_m: FloatArray) -> FloatArray:
-    """Return roots of a curve that changes sign between neighbouring places."""
-    value = curve(motion.state(places_m))[0]
-    cells = np.flatnonzero((value[:-1] > 0) != (value[1:] > 0))
-    return _refined(motion, curve, places_m[cells], places_m[cells + 1], value[cells] < 0)
-
-
 def zone_edges_m(motion: Motion, places_m: FloatArray) -> FloatArray:
     """Return the inner places where the direction changes, in rising order; no pair is missed."""
-    turning = _signed_cells(motion, _direction_slope, places_m)
-    return _signed_cells(motion, direction, _once(places_m, turning))
+    values, slopes = direction(motion.state(places_m, 2))
+    turning = _roots(motion, 1, places_m, slopes)
+    places = np.append(places_m, turning)
+    values = np.append(values, direction(motion.state(turning, 1)))
+    order = np.argsort(places)
+    return _roots(motion, 0, places[order], values[order])
 
 
 # The pattern of a motion, set up once and then evaluated at any number of places.
@@ -235,7 +221,8 @@ _MONOMIALS = np.linalg.inv(np.vander(_NODES, increasing=True))
 _POWERS = np.arange(1, _NODES.size + 1)
 _OF_POWERS = _MONOMIALS / _POWERS[:, None]
 _ANTIDERIVATIVE = np.vstack([-((-1.0) ** _POWERS) @ _OF_POWERS, _OF_POWERS])
-"""From values at the nodes to the antiderivative's coefficients of t⁰ … t⁶; it is 0 at t = -1."""
+_ANTIDERIVATIVE *= 2.0 ** np.arange(_NODES.size + 1)[:, None]
+"""From values at the nodes to the antiderivative's coefficients of t⁰ … t⁶; 0 at t = -½."""
 
 
 class _Pieces(NamedTuple):
@@ -251,12 +238,15 @@ class _Pieces(NamedTuple):
         start_m, stop_m = self.ends_m[piece], self.ends_m[piece + 1]
         width_m = stop_m - start_m
         offset, part = (middle_m - (start_m + stop_m) / 2) / width_m, (high_m - low_m) / width_m
-        rows = np.take(self.rows, piece, axis=1)
+        every = self.rows.take(piece, axis=1)
+        cut = np.flatnonzero(part != 1)
+        rows, offset, part = every[:, cut], offset[cut], part[cut]
         for first in range(len(rows)):
             for power in range(len(rows) - 2, first - 1, -1):
                 rows[power] += offset * rows[power + 1]
             rows[first + 1 :] *= part
-        return rows
+        every[:, cut] = rows
+        return every
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -348,7 +338,7 @@ class MotionPattern(Pattern):
         places = x_m[:, None] + np.multiply.outer(width_m, (_NODES - 1) / 2)
         order = np.argsort(places, axis=None)
         magnitude = np.empty(places.size)
-        magnitude[order] = np.abs(self.motion.state(places.ravel()[order]).deflection)
+        magnitude[order] = np.abs(self.motion.state(places.ravel()[order], 1)[0, 0])
         means = magnitude.reshape(places.shape) @ _WEIGHTS / (2 * self.rms_m_per_v)
         return np.asarray(means)
 
@@ -377,9 +367,8 @@ def _measured(motion: Motion, low_m: FloatArray, high_m: FloatArray) -> _Cells:
     """Return cells from `low_m` to `high_m`, in rising order, with the motion at their nodes."""
     half = (high_m - low_m)[:, None] / 2
     nodes = (high_m + low_m)[:, None] / 2 + half * _NODES
-    state = motion.state(nodes.ravel())
-    sizes = (np.abs(field).reshape(nodes.shape) for field in (state.deflection, state.rotation))
-    return _Cells(low_m, high_m, *sizes)
+    sizes = np.abs(motion.state(nodes.ravel(), 1)[:, 0])
+    return _Cells(low_m, high_m, *sizes.reshape(2, *nodes.shape))
 
 
 def _cells(motion: Motion) -> _Cells:
@@ -415,7 +404,6 @@ def _before(
     area = cells.half_m * cells.deflection / rms_m_per_v
     whole = _ANTIDERIVATIVE @ area.T
     whole[0, 1:] += np.cumsum(area @ _WEIGHTS)[:-1]
-    whole *= 2.0 ** np.arange(len(whole))[:, None]  # from t in [-1, 1]
     ends_m = np.append(cells.low_m, cells.high_m[-1])
     right_m = np.diff(edges_m) * moves_right
     middle_m = np.cumsum(right_m) - right_m / 2
@@ -428,7 +416,8 @@ def motion_pattern(motion: Motion) -> MotionPattern:
     places = sample_places(motion)
     inner = zone_edges_m(motion, places)
     edges = np.concatenate([[0.0], inner, [motion.length_m]])
-    moves_right = (direction(motion.state((edges[1:] + edges[:-1]) / 2))[0] > 0).astype(np.float64)
+    middles = motion.state((edges[1:] + edges[:-1]) / 2, 1)
+    moves_right = (direction(middles)[0] > 0).astype(np.float64)
     cells = _cells(motion)
     length_m = motion.length_m
     rms, rotation = (

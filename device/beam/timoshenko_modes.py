@@ -95,9 +95,8 @@ def _response(
 ) -> ComplexArray:
     """Return U at places, shape (4, n): deflection, its slope, rotation and its slope."""
     damped = replace(beam, damping_ratio=damping_ratio)
-    state = segmented_motion(damped, frequency_hz, patched=True, shear=True).state(places_m)
-    rows = state.deflection, state.deflection_slope, state.rotation, state.rotation_slope
-    return np.stack(rows) * (1 + 2j * damping_ratio)
+    state = segmented_motion(damped, frequency_hz, patched=True, shear=True).state(places_m, 2)
+    return state.reshape(4, -1) * (1 + 2j * damping_ratio)
 
 
 @lru_cache(maxsize=8)

@@ -10,15 +10,8 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
+from analysis.friction import measured_contrast as contrast
 from analysis.friction import recorded
-from analysis.friction.measured_contrast import (
-    MeasuredContrast,
-    Rest,
-    TouchPair,
-    borrowed_contrasts,
-    measured_contrast,
-    rest_of,
-)
 from analysis.kept import Kept
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
@@ -41,7 +34,7 @@ class SessionFriction:
 
     touches: Mapping[int, recorded.TouchForces]
     jitter: recorded.Jitter | NotEstimable
-    rest: Rest | NotEstimable
+    rest: contrast.Rest | NotEstimable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +87,7 @@ def session_friction(
         jitter = recorded.jitter_of(held(own))
         jitter = everyone if isinstance(jitter, NotEstimable) else jitter
         unforced = [found for touch, found in own.items() if planned[touch].peak_voltage_v == 0]
-        rest = jitter if isinstance(jitter, NotEstimable) else rest_of(unforced, jitter)
+        rest = jitter if isinstance(jitter, NotEstimable) else contrast.rest_of(unforced, jitter)
         known[session] = SessionFriction(touches=own, jitter=jitter, rest=rest)
     return known
 
@@ -175,7 +168,7 @@ def measured_trials(
     scored = known & trials["trial_kind"].eq("trial").to_numpy()
     if scored.any():
         chosen = trials[scored]
-        best[scored], best_error[scored] = borrowed_contrasts(
+        best[scored], best_error[scored] = contrast.borrowed_contrasts(
             pd.factorize(chosen["participant"])[0],
             pd.factorize(chosen["condition"])[0],
             chosen["level"].to_numpy(),
@@ -199,7 +192,7 @@ def _of_trial(
     planned: "pd.Series[Any]",
     forces: Forces,
     session: SessionFriction | None,
-) -> MeasuredContrast | NotEstimable:
+) -> contrast.MeasuredContrast | NotEstimable:
     """Return the contrast of one trial from its first and last touch."""
     if change is None or planned.empty:
         return NotEstimable("what it compared is not known")
@@ -211,7 +204,7 @@ def _of_trial(
     assert session is not None
     if isinstance(session.jitter, NotEstimable):
         return session.jitter
-    compared = TouchPair(
+    compared = contrast.TouchPair(
         effect=change.effect,
         contrary=change.contrary,
         before=None if first == last else session.touches[first],
@@ -220,7 +213,7 @@ def _of_trial(
         contact_m=change.after.contact_m,
         within=planned[last].programme != "hold",
     )
-    return measured_contrast(compared, session.jitter, session.rest)
+    return contrast.measured_contrast(compared, session.jitter, session.rest)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,19 +20,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_equals
 from analysis.statistics.signed_rank import signed_rank
 from device.friction.changes import LAW
-from protocol.registration.registration import (
-    FOLLOWS,
-    GAINS,
-    NOTICED,
-    OMNIBUS,
-    ORDER,
-    Registration,
-    above,
-    between,
-    effect_of,
-    threshold_of,
-    weber_below,
-)
+from protocol.registration import registration as hypothesis
 from protocol.registration.registry_text import registry_text
 from protocol.study.study import Study
 
@@ -65,7 +53,7 @@ def how_tested(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
     return {each.name: each.test for each in _all(study, named) if each.asked}
 
 
-def for_registry(study: Study, registration: Registration) -> str:
+def for_registry(study: Study, registration: hypothesis.Registration) -> str:
     """Return the text of a registration for a registry."""
     return registry_text(study, registration, how_tested(study, registration.hypotheses))
 
@@ -78,7 +66,7 @@ def registered(study: Study, names: Sequence[str]) -> list[Hypothesis]:
 
 def _gone(name: str) -> Hypothesis:
     why, question = "these conditions have no scores to compare", page.WHICH
-    if name.endswith(NOTICED):
+    if name.endswith(hypothesis.NOTICED):
         why, question = _NO_SUCH_TRIALS, page.NOTICE
     return Hypothesis(name, "", lambda _: NotEstimable(why), question)
 
@@ -91,44 +79,46 @@ def _of_conditions(study: Study) -> Iterator[Hypothesis]:
     named = partial(Hypothesis, asked=bool(study.condition))
     # The tests' words stand in registered texts, which are compared: another p of F leaves them.
     yield named(
-        OMNIBUS,
+        hypothesis.OMNIBUS,
         "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
         lambda found: _tested(found.table.main.omnibus_p),
         page.DIFFER,
     )
     for pair in permutations(study.conditions, 2):
-        yield named(above(*pair), _ABOVE, partial(_pair, *pair))
+        yield named(hypothesis.above(*pair), _ABOVE, partial(_pair, *pair))
     yield named(
-        GAINS,
+        hypothesis.GAINS,
         "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
         lambda found: _tested(at(found.table, "heterogeneity.p")),
         "",
     )
     yield named(
-        FOLLOWS,
+        hypothesis.FOLLOWS,
         "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         _gain,
         page.FOLLOW,
     )
     yield named(
-        ORDER,
+        hypothesis.ORDER,
         "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
         "p < .05 and a correlation above 0",
         _order,
         page.ORDERED,
     )
     for pair in permutations(study.groups, 2):
-        yield named(between(*pair), _BETWEEN, partial(_groups, *pair), page.GROUPS)
+        yield named(hypothesis.between(*pair), _BETWEEN, partial(_groups, *pair), page.GROUPS)
     caught = partial(Hypothesis, asked=bool(study.condition and study.design.catch_trials))
     for each in ("", *study.conditions):
         corrected = ", corrected by Holm's method over all conditions" * bool(each)
         test = f"{_EXACT}{corrected}; p < .05"
-        yield caught(f"{each} {NOTICED}".strip(), test, partial(_noticed, each), page.NOTICE)
+        yield caught(
+            f"{each} {hypothesis.NOTICED}".strip(), test, partial(_noticed, each), page.NOTICE
+        )
     # Sessions are a factor, too.
     factors = (*study.factors, *["session"] * (study.design.sessions > 1))
     for of in (*zip(factors), *permutations(factors, 2)):
         test = f"{'main effect' if len(of) == 1 else 'interaction'} {_BY_FACTOR}"
-        yield named(effect_of(*of), test, partial(_effect, of), page.FACTORS)
+        yield named(hypothesis.effect_of(*of), test, partial(_effect, of), page.FACTORS)
 
 
 def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
@@ -137,7 +127,7 @@ def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
         # On one axis: volts are not compared with metres.
         if a.axis == b.axis:
             yield named(
-                threshold_of(a.name, b.name),
+                hypothesis.threshold_of(a.name, b.name),
                 "Wilcoxon's signed-rank test of the participants' log thresholds, two-sided; "
                 "p < .05 and a geometric mean of the ratios above 1",
                 partial(_higher, a.name, b.name),
@@ -145,11 +135,11 @@ def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
     estimated = "no test: the geometric mean of the participants' thresholds and its 95% interval"
     for each in study.track:
         judge = partial(_threshold, each.name)
-        yield named(threshold_of(each.name), estimated, judge, estimated=True)
+        yield named(hypothesis.threshold_of(each.name), estimated, judge, estimated=True)
     # Of a place no contrast is predicted, nor of a comparison with nothing.
     felt = {track.name for track in study.track if track.standard and track.axis != "place"}
     for name in names:
-        if of := weber_below(name):
+        if of := hypothesis.weber_below(name):
             yield named(name, _WEBER, partial(_weber, *of), asked=of[0] in felt)
 
 

@@ -6,18 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
+from analysis.sensitivity import lines as of_lines
 from analysis.sensitivity.integration import Marginals, WeightedPoints, weighted_points
-from analysis.sensitivity.lines import (
-    Axes,
-    LineMixture,
-    Lines,
-    Ratings,
-    axes_of,
-    covariance_matrices,
-    log_prior_of_spread,
-    summary,
-    turn_of,
-)
 
 POINTS = 400
 AT_ONCE, MIXED_AT_ONCE = 8_000, 200_000
@@ -89,7 +79,7 @@ def line_sums(subject: IntArray, subjects: int, x: FloatArray, y: FloatArray) ->
     )
 
 
-def own_gains(ratings: Ratings) -> FloatArray:
+def own_gains(ratings: of_lines.Ratings) -> FloatArray:
     """Return each subject's least-squares gain by the own trials alone, shape (subjects,).
 
     It is NaN where contrasts do not vary. Nothing is borrowed from other subjects, as the gains of
@@ -170,12 +160,12 @@ class LinearSensitivity:
     `effective_points` is the effective sample size of the integration over variance components.
     """
 
-    lines: Lines
+    lines: of_lines.Lines
     residual_sd: float
     effective_points: float
 
 
-def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
+def linear_sensitivity(ratings: of_lines.Ratings) -> LinearSensitivity | NotEstimable:
     """Return each subject's bias and gain by partial pooling, or why they are not estimable.
 
     y = α_s + g_s x + ε, (α_s, g_s) ~ N((α, g), T), ε ~ N(0, σ²). Priors: α, g and log σ flat, the
@@ -190,16 +180,16 @@ def linear_sensitivity(ratings: Ratings) -> LinearSensitivity | NotEstimable:
         return found
     residual_sd, _ = _components(found.points.points)
     return LinearSensitivity(
-        lines=summary(ratings.subjects, found),
+        lines=of_lines.summary(ratings.subjects, found),
         residual_sd=float(found.points.mean(residual_sd)) * found.axes.y_sd,
         effective_points=found.points.effective,
     )
 
 
-def linear_lines(ratings: Ratings) -> LineMixture | NotEstimable:
+def linear_lines(ratings: of_lines.Ratings) -> of_lines.LineMixture | NotEstimable:
     """Return the posteriors alone of which the fit has the medians and intervals."""
     trials = ratings.given
-    axes = axes_of(trials)
+    axes = of_lines.axes_of(trials)
     if isinstance(axes, NotEstimable):
         return axes
     x = (trials.contrast - axes.x_mean) / axes.x_sd
@@ -209,7 +199,9 @@ def linear_lines(ratings: Ratings) -> LineMixture | NotEstimable:
         return refusal
 
     def log_posterior(points: FloatArray) -> FloatArray:
-        spread = log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))
+        spread = of_lines.log_prior_of_spread(points[:, 2]) - 2 * np.log(
+            2**0.5 * np.cosh(points[:, 3])
+        )
         return np.asarray(_log_posterior(sums, points) + spread)
 
     def equal_gains(points: FloatArray) -> FloatArray:
@@ -231,19 +223,19 @@ def _log_posterior(sums: LineSums, points: FloatArray) -> FloatArray:
     # In stretches, because the matrices of a large study at all points would fill the memory.
     stretches = np.array_split(points, -(-points.shape[0] * len(sums.counts) // AT_ONCE))
     known = [line_posterior(sums, *_components(some)).log_likelihood for some in stretches]
-    return np.asarray(np.concatenate(known) + log_prior_of_spread(points[:, 1]))
+    return np.asarray(np.concatenate(known) + of_lines.log_prior_of_spread(points[:, 1]))
 
 
 def _components(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return σ and T of points (log σ, log τ_bias, log τ_gain, artanh ρ)."""
-    return np.exp(points[:, 0]), covariance_matrices(points[:, 1:4])
+    return np.exp(points[:, 0]), of_lines.covariance_matrices(points[:, 1:4])
 
 
 def _mixture(
-    sums: LineSums, posterior: WeightedPoints, axes: Axes, equal: Callable[[], float]
-) -> LineMixture:
+    sums: LineSums, posterior: WeightedPoints, axes: of_lines.Axes, equal: Callable[[], float]
+) -> of_lines.LineMixture:
     residual_sd, between = _components(posterior.points)
-    turn = turn_of(axes)
+    turn = of_lines.turn_of(axes)
     count = -(-len(residual_sd) * len(sums.counts) // MIXED_AT_ONCE)
     parts = zip(np.array_split(residual_sd, count), np.array_split(between, count), strict=True)
     found = [_lines_at(sums, *part, turn) for part in parts]
@@ -252,7 +244,7 @@ def _mixture(
     bias, gain = (
         Marginals(means=means[..., part], sds=np.sqrt(variances[..., part])) for part in (0, 1)
     )
-    return LineMixture(
+    return of_lines.LineMixture(
         points=posterior,
         axes=axes,
         bias=bias.plus(axes.y_mean),

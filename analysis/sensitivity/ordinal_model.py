@@ -8,22 +8,11 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.estimates import Estimate, FloatArray, NotEstimable
+from analysis.sensitivity import lines as of_lines
 from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import Marginals, settled
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated, log_evidence
-from analysis.sensitivity.lines import (
-    Axes,
-    LineMixture,
-    Lines,
-    Ratings,
-    axes_of,
-    covariance_matrices,
-    log_prior_of_spread,
-    roots_of_covariances,
-    summary,
-    turn_of,
-)
 
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])
@@ -39,7 +28,7 @@ class OrdinalSensitivity:
     `effective_points` is the effective sample size of the integration over variance components.
     """
 
-    lines: Lines
+    lines: of_lines.Lines
     residual_sd: float
     categories: tuple[str, ...]
     thresholds: tuple[float, ...]
@@ -65,7 +54,7 @@ class PreparedTrials:
     subjects: tuple[str, ...]
     conditions: tuple[str, ...]
     categories: tuple[str, ...]
-    axes: Axes
+    axes: of_lines.Axes
     trials: OrdinalTrials
 
     @cached_property
@@ -74,7 +63,7 @@ class PreparedTrials:
         return LatentField(self.trials)
 
 
-def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
+def ordinal_sensitivity(ratings: of_lines.Ratings) -> OrdinalSensitivity | NotEstimable:
     """Return bias and gain of each subject on the latent scale, or why they are not estimable.
 
     latent = α_s + g_s x + δ_c + ε, ε ~ N(0, σ²); a rating is given when the latent value lies
@@ -92,7 +81,7 @@ def ordinal_sensitivity(ratings: Ratings) -> OrdinalSensitivity | NotEstimable:
     return posterior_of(ready).fit
 
 
-def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
+def ordinal_lines(ratings: of_lines.Ratings) -> of_lines.LineMixture | NotEstimable:
     """Return the posteriors alone of which the fit has the medians and intervals."""
     ready = prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
@@ -101,13 +90,13 @@ def ordinal_lines(ratings: Ratings) -> LineMixture | NotEstimable:
     return known.refusal or known.lines
 
 
-def prepared_ratings(ratings: Ratings) -> PreparedTrials | NotEstimable:
+def prepared_ratings(ratings: of_lines.Ratings) -> PreparedTrials | NotEstimable:
     """Return the rated trials, equal ones counted, or why they set no scale.
 
     Each different rating is a category; the outermost thresholds between them are fixed.
     """
     trials = ratings.given
-    axes = axes_of(trials)
+    axes = of_lines.axes_of(trials)
     if isinstance(axes, NotEstimable):
         return axes
     values, category = np.unique(trials.rating, return_inverse=True)
@@ -148,11 +137,11 @@ class OrdinalPosterior:
     latent: LatentPosterior
 
     @cached_property
-    def _told(self) -> tuple[LineMixture, Marginals]:
+    def _told(self) -> tuple[of_lines.LineMixture, Marginals]:
         return _mixture(self.ready, self.latent)
 
     @property
-    def lines(self) -> LineMixture:
+    def lines(self) -> of_lines.LineMixture:
         """The posteriors of the lines, in rating points."""
         return self._told[0]
 
@@ -174,7 +163,7 @@ class OrdinalPosterior:
         values = (points.weights @ of_conditions.means).tolist()
         intervals = of_conditions.interval_95(points.weights)
         return OrdinalSensitivity(
-            lines=summary(ready.subjects, lines),
+            lines=of_lines.summary(ready.subjects, lines),
             residual_sd=float(points.mean(self.latent.residual_sds)) * axes.y_sd,
             categories=ready.categories,
             thresholds=tuple((axes.y_mean + axes.y_sd * thresholds).tolist()),
@@ -209,26 +198,28 @@ def _equal_gains(ready: PreparedTrials, middle: FloatArray) -> float:
 def _components(points: FloatArray) -> Components:
     return Components(
         residual_sd=np.exp(points[:, 0]),
-        root=roots_of_covariances(points[:, 1:4]),
+        root=of_lines.roots_of_covariances(points[:, 1:4]),
         discrepancy_sd=np.exp(points[:, 4]) if points.shape[1] > 4 else np.ones(len(points)),
     )
 
 
 def _log_prior(points: FloatArray) -> FloatArray:
-    spread = log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))
+    spread = of_lines.log_prior_of_spread(points[:, 2]) - 2 * np.log(2**0.5 * np.cosh(points[:, 3]))
     return np.asarray(spread + _log_prior_of_equal(np.delete(points, [2, 3], axis=1)))
 
 
 def _log_prior_of_equal(points: FloatArray) -> FloatArray:
     others = np.delete(points, 1, axis=1)
     half_cauchy = (others - np.log1p(np.exp(2 * others))).sum(axis=1)
-    return np.asarray(log_prior_of_spread(points[:, 1]) + half_cauchy)
+    return np.asarray(of_lines.log_prior_of_spread(points[:, 1]) + half_cauchy)
 
 
-def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture, Marginals]:
+def _mixture(
+    ready: PreparedTrials, known: LatentPosterior
+) -> tuple[of_lines.LineMixture, Marginals]:
     """Return the posteriors of the lines and of the discrepancies, in rating points."""
     points, trials, axes = known.points, ready.trials, ready.axes
-    bias, gain = turn_of(axes)
+    bias, gain = of_lines.turn_of(axes)
     counts = np.bincount(trials.subject, weights=trials.weight, minlength=trials.subjects)
     lines, first = trials.subjects + 1, len(trials.shared_start) - trials.conditions
     biases, slopes = (known.of_lines(of) for of in (bias, np.array([0.0, 1.0])))
@@ -248,10 +239,10 @@ def _mixture(ready: PreparedTrials, known: LatentPosterior) -> tuple[LineMixture
             departures,
         )
     )
-    between = covariance_matrices(points.points[:, 1:4])
+    between = of_lines.covariance_matrices(points.points[:, 1:4])
     others = slice(2 * lines, 2 * lines + trials.conditions)
     relatives = slice(others.stop, others.stop + trials.subjects)
-    mixture = LineMixture(
+    mixture = of_lines.LineMixture(
         points=points,
         axes=axes,
         bias=found.part(slice(lines)).plus(axes.y_mean),

@@ -10,12 +10,7 @@ import numpy as np
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.additive import (
-    AdditiveEffects,
-    GainHeterogeneity,
-    additive_effects,
-    gain_heterogeneity,
-)
+from analysis.statistics import additive as effects
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
 from analysis.statistics.two_way import IntraclassCorrelation, intraclass_correlation
@@ -107,14 +102,14 @@ class TableStatistics:
         return self.keep(intraclass_correlation, self._table, target="conditions")
 
     @cached_property
-    def additive(self) -> AdditiveEffects | NotEstimable:
+    def additive(self) -> effects.AdditiveEffects | NotEstimable:
         """Effects of conditions and subjects."""
-        return self.keep(additive_effects, self._table)
+        return self.keep(effects.additive_effects, self._table)
 
     @cached_property
-    def heterogeneity(self) -> GainHeterogeneity | NotEstimable:
+    def heterogeneity(self) -> effects.GainHeterogeneity | NotEstimable:
         """Differences between subjects in the size of the conditions' effects."""
-        return self.keep(gain_heterogeneity, self._table)
+        return self.keep(effects.gain_heterogeneity, self._table)
 
 
 def reading(name: str, table: ScoreTable) -> Reading:

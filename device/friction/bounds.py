@@ -19,18 +19,10 @@ import numpy as np
 from device.beam import modes
 from device.beam.beam import Beam
 from device.beam.windows import window_width
+from device.friction import prediction as model
 from device.friction import rungs
 from device.friction.contact import contact_window, same_direction_given, with_eq15_ratio
 from device.friction.laws import ContactTerms
-from device.friction.prediction import (
-    Batch,
-    LawChoice,
-    Prediction,
-    law_terms,
-    reduced_field,
-    reduced_frequency_hz,
-    terms_prediction,
-)
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive
 
 Range = modes.FloatArray
@@ -55,7 +47,7 @@ def _resonance(mode: int) -> Mapping[str, modes.FloatArray]:
     return row | {name: np.concatenate([[0.0], np.cumsum(each)]) for name, each in steps.items()}
 
 
-def certified(batch: Batch) -> modes.BoolArray:
+def certified(batch: model.Batch) -> modes.BoolArray:
     """Return for which scenes the table has the top rung's range, shape (n,)."""
     known = str(batch.mode) in _table()["modes"]
     resonant = np.isnan(batch.frequency_hz)
@@ -64,15 +56,15 @@ def certified(batch: Batch) -> modes.BoolArray:
     return np.broadcast_to(inside, batch.size)
 
 
-def reduced_certified(batch: Batch) -> modes.BoolArray:
+def reduced_certified(batch: model.Batch) -> modes.BoolArray:
     """Return for which scenes the table has the errors of `timoshenko-modes`, shape (n,)."""
     plain = _in_domain(batch)
     if plain.any():
-        plain = plain & _in_domain(batch, reduced_frequency_hz(batch))
+        plain = plain & _in_domain(batch, model.reduced_frequency_hz(batch))
     return np.broadcast_to(plain, batch.size)
 
 
-def _in_domain(batch: Batch, frequency_hz: modes.FloatArray | None = None) -> modes.BoolArray:
+def _in_domain(batch: model.Batch, frequency_hz: modes.FloatArray | None = None) -> modes.BoolArray:
     """Return which scenes have the table's beam and damping, and drives within its bins."""
     table, beam = _table(), batch.beam
     plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
@@ -95,7 +87,7 @@ def _bins(beam: Beam, frequency_hz: modes.FloatArray) -> modes.IndexArray:
 
 
 def _terms(
-    batch: Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
+    batch: model.Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
 ) -> ContactTerms:
     """Return the ranges as a law's terms, by (2) to (5) of mathematics/friction.
 
@@ -116,7 +108,7 @@ def _terms(
     )
 
 
-def _window_ranges(batch: Batch, top: Mapping[str, modes.FloatArray]) -> tuple[Range, Range]:
+def _window_ranges(batch: model.Batch, top: Mapping[str, modes.FloatArray]) -> tuple[Range, Range]:
     """Return the top rung's right-moving part and mean |W|/rms over each window."""
     contact, length_m = batch.contact, batch.beam.length_m
     full = contact.coverage == "full"
@@ -143,7 +135,7 @@ def _part_about(part: modes.FloatArray, slack: modes.FloatArray) -> Range:
     return np.stack([np.maximum(part - slack, 0.0), np.minimum(part + slack, 1.0)])
 
 
-def _same_direction(batch: Batch, right: Range) -> Range:
+def _same_direction(batch: model.Batch, right: Range) -> Range:
     """Return the range of r: the right-moving part, or the rest for a finger that moves left."""
     given = same_direction_given(batch.contact)
     if given is not None:
@@ -151,7 +143,7 @@ def _same_direction(batch: Batch, right: Range) -> Range:
     return right if batch.contact.direction == "right" else 1.0 - right[::-1]
 
 
-def resonant_terms(batch: Batch) -> ContactTerms:
+def resonant_terms(batch: model.Batch) -> ContactTerms:
     """Return the ranges for scenes driven at the resonance of a mode in the table."""
     top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
     omega = 2 * math.pi * modes.natural_frequency_hz(beam, mode)
@@ -172,7 +164,7 @@ def resonant_terms(batch: Batch) -> ContactTerms:
     )
 
 
-def driven_terms(batch: Batch) -> ContactTerms:
+def driven_terms(batch: model.Batch) -> ContactTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
     envelope, scale = _table()["envelope"], batch.beam.frequency_scale
     bins = _bins(batch.beam, batch.frequency_hz)
@@ -199,12 +191,12 @@ def _corner(terms: ContactTerms, end: int) -> ContactTerms:
     )
 
 
-def top_rung_range(batch: Batch, choice: LawChoice, *, resonant: bool) -> Range:
+def top_rung_range(batch: model.Batch, choice: model.LawChoice, *, resonant: bool) -> Range:
     """Return the range of the top rung's μ' by a law with extremes at corners, all certified."""
     return _law_range(resonant_terms(batch) if resonant else driven_terms(batch), batch, choice)
 
 
-def _law_range(terms: ContactTerms, batch: Batch, choice: LawChoice) -> Range:
+def _law_range(terms: ContactTerms, batch: model.Batch, choice: model.LawChoice) -> Range:
     """Return the range of a law's friction coefficient over ranges of its terms."""
     if choice.takes_eq15:  # a/u is equal on every rung
         ratio = with_eq15_ratio(terms, batch.contact, choice.overlap).same_direction
@@ -219,17 +211,19 @@ _ROUNDING_M = (
 )
 
 
-def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Range]:
+def reduced_prediction(
+    batch: model.Batch, choice: model.LawChoice
+) -> tuple[model.Prediction, Range]:
     """Return `timoshenko-modes` of certified scenes, and the range of the top rung's μ'."""
     table, contact = _table()["modal_sum"], batch.contact
-    bins = _bins(batch.beam, reduced_frequency_hz(batch))
+    bins = _bins(batch.beam, model.reduced_frequency_hz(batch))
     direction, area_m, rotation = (
         np.array(table[name])[bins] for name in ("direction", "area_m", "rotation")
     )
-    field = reduced_field(batch, direction)
+    field = model.reduced_field(batch, direction)
     window = contact_window(contact, field)
     width = np.maximum(contact.covered_m, 1e-300)
-    terms = law_terms(contact, field, rungs.REDUCED_RUNG, choice, window)
+    terms = model.law_terms(contact, field, rungs.REDUCED_RUNG, choice, window)
     # (8), and (9) for the speed
     slack = (window.doubt_m + _ROUNDING_M) / width
     # The reference's speed is that of the nominal beam, whatever the scale of this one.
@@ -246,7 +240,7 @@ def reduced_prediction(batch: Batch, choice: LawChoice) -> tuple[Prediction, Ran
         inertial_ratio=_around(terms.inertial_ratio, inertia),
         printed_inertial_ratio=_around(terms.printed_inertial_ratio, inertia),
     )
-    prediction = terms_prediction(contact, field, terms, choice)
+    prediction = model.terms_prediction(contact, field, terms, choice)
     return prediction, _law_range(ranges, batch, choice)
 
 

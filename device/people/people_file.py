@@ -21,18 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from device.people.person import (
-    DEFAULT,
-    PARAMETERS,
-    Distribution,
-    LogNormal,
-    Normal,
-    OneOf,
-    Parameter,
-    Person,
-    Population,
-    Uniform,
-)
+from device.people import person as people
 from protocol.errors import BadInput, Path, Problem, meant, shown
 from protocol.study_file.loading import located
 from protocol.study_file.toml import toml_document
@@ -50,7 +39,7 @@ class PeopleError(BadInput):
         super().__init__("; ".join(problem.located(source) for problem in found))
 
 
-def people_in(text: str, source: str = "people.toml") -> Population:
+def people_in(text: str, source: str = "people.toml") -> people.Population:
     """Return the population that `text` describes; a single person is one without differences.
 
     Raise `PeopleError` if the text is no TOML, or has a key or value that cannot be used.
@@ -80,15 +69,15 @@ def _with_group(document: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str
     return merged if {"population"} & {*document, *own} else {"person": merged["person"]}
 
 
-def _population(document: Mapping[str, Any]) -> Population:
+def _population(document: Mapping[str, Any]) -> people.Population:
     person = {name: float(value) for name, value in document.get("person", {}).items()}
     if "population" not in document:
-        return Population(typical=Person(**person))
+        return people.Population(typical=people.Person(**person))
     # What `[person]` gives is given for all: it must not vary as in the default population.
-    varied = {name: given for name, given in DEFAULT.varied.items() if name not in person} | {
-        name: _distribution(given) for name, given in document["population"].items()
-    }
-    return Population(typical=replace(DEFAULT.typical, **person), varied=varied)
+    varied = {
+        name: given for name, given in people.DEFAULT.varied.items() if name not in person
+    } | {name: _distribution(given) for name, given in document["population"].items()}
+    return people.Population(typical=replace(people.DEFAULT.typical, **person), varied=varied)
 
 
 def _problems(document: Mapping[str, Any], within: Path = ()) -> Iterator[Problem]:
@@ -113,9 +102,9 @@ def _problems(document: Mapping[str, Any], within: Path = ()) -> Iterator[Proble
 
 
 def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
-    limits = PARAMETERS.get(str(path[-1]))
+    limits = people.PARAMETERS.get(str(path[-1]))
     if limits is None:
-        yield _unknown(path, PARAMETERS)
+        yield _unknown(path, people.PARAMETERS)
     elif path[-2] == "person":
         yield from _number_problems(path, value, limits.low, limits.high)
     elif not isinstance(value, dict) or tuple(sorted(value)) not in map(tuple, map(sorted, _FORMS)):
@@ -126,7 +115,7 @@ def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
 
 
 def _distribution_problems(
-    path: Path, value: Mapping[str, Any], limits: Parameter
+    path: Path, value: Mapping[str, Any], limits: people.Parameter
 ) -> Iterator[Problem]:
     low, high = limits.low, limits.high
     if "values" in value:
@@ -141,7 +130,9 @@ def _distribution_problems(
         yield _problem((*path, "high"), f"must be at least low = {value['low']}", value["high"])
 
 
-def _choice_problems(path: Path, value: Mapping[str, Any], limits: Parameter) -> Iterator[Problem]:
+def _choice_problems(
+    path: Path, value: Mapping[str, Any], limits: people.Parameter
+) -> Iterator[Problem]:
     values, shares = value["values"], value["shares"]
     for key, given, high in (("values", values, limits.high), ("shares", shares, math.inf)):
         if not isinstance(given, list) or not given:
@@ -182,11 +173,11 @@ def _unknown(path: Path, known: Iterable[str]) -> Problem:
     return _problem(path, "unknown key", str(path[-1]), meant(path[-1], known))
 
 
-def _distribution(given: Mapping[str, Any]) -> Distribution:
+def _distribution(given: Mapping[str, Any]) -> people.Distribution:
     if "values" in given:
         values, shares = (tuple(map(float, given[key])) for key in ("values", "shares"))
-        return OneOf(values_of=values, shares=shares)
+        return people.OneOf(values_of=values, shares=shares)
     numbers = {key: float(value) for key, value in given.items()}
     if "mean" in given:
-        return Normal(**numbers)
-    return LogNormal(**numbers) if "median" in given else Uniform(**numbers)
+        return people.Normal(**numbers)
+    return people.LogNormal(**numbers) if "median" in given else people.Uniform(**numbers)

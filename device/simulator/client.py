@@ -6,7 +6,7 @@ import socket
 import subprocess
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, Self, TypedDict, Unpack
 from device.errors import DeviceError
 
 _ANSWER_TIMEOUT_S = 5.0
+_END_S = 5.0
 _LOOPBACK = "127.0.0.1"
 
 
@@ -72,11 +73,6 @@ class BeamControl(ABC):
         return dict(answer)
 
 
-def swapping(control: BeamControl, body_spacing_m: Mapping[str, float]) -> Callable[[str], None]:
-    """Return a function that mounts one of the study's beams, by name."""
-    return lambda beam: control.swap_beam(body_spacing_m[beam])
-
-
 class ControlClient(BeamControl):
     """The hand on a device in another process, through its control socket."""
 
@@ -114,9 +110,6 @@ def _connected(path: Path) -> socket.socket:
     connection = socket.create_connection((_LOOPBACK, int(port)), _ANSWER_TIMEOUT_S)
     connection.sendall(f"{token}\n".encode("ascii"))
     return connection
-
-
-_END_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -153,11 +153,8 @@ class SimulatedDevice:
         try:
             return self.answer(text(line), wall_s)
         except DeviceError:
-            self.complain(ScpiError(-101, "Invalid character"))
+            self.dialect.status.complain(ScpiError(-101, "Invalid character"))
             return None
-
-    def complain(self, error: ScpiError) -> None:
-        self.dialect.status.complain(error)
 
     def answer_control(self, line: str) -> str:
         self.pass_time()

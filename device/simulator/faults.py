@@ -134,7 +134,9 @@ class Broken:
                 "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
                 "limits-lost": lambda: setattr(instrument, "limit_v", MAX_VOLTAGE_V),
                 "samples-lost": self.gauge.sampler.lose,
-                "frequency-changed": self._turn_frequency,
+                "frequency-changed": lambda: vars(instrument).update(
+                    sweep=None, frequency_hz=OTHER_HZ
+                ),
                 "panel-on": self._press_output,
             },
             dialect.happenings(),
@@ -158,9 +160,6 @@ class Broken:
     def clear(self) -> None:
         for name in sorted(self.active):
             self.switch(name, on=False)
-
-    def _turn_frequency(self) -> None:
-        self.instrument.sweep, self.instrument.frequency_hz = None, OTHER_HZ
 
     def _press_output(self) -> None:
         self.instrument.cause = "NONE"

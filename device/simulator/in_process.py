@@ -9,6 +9,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field
 from typing import Unpack
 
 from device.drivers.driver import driver_of
@@ -149,16 +150,15 @@ class InProcessPort:
             raise OSError("the port is closed or has vanished")
 
 
+@dataclass
 class _Line:
     """The device's end of the line."""
 
     url = "in process"
-
-    def __init__(self, to_device: "_Pieces", to_host: "_Pieces") -> None:
-        self.there = True
-        self.openings = 0
-        self.to_device = to_device
-        self.to_host = to_host
+    to_device: "_Pieces"
+    to_host: "_Pieces"
+    there: bool = field(default=True, init=False)
+    openings: int = field(default=0, init=False)
 
     def open(self) -> None:
         if not self.there:
@@ -185,47 +185,38 @@ class _Line:
     def come_back(self) -> None:
         self.there = True
 
-    def close(self) -> None:
-        self.hang_up()
+    close = hang_up
 
 
+@dataclass
 class _Pieces:
     """Data on their way in one direction; they keep their order."""
 
-    def __init__(
-        self,
-        now_s: Callable[[], float],
-        delay_s: Callable[[], float],
-        cuts: Callable[[int], Sequence[int]],
-    ) -> None:
-        self._now_s = now_s
-        self._delay_s = delay_s
-        self._cuts = cuts
-        self._pieces: deque[tuple[float, bytes]] = deque()
-        self.waiting = 0
+    now_s: Callable[[], float]
+    delay_s: Callable[[], float]
+    cuts: Callable[[int], Sequence[int]]
+    waiting: int = field(default=0, init=False)
+    _pieces: deque[tuple[float, bytes]] = field(default_factory=deque, init=False)
 
     def add(self, data: bytes) -> None:
         if not data:
             return
-        pieces, now_s, begin = self._pieces, self._now_s(), 0
-        for end in (*self._cuts(len(data)), len(data)):
-            at_s = now_s + self._delay_s()
+        pieces, now_s, begin = self._pieces, self.now_s(), 0
+        for end in (*self.cuts(len(data)), len(data)):
+            at_s = now_s + self.delay_s()
             pieces.append((max(at_s, pieces[-1][0]) if pieces else at_s, data[begin:end]))
             begin = end
         self.waiting += len(data)
 
     def next_s(self, now_s: float) -> float:
         """Return when the next piece arrives; those that wait to be read have arrived."""
-        for at_s, _ in self._pieces:
-            if at_s > now_s:
-                return at_s
-        return math.inf
+        return next((at_s for at_s, _ in self._pieces if at_s > now_s), math.inf)
 
     def has_arrived(self) -> bool:
-        return bool(self._pieces) and self._pieces[0][0] <= self._now_s()
+        return bool(self._pieces) and self._pieces[0][0] <= self.now_s()
 
     def arrived(self) -> bytes:
-        pieces, now_s, data = self._pieces, self._now_s(), b""
+        pieces, now_s, data = self._pieces, self.now_s(), b""
         while pieces and pieces[0][0] <= now_s:
             data += pieces.popleft()[1]
         self.waiting -= len(data)

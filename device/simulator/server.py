@@ -34,24 +34,16 @@ class GaugeLine:
         self.line = line
         self._buffer = LineBuffer()
         self.there = True
-        self._gone = False
-
-    @property
-    def listens(self) -> bool:
-        """Whether what becomes readable is somebody: a host that hung up is nobody."""
-        return self.there and not self._gone
+        self.gone = False
+        """Whether its host has hung up, and nobody has come since."""
 
     def serve(self) -> None:
         if not self.there:
             return
         received = self.line.receive()
-        self._gone = received is None
+        self.gone = received is None
         for line in _lines(self._buffer, received, lambda: None):
             self._answer(line)
-
-    def vanish_or_come_back(self) -> None:
-        """Follow the fault `gauge-vanish`."""
-        self.there = _is_there(self.line, self.there, "gauge-vanish" not in self._active)
 
     def _answer(self, line: bytes) -> None:
         self._device.pass_time()
@@ -124,15 +116,11 @@ class Wire:
             self._line.send(data)
         return data
 
-    def announce(self, banner: str) -> None:
-        """Send a line that nobody asked for."""
-        self._send(banner.encode("ascii") + b"\n")
-
     def reply(self, query: str, answer: str) -> None:
         """Send `answer`, a letter for each byte, as far as the faults let it."""
         is_block = answer.startswith("#")
         if not (self._active or is_block):
-            self._send(answer.encode("latin-1") + b"\n")
+            self.send(answer.encode("latin-1") + b"\n")
             return
         opc = "opc-silent" in self._active and "*OPC?" in query.upper()
         if opc or self._active & {"silent", "dead-peer"}:
@@ -146,7 +134,7 @@ class Wire:
             data += self._line_end()
         if is_block:
             data = self._of_blocks(data)
-        self._send(data)
+        self.send(data)
 
     def _of_blocks(self, data: bytes) -> bytes:
         self._first_block = self._first_block or data
@@ -170,8 +158,8 @@ class Wire:
             return longest_s
         return min(max(self._due[0][0] - self._wall_s(), 0.0), longest_s)
 
-    def _send(self, data: bytes) -> None:
-        """Answers keep their order, however late one of them is."""
+    def send(self, data: bytes) -> None:
+        """Send a line; those that are late keep their order."""
         late_s = LATE_S if self._active and self._taken("late-reply") else 0.0
         drip = "slow-drip" in self._active
         if not (late_s or drip or self._due):
@@ -202,8 +190,6 @@ class Wire:
             return True
         return name in self._active
 
-
-# The server itself.
 
 TICK_S = 0.01
 """How often the host and the watchdog are looked at, at least."""
@@ -262,13 +248,14 @@ class Server:
         answer = self._device.answer_control(line)
         present = "vanish" not in self._device.broken.active
         self._there = _is_there(self._line, self._there, present)
-        if self._gauge is not None:
-            self._gauge.vanish_or_come_back()
+        if (gauge := self._gauge) is not None:
+            present = "gauge-vanish" not in self._device.broken.active
+            gauge.there = _is_there(gauge.line, gauge.there, present)
         # A device that starts may have something to say.
         starting = self._device.broken.active & {"banner", "brown-out"}
         banner = self._device.dialect.banner
         if starting - self._announced and banner and self._there:
-            self._wire.announce(banner)
+            self._wire.send(banner.encode("ascii") + b"\n")
         self._announced = starting
         return answer
 
@@ -278,7 +265,8 @@ class Server:
         listening = listening and self._there and "deaf" not in faults
         sources: list[Any] = [self._line] if listening else []
         sources += self._door.sockets() if self._door else []
-        sources += [self._gauge.line] if self._gauge and self._gauge.listens else []
+        if self._gauge and self._gauge.there and not self._gauge.gone:
+            sources.append(self._gauge.line)
         if sources:
             select.select(sources, [], [], self.idle_s(TICK_S))
         else:  # Windows cannot wait for nothing
@@ -290,7 +278,8 @@ class Server:
             return False
         received = self._line.receive()
         heard = self._wire.heard(received) if received else received
-        for line in _lines(self._buffer, heard, lambda: self._device.complain(_OVERRUN)):
+        complain = self._device.dialect.status.complain
+        for line in _lines(self._buffer, heard, lambda: complain(_OVERRUN)):
             answer = self._device.answer_bytes(line, self._wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)

@@ -12,7 +12,7 @@ import stat
 import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -40,16 +40,13 @@ class UnsafeFolder(WorkFailed):
     """Other users can write to the folder of the locks, or may have created it."""
 
 
-@contextmanager
-def rig_lock(url: str, common: Path = COMMON) -> Iterator[None]:
+def rig_lock(url: str, common: Path = COMMON) -> AbstractContextManager[None]:
     """Lock the rig, by its real address, while the body runs; a simulated one needs no lock.
 
     Every process of this user finds the folder `common`. Raise `RigInUse` with the other's command,
     `NoLocks` without any in this system, and `UnsafeFolder` if others can open the folder.
     """
-    lock = _lock(url, real_address(url), common) if url != SIMULATED else nullcontext()
-    with lock:
-        yield
+    return _lock(url, real_address(url), common) if url != SIMULATED else nullcontext()
 
 
 @contextmanager
@@ -82,11 +79,9 @@ def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
         lock.release()
 
 
-@contextmanager
-def session_lock(session: str, study: Path) -> Iterator[None]:
+def session_lock(session: str, study: Path) -> AbstractContextManager[None]:
     """Lock a session of the study in the folder `study`, by the folder's inode, as `rig_lock`."""
-    with _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON):
-        yield
+    return _lock(f"session {session} of {study.resolve()}", _identity(session, study), COMMON)
 
 
 def _identity(session: str, study: Path) -> str:

@@ -15,7 +15,6 @@ from pathlib import Path
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
 from device.people.person import person_of, session_name
-from device.simulator.client import swapping
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
 from runner.clock import SteppedClock
@@ -75,7 +74,16 @@ def participant_and_operator(
             return plot.lines(width, rows, rig.clock.monotonic_s())
 
         with at_keys(picture, unit="pass", alone=rig.control is not None) as operator:
-            yield _block(session, rig, operator, plot), operator
+            block = SlidingBlock(
+                operator=operator,
+                forces=lambda: rig.device.forces,
+                clock=rig.clock,
+                plan=session.plan,
+                load_n=session.study.touch.force_n,
+                plot=plot,
+                finger=rig.control,
+            )
+            yield block, operator
     elif finger is not None:
         participant = _virtual_participant(session, rig, finger)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
@@ -95,22 +103,9 @@ def participant_and_operator(
         yield person, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
-def _block(session: Session, rig: SessionRig, operator: Operator, plot: SlidePlot) -> SlidingBlock:
-    """Return the block of a sliding experiment, which the operator draws on a real device."""
-    return SlidingBlock(
-        operator=operator,
-        forces=lambda: rig.device.forces,
-        clock=rig.clock,
-        plan=session.plan,
-        load_n=session.study.touch.force_n,
-        plot=plot,
-        finger=rig.control,
-    )
-
-
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
-    if rig.control is not None:
-        return swapping(rig.control, session.study.beams)
+    if (hand := rig.control) is not None:
+        return lambda beam: hand.swap_beam(session.study.beams[beam])
     return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
 
 

@@ -9,7 +9,6 @@ from unittest.mock import patch
 from analysis.loading.study_data import StudyData, load_study_data
 from device.friction.changes import LAW, RUNG
 from device.people.person import Population, person_of, session_name
-from device.simulator.client import swapping
 from device.simulator.in_process import InProcessDevice, in_process_rig
 from device.study_limits import device_limits
 from protocol.study.participant_texts import study_wording
@@ -100,7 +99,7 @@ def _run(
             operator=OperatorConsole(
                 lambda _: "",
                 PlainDisplay(lambda _: None),
-                swapping(device, study.beams),
+                lambda beam: device.swap_beam(study.beams[beam]),
                 alone=True,
             ),
             clock=clock,

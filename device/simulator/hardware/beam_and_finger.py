@@ -47,14 +47,6 @@ class ForceSensor:
     jitter: float = 0.05
     jitter_s: float = 0.02
 
-    @classmethod
-    def of(cls, seed: int) -> "ForceSensor":
-        """Return the sensor of the board of that seed, which its gains follow from."""
-        # A stream of its own: a property that is added elsewhere leaves this sensor as it was.
-        hidden = random.Random(f"force sensor/{seed}")
-        gains = [1 + hidden.gauss(0, _GAIN_SD) for _ in range(2)]
-        return cls(tangential_gain=gains[0], normal_gain=gains[1])
-
 
 SPREAD = {"resonance": 0.005, "damping": 0.1, "gain": 0.03}
 """Relative standard deviations of what the seed moves."""
@@ -79,12 +71,6 @@ class Finger:
     direction: scenes.Direction
     speed_m_s: float = 0.0
     at_s: float = 0.0
-
-    def places_m(self, times_s: FloatArray, length_m: float) -> FloatArray:
-        """Return where it is at device times; it stops at the ends of the beam."""
-        way = 1.0 if self.direction == "right" else -1.0
-        moved_m = way * self.speed_m_s * np.maximum(times_s - self.at_s, 0.0)
-        return np.clip(self.position_m + moved_m, 0.0, length_m)
 
 
 @dataclass
@@ -126,7 +112,10 @@ class SimulatedBeam:
         # Replaced after the draws, so that the other hidden properties of the seed stay the same.
         if self.damping is not None:
             self.beam = replace(self.beam, damping_ratio=self.damping)
-        self.sensor = ForceSensor.of(self.seed)
+        # A stream of its own: a property that is added elsewhere leaves this sensor as it was.
+        of_sensor = random.Random(f"force sensor/{self.seed}")
+        gains = [1 + of_sensor.gauss(0, _GAIN_SD) for _ in range(2)]
+        self.sensor = ForceSensor(tangential_gain=gains[0], normal_gain=gains[1])
         self.gain = 1 + hidden.gauss(0, SPREAD["gain"])
         self.world = World(
             law=self.law or LAW,
@@ -193,18 +182,16 @@ class SimulatedBeam:
         block = Finger(force_n=0.56, position_m=0.0, direction="right")
         places_m = np.linspace(0.0, self.beam.length_m, 4001)
         scene = self._scene(block, self.gain * 100.0, resonance_hz)
-        friction = friction_coefficient(
-            scene, law=self.world.law, rung=self.world.rung, x_m=places_m
-        )
+        law, rung = self.world.law, self.world.rung
+        friction = friction_coefficient(scene, law=law, rung=rung, x_m=places_m)
+        troughs_m = places_m[find_peaks(-friction)[0]]
         return {
-            "law": self.world.law,
-            "rung": self.world.rung,
+            "law": law,
+            "rung": rung,
             "resonance_hz": resonance_hz,
             "damping_ratio": self.beam.damping_ratio,
             "gain": self.gain,
-            "troughs_m": [
-                round(float(place_m), 6) for place_m in places_m[find_peaks(-friction)[0]]
-            ],
+            "troughs_m": [round(float(place_m), 6) for place_m in troughs_m],
         }
 
     def lift(self) -> None:
@@ -221,8 +208,7 @@ class SimulatedBeam:
         """Return what the finger feels, None without a finger."""
         if self.finger is None:
             return None
-        friction = self._friction(self.finger, *_present(instrument))
-        return float(friction[0])
+        return float(self._friction(self.finger, *_present(instrument))[0])
 
     def forces(
         self, times_s: FloatArray, voltage_v: FloatArray, frequency_hz: float
@@ -252,7 +238,10 @@ class SimulatedBeam:
         return felt_friction(self.world, fingers, model_hz, finger.direction)
 
     def _places_m(self, finger: Finger, times_s: FloatArray) -> FloatArray:
-        return finger.places_m(times_s, self.beam.length_m)
+        """Return where the finger is at device times; it stops at the ends of the beam."""
+        way = 1.0 if finger.direction == "right" else -1.0
+        moved_m = way * finger.speed_m_s * np.maximum(times_s - finger.at_s, 0.0)
+        return np.clip(finger.position_m + moved_m, 0.0, self.beam.length_m)
 
     def monitor_v(self, instrument: Instrument) -> float:
         return self.monitor_gain * instrument.output_v + self._noise("monitor_v", instrument)

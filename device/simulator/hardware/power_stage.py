@@ -19,14 +19,14 @@ WATCHDOG_MARGIN = 0.95
 COOL_C, HOT_C = 31.0, 96.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class FrequencySweep:
     """The frequency moves from one to another in a time, and stays there."""
 
-    start_hz: float
-    stop_hz: float
-    begin_s: float
-    duration_s: float
+    start_hz: float = DEFAULT_FREQUENCY_HZ
+    stop_hz: float = DEFAULT_FREQUENCY_HZ
+    begin_s: float = 0.0
+    duration_s: float = 1.0
 
     def at(self, time_s: float) -> float:
         done = min(max((time_s - self.begin_s) / self.duration_s, 0.0), 1.0)

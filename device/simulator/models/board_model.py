@@ -1,6 +1,7 @@
 """The dialect of the board: which command reads or sets what, as the wire protocol has it."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from device.force_channel.recording import encoded
@@ -28,7 +29,8 @@ class BoardDialect(Dialect):
         self._instrument = instrument
         self._beam = beam
         self.sampler = ForceSampler(beam)
-        self._forget()
+        self._sweep = power_stage.FrequencySweep()
+        """The next one; it begins when it is switched on."""
         super().__init__(self._handlers())
 
     def passes(self, time_s: float) -> None:
@@ -36,7 +38,6 @@ class BoardDialect(Dialect):
 
     def restart(self) -> None:
         self._instrument.restart()
-        self.sampler.restart()
         self._forget()
         self.status.power_on()
 
@@ -56,6 +57,7 @@ class BoardDialect(Dialect):
         hertz, rates = (scpi.HERTZ, *power_stage.FREQUENCY_RANGE_HZ), (scpi.HERTZ, *RATE_RANGE_HZ)
         limits = (scpi.VOLTS, 0.0, power_stage.MAX_VOLTAGE_V)
         watchdog = (scpi.SECONDS, *power_stage.WATCHDOG_RANGE_S)
+        sweep_times = (scpi.SECONDS, *SWEEP_TIME_RANGE_S)
         readings: dict[str, Callable[[power_stage.Instrument], float]] = {
             "VOLTage": self._beam.monitor_v,
             "FORCe": self._beam.measured_force_n,
@@ -90,11 +92,9 @@ class BoardDialect(Dialect):
             "OUTPut#:PROTection:CAUSe?": asked(lambda: instrument.cause),
             "OUTPut#:PROTection:CLEar": asked(self._clear_trip),
             **self._quantity("SYSTem:WATChdog", instrument, "watchdog_s", watchdog),
-            **self._quantity(f"{sweep}:STARt", self, "sweep_start_hz", hertz),
-            **self._quantity(f"{sweep}:STOP", self, "sweep_stop_hz", hertz),
-            **self._quantity(
-                f"{sweep}:TIME", self, "sweep_time_s", (scpi.SECONDS, *SWEEP_TIME_RANGE_S)
-            ),
+            **self._quantity(f"{sweep}:STARt", self._sweep, "start_hz", hertz),
+            **self._quantity(f"{sweep}:STOP", self._sweep, "stop_hz", hertz),
+            **self._quantity(f"{sweep}:TIME", self._sweep, "duration_s", sweep_times),
             f"{sweep}:STATe": lambda call: self._switch_sweep(scpi.boolean(call.argument)),
             f"{sweep}:STATe?": asked(lambda: str(int(instrument.sweep is not None))),
             **{f"MEASure[:SCALar]:{name}?": reading(read) for name, read in readings.items()},
@@ -165,18 +165,10 @@ class BoardDialect(Dialect):
         self._instrument.switch(on)
 
     def _switch_sweep(self, on: bool) -> None:
-        self._instrument.sweep = (
-            power_stage.FrequencySweep(
-                start_hz=self.sweep_start_hz,
-                stop_hz=self.sweep_stop_hz,
-                begin_s=self._instrument.time_s,
-                duration_s=self.sweep_time_s,
-            )
-            if on
-            else None
-        )
+        now_s = self._instrument.time_s
+        self._instrument.sweep = replace(self._sweep, begin_s=now_s) if on else None
         # The frequency is the sweep's from this moment on, also before time passes.
-        self._instrument.advance_to(self._instrument.time_s)
+        self._instrument.advance_to(now_s)
 
     def _clear_trip(self) -> None:
         # Protection stays while its cause does, or clearing it would only delay the damage.
@@ -186,12 +178,11 @@ class BoardDialect(Dialect):
 
     def _reset(self) -> None:
         self._instrument.reset()
-        self.sampler.restart()
         self._forget()
 
     def _forget(self) -> None:
-        self.sweep_start_hz = self.sweep_stop_hz = power_stage.DEFAULT_FREQUENCY_HZ
-        self.sweep_time_s = 1.0
+        self.sampler.restart()
+        vars(self._sweep).update(vars(power_stage.FrequencySweep()))
 
 
 MODELS = {"board": BoardDialect}

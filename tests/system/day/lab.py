@@ -21,7 +21,6 @@ from device.link.link import Link
 from device.link.port import Port, advice
 from device.resonance import Resonance
 from device.rig import Rig
-from device.simulator.client import swapping
 from device.simulator.in_process import InProcessDevice
 from device.study_limits import device_limits
 from protocol.errors import BadInput
@@ -354,7 +353,7 @@ class Lab:
             operator = OperatorConsole(
                 self.typist,
                 PlainDisplay(lambda line: self._said(line, process)),
-                swapping(self.device, study.beams),
+                lambda beam: self.device.swap_beam(study.beams[beam]),
             )
             stack.enter_context(checkpointed(journal))
             context = SessionContext(

@@ -52,7 +52,6 @@ def ask_due(context: SessionContext) -> None:
         given = _asked(context, question)
         context.log.append(QuestionAnswered(when=when, block=block, **vars(given)))
         context.participant.saved()
-        update_view(context)
 
 
 def read_pages(context: SessionContext, before: str, block: int = 0) -> None:

@@ -27,7 +27,7 @@ def pseudonym(text: str) -> str:
     if not _PSEUDONYM.fullmatch(text):
         raise BadInput(
             "a participant must be a pseudonym of at most 32 letters, digits, - and _ with a digit "
-            "in it, such as P01; real names are not stored, nor is the name of a port of Windows, "
-            f"such as COM1, got {text!r}"
+            "in it, such as P01, and not the name of a Windows port, such as COM1; real names are "
+            f"not stored, got {text!r}"
         )
     return text

@@ -16,6 +16,7 @@ from analysis.loading.records import REHEARSED, Exclusion, Incident, with_plans
 from analysis.loading.study_lock import Decisions
 from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, damage
 
 _Told = TypeVar("_Told", Incident, Exclusion)
 
@@ -143,13 +144,17 @@ def load_sessions(chains: Iterable[Sequence[journal.StoredEvent]]) -> Sessions:
                 withdrawn += 1
                 withdrawn_completed += journal.SessionCompleted.TAG in tags
                 continue
-            opened = events[0].record
+            opened: Any = events[0].record
             if isinstance(opened, journal.SessionOpened) and opened.participant in journal.NOBODY:
                 continue
-            Course(rows).read(events)
-            # Only between sessions, because later events still change the rows of the running one.
-            for table in (rows.attempts, rows.touches, rows.answers):
-                table.pack()
+            try:
+                Course(rows).read(events)
+                # Only between sessions: later events still change the rows of the running one.
+                for table in (rows.attempts, rows.touches, rows.answers):
+                    table.pack()
+            except IMPOSSIBLE as error:
+                name = f"{opened.participant}/{opened.session}"
+                raise NotAllowed(f"session {name}: {damage(events)}") from error
     return sessions_of(
         rows, withdrawn=withdrawn, withdrawn_completed=withdrawn_completed, decisions=decisions
     )

@@ -406,7 +406,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     if sessions.empty:
         if rehearsal.any():
             raise OnlyRehearsals("nothing but rehearsals here; add --rehearsals to include them")
-        raise NothingToReport("no sessions here")
+        raise NothingToReport("no sessions here; record one with touchbeam run")
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")

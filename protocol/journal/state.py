@@ -236,6 +236,11 @@ Other events change only the name of the state, so that long traces need not be 
 """
 
 
+def damage(events: Iterable[StoredEvent]) -> str:
+    """Return what is wrong with events that could not be used, although their tags are known."""
+    return next(filter(None, (it.damage() for it in events)), "its events do not fit together")
+
+
 def folded(chain: Iterable[StoredEvent]) -> SessionState:
     """Return the state to which the events of `chain` lead from the beginning.
 
@@ -248,5 +253,6 @@ def folded(chain: Iterable[StoredEvent]) -> SessionState:
         except NotAllowed as error:
             raise NotAllowed(f"event {event.seq}: {error}") from None
         except IMPOSSIBLE as error:
-            raise NotAllowed(event.damage() or f"event {event.seq} contradicts itself") from error
+            wrong = event.damage() or f"event {event.seq} does not fit those before it"
+            raise NotAllowed(wrong) from error
     return state

@@ -25,6 +25,9 @@ from runner.signals import raise_if_stopped, stops_deferred
 SQLITE_VERSION = sqlite3.sqlite_version
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
+_OF_DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
+RESTORE = "restore the journal from a backup (docs/journal.md)"
+"""The way out of damage: to go on without what is damaged would be to lose it unseen."""
 # Of SQLite's virtual machine: Ctrl-C must end the reading of a damaged file, which may never end.
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
@@ -371,6 +374,13 @@ def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
                 last.execute("PRAGMA user_version").fetchone()  # takes the lock of a reader
                 # While `last` reads: SQLite copies the log when the last connection is closed.
                 connection.close()
+
+
+def way_out(error: BaseException) -> str:
+    """Return what to do about a damaged file, as the end of a message; '' for another error."""
+    damaged = getattr(error, "sqlite_errorcode", 0) & 0xFF in _OF_DAMAGE
+    # SQLite's module has no code for a text that it cannot decode.
+    return f"; {RESTORE}" if damaged or "decode" in str(error) else ""
 
 
 def copy_database(connection: sqlite3.Connection, new: Path) -> None:

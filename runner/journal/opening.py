@@ -169,8 +169,9 @@ def _opening(
         # Of a full disk SQLite says "disk I/O error", too.
         failed = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_IOERR
         full = failed and path.exists() and disk_usage(path).free < _INDEX_BYTES
-        why = "the disk is full" if full else error
-        raise JournalError(f"{path}: cannot be {what} as a journal ({why})") from error
+        why = "the disk is full" if full else getattr(error, "strerror", None) or error
+        told = f"{path}: cannot be {what} as a journal ({why}){database.way_out(error)}"
+        raise JournalError(told) from error
 
 
 def open_journal(path: Path, random_bytes: RandomBytes = secrets.token_bytes) -> Journal:

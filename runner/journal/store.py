@@ -24,6 +24,7 @@ from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
 from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, folded
 from runner.journal import database
+from runner.journal.database import RESTORE
 from runner.signals import raise_if_stopped
 
 # The stored form of an event and the hash chain of a session.
@@ -150,8 +151,6 @@ def _hashed(previous: str, fields: tuple[Any, ...]) -> str:
 
 
 LOCK_WAIT_S = 2.0
-RESTORE = "restore the journal from a backup (docs/journal.md)"
-"""The way out of damage: to go on without what is damaged would be to lose it unseen."""
 
 _EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
@@ -368,8 +367,10 @@ class Journal:
             raise_if_stopped()  # SQLite takes the exception of a signal for its own interruption
             # SQLite repeats a text that it cannot decode, and that may be a person's answer.
             why = str(error).partition(" with text ")[0]
-            way_out = f"; {RESTORE}" * (what == "read")
-            raise JournalError(f"{self._path}: cannot be {what} ({where}{why}){way_out}") from error
+            damaged = isinstance(error, DamagedError)
+            what_to_do = f"; {RESTORE}" if damaged else database.way_out(error)
+            told = f"{self._path}: cannot be {what} ({where}{why}){what_to_do}"
+            raise JournalError(told) from error
 
 
 def _files_at(places: Iterable[str]) -> list[tuple[int, int]]:

@@ -10,9 +10,10 @@ from typing import Any
 from protocol.errors import BadInput
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, folded, in_words
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, damage, folded, in_words
 from protocol.registration.registration import as_run, order_problem, registration_in
 from runner.journal import store
+from runner.journal.database import RESTORE
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
 
 
@@ -47,8 +48,8 @@ class SessionVerdict:
         if len(self.versions) > 1:
             line += f"; written by several versions of touchbeam: {', '.join(self.versions)}"
         line += f"; {self.problem}" * bool(self.problem)
-        told = self.chain_ok or store.RESTORE in self.problem
-        return line if told else f"{line}; {store.RESTORE}"
+        told = self.chain_ok or RESTORE in self.problem
+        return line if told else f"{line}; {RESTORE}"
 
     def _summary(self, running: Set[str]) -> str:
         count = f"{self.events} event{'s' * (self.events != 1)}"
@@ -89,7 +90,7 @@ def _verdict(journal: store.Journal, name: str, known: "Registrations") -> Sessi
     try:
         return replace(verdict, problem=session_problem(journal, name, known))
     except IMPOSSIBLE:
-        return replace(verdict, problem=_damage(journal.events(name)))
+        return replace(verdict, problem=damage(journal.events(name)))
 
 
 def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
@@ -155,7 +156,7 @@ def readable_chains(
             broken.append(name)
             # What was changed outside touchbeam may hold anything: each value is looked at.
             if any(event.damage() for event in events):
-                raise store.damaged(name, _damage(events))
+                raise store.damaged(name, damage(events))
         # What is erased cannot tell that it was a rehearsal, which no report would have counted.
         if not (withdrawn and parsed_name(name).kind == REHEARSAL):
             yield events
@@ -207,13 +208,8 @@ def _folded(events: list[kinds.StoredEvent]) -> tuple[SessionState, set[int], st
     try:
         return (state := folded(events)), state.planned, ""
     except (NotAllowed, *IMPOSSIBLE) as error:
-        why = str(error) if isinstance(error, NotAllowed) else _damage(events)
+        why = str(error) if isinstance(error, NotAllowed) else damage(events)
         return SessionState(name="impossible"), set(), why
-
-
-def _damage(events: Iterable[kinds.StoredEvent]) -> str:
-    """Return what is wrong with events that could not be used."""
-    return next(filter(None, (it.damage() for it in events)), "its events do not fit together")
 
 
 # The registrations in a journal, and the check that its sessions follow from them.

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from device.errors import OutOfRangeError
 from device.friction.scenes import NOMINAL, Calibration
-from protocol.errors import BadInput
+from protocol.errors import BadInput, shown
+from protocol.journal.state import IMPOSSIBLE
 from runner.study.files import own_file, require_no_link, short_text, write_whole
 
 if TYPE_CHECKING:
@@ -77,15 +78,10 @@ def kept_calibration(folder: Path) -> "Resonance | None":
     kept = _kept(path)
     if kept is None:
         return None
-    try:
-        resonance = Resonance(
-            frequency_hz=float(kept["frequency_hz"]), tip_m_per_v=float(kept["tip_m_per_v"])
-        )
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise _damaged(path, error) from error
-    if not (math.isfinite(resonance.frequency_hz) and resonance.frequency_hz > 0):
-        raise BadInput(f"{path}: frequency_hz must be above 0, got {resonance.frequency_hz}")
-    return resonance
+    hz, tip_m_per_v = (_number(path, kept, key) for key in ("frequency_hz", "tip_m_per_v"))
+    if hz <= 0:
+        raise BadInput(f"{path}: frequency_hz must be above 0, got {hz}")
+    return Resonance(frequency_hz=hz, tip_m_per_v=tip_m_per_v)
 
 
 def fitted_calibration(folder: Path) -> Calibration:
@@ -95,7 +91,11 @@ def fitted_calibration(folder: Path) -> Calibration:
     if fitted is None:
         return NOMINAL
     try:
-        values = {name: float(fitted[name]["value"]) for name in PREDICTING if name in fitted}
+        values = {
+            name: _number(path, fitted[name], "value", f"{FITTED}.{name}.")
+            for name in PREDICTING
+            if name in fitted
+        }
         # Reports name it, so that a value that was edited shows.
         digest = sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         session = f"session {fitted['session']}{', a rehearsal' * bool(fitted.get('rehearsal'))}"
@@ -103,8 +103,10 @@ def fitted_calibration(folder: Path) -> Calibration:
         return Calibration(**values, origin=origin)
     except OutOfRangeError as error:
         raise BadInput(f"{path}: {FITTED}: {error}") from error
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise _damaged(path, error) from error
+    except BadInput:  # a number, which is named
+        raise
+    except IMPOSSIBLE as error:
+        raise _damaged(path, f"{FITTED} is not what a slide has told") from error
 
 
 def _kept_or_nothing(path: Path) -> dict[str, Any]:
@@ -123,9 +125,20 @@ def _kept(path: Path) -> dict[str, Any] | None:
         return dict(kept.items())
     except BadInput:
         raise
-    except (ValueError, AttributeError, RecursionError) as error:
-        raise _damaged(path, error) from error
+    except IMPOSSIBLE as error:
+        raise _damaged(path, "it must be a JSON object") from error
 
 
-def _damaged(path: Path, error: Exception) -> BadInput:
-    return BadInput(f"{path}: not a calibration ({error!r}); measure it again")
+def _number(path: Path, held: Any, key: str, within: str = "") -> float:
+    """Return the finite number that the file has there, or raise `BadInput`."""
+    value: Any = held.get(key) if isinstance(held, Mapping) else held
+    number = math.nan
+    with suppress(*IMPOSSIBLE):
+        number = float(value)
+    if not math.isfinite(number):
+        raise _damaged(path, f"{within}{key} must be a finite number, got {shown(value)}")
+    return number
+
+
+def _damaged(path: Path, why: str) -> BadInput:
+    return BadInput(f"{path}: not a calibration ({why}); measure it again")

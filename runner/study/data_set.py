@@ -17,7 +17,7 @@ from runner.clock import WallClock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
 from runner.journal.session_log import SessionLog
-from runner.study.files import bytes_of, text_of
+from runner.study.files import bytes_of, text_of, write_whole
 from runner.study.folder import DIALECTS, StudyFolder, named_after, new_study
 
 
@@ -154,7 +154,7 @@ def import_data_set(folder: StudyFolder, data: DataSet) -> None:
             registered = data.registration.record
             assert isinstance(registered, events.StudyRegistered)
             # As bytes, because other line ends would change its digest.
-            (folder.path / shared_form.REGISTRATION_FILE).write_bytes(registered.text.encode())
+            write_whole(folder.path / shared_form.REGISTRATION_FILE, registered.text.encode())
             journal.append(STUDY_CHAIN, data.registration)
         for name, session in data.sessions.items():
             for event in session.events:

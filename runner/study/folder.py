@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shlex
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,12 +14,13 @@ from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 
-from protocol.errors import BadInput
+from protocol.errors import BadInput, Problem
 from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study.study_question import is_picture_name
 from protocol.study_file.loading import parsed_study, picture_names, with_languages, with_pictures
+from protocol.study_file.toml import toml_document
 from runner.study import files
 
 # Pictures of a study: which files may be shown, and their digests.
@@ -103,11 +103,11 @@ class StudyFolder:
             return None
         try:
             files.require_no_link(path)
-            given = tomllib.loads(files.short_text(path))
-        except BadInput:  # it names the file already
-            raise
-        except (OSError, ValueError) as error:
-            raise BadInput(f"{path}: {error}") from error
+            given = toml_document(files.short_text(path))
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
+        if isinstance(given, Problem):
+            raise BadInput(given.located(str(path)))
         names = given.pop("sections", [])
         if given or not isinstance(names, list) or not all(isinstance(it, str) for it in names):
             raise BadInput(f'{path}: must have one key, such as sections = ["methods", "trials"]')
@@ -150,7 +150,7 @@ class StudyFolder:
             try:
                 texts[file.stem] = files.short_text(file)
             except OSError as error:
-                raise BadInput(f"{file}: cannot be read ({error})") from error
+                raise BadInput(f"{file}: cannot be read ({error.strerror})") from error
         return texts
 
     def _study_text(self) -> str:
@@ -165,7 +165,7 @@ class StudyFolder:
         except NotADirectoryError:
             raise self._not_a_folder() from None
         except OSError as error:
-            raise BadInput(f"{self.study_file}: cannot be read ({error})") from error
+            raise BadInput(f"{self.study_file}: cannot be read ({error.strerror})") from error
 
     @property
     def _instead(self) -> str:
@@ -209,7 +209,7 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
     place = Path(os.path.realpath(folder.path))
     topmost = _created(place)
     try:
-        folder.study_file.write_text(text, encoding="utf-8")
+        files.write_whole(folder.study_file, text.encode())
         yield folder
     except BaseException:
         from runner.journal.opening import unused

@@ -221,7 +221,8 @@ def power_result(path: Path, study_sha256: str, hypotheses: Sequence[str]) -> di
         # Results of earlier versions do not name the study file and are taken as its.
         simulated = str(result.get("study_sha256", study_sha256))
     except IMPOSSIBLE as error:
-        raise BadInput(f"{path}: not the result of a power analysis ({error!r})") from error
+        told = "not the result of a power analysis; run touchbeam power again"
+        raise BadInput(f"{path}: {told}") from error
     wanted = [_ends(name) for name in hypotheses]
     names = list(tests)
     left_out = len(names) - _MOST_TESTS

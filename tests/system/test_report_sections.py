@@ -87,7 +87,8 @@ def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) ->
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("sections = [", "report.toml"),
+        ("sections = [", "report.toml:1: file: must be TOML, got the line"),
+        ("sections = " + "9" * 5000, "report.toml: file: nothing may be nested"),
         ('titles = ["a"]', "must have one key"),
         ('sections = ["metods"]', "no section 'metods'; there are table4, methods"),
     ],

@@ -63,12 +63,13 @@ def import_scores(
 
 def _import_data_set(source: Path, study: Path) -> None:
     from analysis.loading.sessions import load_sessions
+    from protocol.journal.state import NotAllowed
     from runner.study.data_set import import_data_set, read_data_set
 
     data = read_data_set(source)
     try:  # the events are in order, but a value in them may have been changed
         load_sessions(session.events for session in data.sessions.values())
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+    except NotAllowed as error:
         raise BadInput(f"{source}: a session cannot be read ({error})") from error
     import_data_set(options.study_folder(study), data)
     imported = counted(len(data.sessions), "session")

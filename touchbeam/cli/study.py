@@ -60,13 +60,14 @@ def new(
     """Create a study to edit."""
     from protocol.study_file.loading import template as template_text
     from protocol.study_file.loading import template_tests
+    from runner.study.files import write_whole
     from runner.study.folder import named_after, new_study
 
     study = options.study_folder(folder)
     text = named_after(folder.resolve().name, template_text(template))
     with new_study(study, text):
         tests = folder / "test_study.py"
-        tests.write_text(template_tests(), encoding="utf-8")
+        write_whole(tests, template_tests().encode())
     place = shlex.quote(str(folder))
     say(f"Edit {study.study_file}; docs/study-file.md describes every key. Then:")
     say(f"  {program()} check {place}")

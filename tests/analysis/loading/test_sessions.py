@@ -1,6 +1,7 @@
 """From events to tables: which attempt counts, in what order, and what belongs to it."""
 
 import gc
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -21,6 +22,7 @@ from protocol.journal.events import (
     TrialExcluded,
     TrialStarted,
 )
+from protocol.journal.state import NotAllowed
 from protocol.plan.trials import Trial
 from tests.analysis.chains import chain, published_chain
 from tests.analysis.hostile_study import NOTES, Written, sessions, study_text
@@ -53,6 +55,26 @@ def test_answers_are_in_their_order_and_know_their_neighbours() -> None:
     assert scored["place"].tolist() == [1, 2, 3, 4, 5]
     assert values(scored["previous"]) == [None, *scored["condition"][:-1]]
     assert trials[["place", "previous"]][:2].isna().all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("tag", "key", "value", "told"),
+    [
+        ("trial-started", "index", 99, "its events do not fit together"),
+        ("touch-started", "touch", 99, "its events do not fit together"),
+        ("touch-started", "touch", "x", "is damaged: touch-started, touch: 'x'"),
+        ("touch-ended", "read_back", [5], "is damaged: touch-ended, read_back: 5"),
+    ],
+)
+def test_a_session_that_cannot_be_read_is_named_with_its_event(
+    tag: str, key: str, value: object, told: str
+) -> None:
+    events = [
+        replace(event, payload={**event.payload, key: value}) if event.tag == tag else event
+        for event in chain(paper_session())
+    ]
+    with pytest.raises(NotAllowed, match=rf"^session P01/1: (event \d+ )?{re.escape(told)}$"):
+        load_sessions([events])
 
 
 def test_a_trial_answered_again_counts_once_and_an_aborted_touch_not_at_all() -> None:

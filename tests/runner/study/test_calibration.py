@@ -117,11 +117,18 @@ def test_a_fit_needs_a_study(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("fitted", "message"),
     [
-        ({"damping_ratio": known(0.005)}, r"not a calibration \(KeyError\('session'\)\)"),
-        ({**FITTED, "gain": 1.05}, r"not a calibration \(TypeError"),
+        ({"damping_ratio": known(0.005)}, r"not a calibration \(fitted is not what a slide"),
+        (
+            {**FITTED, "gain": {"value": "1.05 V"}},
+            r"fitted.gain.value must be a finite number, got '1.05",
+        ),
+        ({**FITTED, "gain": [1.05]}, r"fitted.gain.value must be a finite number, got \[1.05\]"),
         ({**FITTED, "gain": known(-1.0)}, r"fitted: gain must be a finite number above 0, got -1"),
-        ({**FITTED, "damping_ratio": {"value": "high"}}, r"not a calibration .*'high'"),
-        ([], r"not a calibration \(TypeError"),
+        (
+            {**FITTED, "damping_ratio": {"value": "high"}},
+            r"damping_ratio.value must be a .* got 'high'\)",
+        ),
+        ([], r"not a calibration \(fitted is not what"),
     ],
 )
 def test_a_damaged_fit_is_refused(folder: Path, fitted: object, message: str) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from protocol.errors import BadInput
 from runner.study.files import is_stream, write_files, write_new_folder, write_whole
+from tests.runner.command_line import TOUCHBEAM
 
 CONTENTS = {"README.md": "触觉\n".encode(), "sub-1/beh/a.tsv": b"a\tb\n"}
 
@@ -100,6 +101,20 @@ write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, 9_000)),
     )
     assert shown.stderr.endswith(f"OSError: [Errno 27] File too large: '{place}'\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_that_cannot_be_written_names_the_file_and_leaves_nothing(tmp_path: Path) -> None:
+    shown = subprocess.run(
+        [TOUCHBEAM, "new", "study"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512)),
+    )
+    assert (shown.returncode, shown.stdout) == (1, "")
+    assert shown.stderr == "touchbeam: study/study.toml: File too large\n"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -20,7 +20,6 @@ from typing import (
 _REQUIRED: Final = object()
 # No quantity of a study is as large. NaN and infinity fail the comparison, too.
 _LARGEST = 1e18
-_LONGEST_QUOTE = 80
 _Reader = Callable[[Any], Any]
 
 
@@ -109,7 +108,7 @@ class JsonRecord:
 
     @classmethod
     def misfit(cls, payload: Mapping[str, Any]) -> str:
-        """Return which key of a JSON object is missing, or its value not of its type; else nothing.
+        """Return which key of a JSON object is missing or has no value of its type; else nothing.
 
         `from_json` takes plain values as they are, because journals are read often and written by
         touchbeam alone. What came from elsewhere is judged here, and what has led to an error.
@@ -185,7 +184,7 @@ def _misfit(value: Any, hint: Any, name: str) -> str:
         wrong = hint.misfit(value)
         return wrong and f"{name}, {wrong}"
     if (parts := _parts(value, hint)) is None:
-        return f"{name}: {value!r}"[:_LONGEST_QUOTE]
+        return f"{name} has a value that it cannot have"  # not which: a person may have told it
     return next(filter(None, (_misfit(part, of, name) for part, of in parts)), "")
 
 

@@ -318,26 +318,25 @@ def test_payloads_that_no_build_has_written_are_refused(tag: str, payload: dict[
 @pytest.mark.parametrize(
     ("tag", "wrong", "told"),
     [
-        ("answered", {"change": 1.5}, "answered, change: 1.5"),
-        ("answered", {"index": True}, "answered, index: True"),
-        ("answered", {"judged": {"force_n": "x"}}, "answered, judged: {'force_n': 'x'}"),
-        ("answered", {"judged": [{"force_n": "x"}]}, "answered, judged, force_n: 'x'"),
-        ("touch-ended", {"trace": [[1.0]]}, "touch-ended, trace: [1.0]"),
-        ("touch-ended", {"trace": [[1.0, 2, "x"]]}, "touch-ended, trace: 'x'"),
-        ("session-opened", {"versions": {"touchbeam": 1}}, "session-opened, versions: 1"),
-        ("session-opened", {"trials": [1]}, "session-opened, trials: 1"),
-        ("resonance-measured", {"frequency_hz": 1e18}, "frequency_hz: 1e+18"),
-        ("note", {"text": ["x" * 99]}, f"note, text: ['{'x' * 72}"),
+        ("answered", {"change": 1.5}, "answered, change"),
+        ("answered", {"index": True}, "answered, index"),
+        ("answered", {"judged": {"force_n": "x"}}, "answered, judged"),
+        ("answered", {"judged": [{"force_n": "x"}]}, "answered, judged, force_n"),
+        ("touch-ended", {"trace": [[1.0]]}, "touch-ended, trace"),
+        ("touch-ended", {"trace": [[1.0, 2, "x"]]}, "touch-ended, trace"),
+        ("session-opened", {"versions": {"touchbeam": 1}}, "session-opened, versions"),
+        ("session-opened", {"trials": [1]}, "session-opened, trials"),
+        ("resonance-measured", {"frequency_hz": 1e18}, "resonance-measured, frequency_hz"),
+        ("note", {"text": ["x" * 99]}, "note, text"),
     ],
 )
-def test_a_value_of_another_type_is_named_by_its_keys(
+def test_a_value_of_another_type_is_named_by_its_keys_and_not_shown(
     tag: str, wrong: dict[str, Any], told: str
 ) -> None:
     noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
     payload = {**PAYLOADS[tag], **wrong}
     stored = StoredEvent(seq=3, tag=tag, utc=noon, monotonic_s=1.5, payload=payload)
-    assert stored.damage().startswith("event 3 is damaged: ")
-    assert stored.damage().endswith(told)
+    assert stored.damage() == f"event 3 is damaged: {told} has a value that it cannot have"
 
 
 def test_a_stored_event_gives_its_record() -> None:

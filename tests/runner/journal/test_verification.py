@@ -277,7 +277,7 @@ def test_what_cannot_be_read_is_refused_by_name(journal: Journal, tmp_path: Path
         ),
         (
             "UPDATE event SET payload = json_set(payload, '$.trials', 5) WHERE seq = 0",
-            "event 0 is damaged: session-opened, trials: 5",
+            "event 0 is damaged: session-opened, trials has a value that it cannot have",
         ),
     ],
 )
@@ -302,7 +302,7 @@ def test_a_value_that_cannot_be_is_named_once_the_chain_is_broken(
     links(journal)
     with tampering(tmp_path / "study.db") as other:
         other.execute("UPDATE event SET payload = '{\"text\": 1.5}' WHERE seq = 2")
-    with pytest.raises(JournalError, match=r"^session P01/1 .*event 2 is damaged: note, text: 1.5"):
+    with pytest.raises(JournalError, match=r"^session P01/1 .*event 2 is damaged: note, text ha"):
         list(readable_chains(journal, []))
 
 

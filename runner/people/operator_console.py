@@ -15,8 +15,6 @@ from protocol.journal.events import StoredEvent
 from protocol.study.study_question import answer_text
 from runner.screens import Correction, Note, OperatorView, Order, PlanUnit, Wanted, said_of
 
-# The operator's keys: one per order, and lines for answers and notes. Does no I/O.
-
 _CTRL_E = "\x05"
 KEYS: dict[str, Order] = {
     "p": "pause",
@@ -252,27 +250,35 @@ Returns as many lines as its second argument says, none wider than the first.
 DRY_RUN = "DRY RUN: a rehearsal, no participant's data"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """What the operator is shown, apart from what the device says at the moment.
+@dataclass(kw_only=True)
+class Told:
+    """What the operator has been told and has not answered.
 
-    `typed` is the line typed so far, None while keys are orders. `messages` are all so far, each
-    with the time of day, the first `recalled` of them from before an interruption. `calls`
-    counts the participant's calls since the last answer to one. `page` is what the participant
-    sees since `page_s` on the display's clock.
+    `messages` are all so far, each with the time of day, the first `recalled` of them from before
+    an interruption. `calls` counts the participant's calls since the last answer to one. `page` is
+    what the participant sees since `page_s` on the display's clock.
     """
 
-    view: OperatorView
     question: str = ""
-    typed: str | None = None
     messages: tuple[tuple[str, str], ...] = ()
     calls: int = 0
     pausing: bool = False
     help: bool = False
-    typing: str = "Note"
     recalled: int = 0
     page: str = ""
     page_s: float = 0.0
+
+
+@dataclass(kw_only=True)
+class Frame(Told):
+    """What the operator is shown, apart from what the device says at the moment.
+
+    `typed` is the line typed so far, None while keys are orders.
+    """
+
+    view: OperatorView
+    typed: str | None = None
+    typing: str = "Note"
 
 
 class Display(Protocol):
@@ -349,13 +355,7 @@ class OperatorConsole:
     time_of_day: Callable[[], str] = lambda: time.strftime("%H:%M:%S")
     _keys: OperatorKeys = field(default_factory=OperatorKeys, init=False)
     _view: OperatorView | None = field(default=None, init=False)
-    _question: str = field(default="", init=False)
-    _messages: list[tuple[str, str]] = field(default_factory=list, init=False)
-    _calls: int = field(default=0, init=False)
-    _pausing: bool = field(default=False, init=False)
-    _help: bool = field(default=False, init=False)
-    _recalled: int = field(default=0, init=False)
-    _page: tuple[str, float] = field(default=("", 0.0), init=False)
+    _told: Told = field(default_factory=Told, init=False)
 
     def ask(self, text: str) -> None:
         self._ask(text, self._keys.expect_answer)
@@ -363,14 +363,14 @@ class OperatorConsole:
     def _ask(self, text: str, expect: Callable[[], None]) -> None:
         self._listen()  # take in earlier input now, so that it cannot answer the question
         self.forget()
-        self._question = text
+        self._told.question = text
         expect()
         if self.alone:
             self._keys.feed("\n")
         self._redraw()
 
     def withdraw_question(self) -> None:
-        self._question = ""
+        self._told.question = ""
         self._keys.expect_nothing()
         self._redraw()
 
@@ -378,7 +378,7 @@ class OperatorConsole:
         self._listen()
         answer = self._keys.answer()
         if answer is not None:
-            self._question = ""
+            self._told.question = ""
             self._redraw()
         return answer
 
@@ -391,12 +391,12 @@ class OperatorConsole:
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
     def page(self, name: str) -> None:
-        self._page = (name, time.monotonic())
+        self._told.page, self._told.page_s = name, time.monotonic()
         self._redraw()
 
     def recall(self, messages: Sequence[tuple[str, str]]) -> None:
-        self._messages[:0] = messages
-        self._recalled += len(messages)
+        self._told.messages = (*messages, *self._told.messages)
+        self._told.recalled += len(messages)
 
     def order(self) -> Wanted | None:
         self._listen()
@@ -410,7 +410,7 @@ class OperatorConsole:
         self._redraw()
 
     def pausing(self, wanted: bool) -> None:
-        self._pausing = wanted
+        self._told.pausing = wanted
         unit = self._view.unit if self._view else "trial"
         self.notify(
             f"pausing before the next {unit}" if wanted else "no pause: the session goes on"
@@ -418,7 +418,7 @@ class OperatorConsole:
 
     def participant_called(self) -> None:
         """Show that the participant calls, until the operator answers the call."""
-        self._calls += 1
+        self._told.calls += 1
         self.notify("the participant is calling you (Escape)")
 
     def notify(self, text: str) -> None:
@@ -426,10 +426,10 @@ class OperatorConsole:
         self._redraw()
 
     def _add(self, text: str) -> None:
-        self._messages.append((self.time_of_day(), text))
+        self._told.messages += ((self.time_of_day(), text),)
 
     def _listen(self) -> None:
-        characters = self.typed(bool(self._question))
+        characters = self.typed(bool(self._told.question))
         # Whole lines come from a shared terminal or a pipe, single keys from one of its own.
         if characters.startswith(OPERATOR_MARK) and characters.endswith("\n"):
             if not self._keys.feed_order(characters.removeprefix(OPERATOR_MARK)):
@@ -439,29 +439,18 @@ class OperatorConsole:
             self._redraw()
         while (wish := self._keys.wish()) is not None:
             if wish == "help":
-                self._help = not self._help
+                self._told.help = not self._told.help
                 self._redraw()
             elif wish == "unknown key":
                 self.notify("that key does nothing here; ? shows the keys")
             else:
-                calls, self._calls = self._calls, 0
+                calls, self._told.calls = self._told.calls, 0
                 self.notify("you answered the participant's call" if calls else "nobody is calling")
 
     def _redraw(self) -> None:
         # Before the first view there is nothing to show.
         if self._view is not None:
-            self.display.show(
-                Frame(
-                    view=self._view,
-                    question=self._question,
-                    typed=self._keys.line,
-                    messages=tuple(self._messages),
-                    calls=self._calls,
-                    pausing=self._pausing,
-                    help=self._help,
-                    typing=self._keys.typing,
-                    recalled=self._recalled,
-                    page=self._page[0],
-                    page_s=self._page[1],
-                )
-            )
+            line, typing = self._keys.line, self._keys.typing
+            # A copy: the display's thread draws it while more is told.
+            frame = Frame(view=self._view, typed=line, typing=typing, **vars(self._told))
+            self.display.show(frame)

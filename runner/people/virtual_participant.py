@@ -49,21 +49,21 @@ class Finger(Protocol):
         """Take it off the beam."""
 
 
+@dataclass
 class _Touch:
     """A touch in progress: its course, and what the finger has felt of it so far."""
 
-    def __init__(
-        self, control: Finger, way: answering.Course, tremor: Callable[[], float] | None
-    ) -> None:
-        self._control = control
-        self._way = way
-        self._tremor = tremor
-        self._parts = answering.fractions(way.mark)
-        self._friction: list[float] = []
+    control: Finger
+    way: answering.Course
+    tremor: Callable[[], float] | None
+    _friction: list[float] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        self._parts = answering.fractions(self.way.mark)
 
     def go_on(self, part: float) -> None:
         """Feel what is due at this part of the touch's time, and put the finger where it is."""
-        way, last = self._way, len(self._parts) - 1
+        way, last = self.way, len(self._parts) - 1
         due = self._parts[
             min(len(self._friction), last) : np.searchsorted(self._parts, part, "right")
         ]
@@ -73,22 +73,22 @@ class _Touch:
             places_m, speed_m_s = way.places_m(due)[0], float(way.speed_m_s[0])
             self._friction += [self._put(float(place_m), speed_m_s) for place_m in places_m]
         # A finger that rests without trembling is there already, as hard as it should press.
-        if way.mark.slides or self._tremor:
+        if way.mark.slides or self.tremor:
             moves = float(way.speed_factor[0]) * part < 1
             place_m = float(way.places_m(np.array([part]))[0, 0])
-            self._put(place_m, float(way.speed_m_s[0]) * moves, self._tremor)
+            self._put(place_m, float(way.speed_m_s[0]) * moves, self.tremor)
 
     def _put(
         self, place_m: float, speed_m_s: float, tremor: Callable[[], float] | None = None
     ) -> float:
-        force_n = float(self._way.force_n[0]) * (tremor() if tremor else 1.0)
-        return self._control.touch(force_n, place_m, self._way.mark.direction, speed_m_s)
+        force_n = float(self.way.force_n[0]) * (tremor() if tremor else 1.0)
+        return self.control.touch(force_n, place_m, self.way.mark.direction, speed_m_s)
 
     @property
     def felt(self) -> answering.Felt:
         """What was felt; a touch that was cut short felt to its end as it did last."""
         rest = [self._friction[-1]] * (len(self._parts) - len(self._friction))
-        return answering.Felt(mark=self._way.mark, friction=np.array([self._friction + rest]))
+        return answering.Felt(mark=self.way.mark, friction=np.array([self._friction + rest]))
 
 
 @dataclass
@@ -158,9 +158,8 @@ class VirtualParticipant(screens.Participant):
         return None
 
     def _answer(self, question: study_question.StudyQuestion) -> screens.Response:
-        if change := next(
-            (each for each in study_question.QUESTIONS if each == question.name), None
-        ):
+        names = (each for each in study_question.QUESTIONS if each == question.name)
+        if change := next(names, None):
             return self._change(change)
         asked, _, found = question.name.partition("_")
         if asked in {"which", "is"} and question.text == {}:  # no study's own question
@@ -236,6 +235,7 @@ _FREQUENCY_DIGITS = 4
 """Of the drive relative to the resonance: each new frequency takes the model about 50 ms."""
 
 
+@dataclass
 class UntouchedBeam:
     """The finger of a virtual participant on a beam that is driven, and that nobody touches.
 
@@ -243,15 +243,15 @@ class UntouchedBeam:
     beam, 0 before it is known.
     """
 
-    def __init__(
-        self, study: Study, reading: Callable[[], Reading | None], resonance_hz: Callable[[], float]
-    ) -> None:
-        self._study = study
-        self._reading = reading
-        self._resonance_hz = resonance_hz
-        self._beam = study.touch.beam
+    study: Study
+    reading: Callable[[], Reading | None]
+    resonance_hz: Callable[[], float]
+
+    def __post_init__(self) -> None:
+        finger = self.study.touch
+        self._beam = finger.beam
         # Loads the model, which takes longer than a touch may wait for.
-        self._friction(study.touch.force_n, study.touch.smooth_place_m, "right", 0.0, 1.0)
+        self.touch(finger.force_n, finger.smooth_place_m, "right")
 
     def mount(self, beam: str) -> None:
         """Note that the operator is to mount the study's beam `beam`."""
@@ -264,20 +264,11 @@ class UntouchedBeam:
         direction: str,
         speed_m_s: float = 0.0,  # noqa: ARG002 - it slides as fast as the study says
     ) -> float:
-        said, resonance_hz = self._reading(), self._resonance_hz()
+        said, finger = self.reading(), self.study.touch
         voltage_v, frequency = 0.0, 1.0  # what is not driven feels as at rest
-        if said is not None and said.output and resonance_hz:
+        if said is not None and said.output and (resonance_hz := self.resonance_hz()):
             frequency = round(said.frequency_hz / resonance_hz, _FREQUENCY_DIGITS)
             voltage_v = said.amplitude_v
-        return self._friction(force_n, position_m, direction, voltage_v, frequency)
-
-    def lift(self) -> None:
-        """Do nothing: no finger is there."""
-
-    def _friction(
-        self, force_n: float, position_m: float, direction: str, voltage_v: float, frequency: float
-    ) -> float:
-        finger = self._study.touch
         moment = Moment(
             voltage_v=voltage_v,
             frequency=frequency,
@@ -286,9 +277,12 @@ class UntouchedBeam:
             force_n=force_n,
             contact_m=finger.contact_m,
             sliding_speed_m_s=finger.sliding_speed_m_s,
-            has_bodies=self._beam is None or self._study.beams[self._beam] > 0,
+            has_bodies=self._beam is None or self.study.beams[self._beam] > 0,
         )
         return float(friction_at(moment, (position_m,))[0])
+
+    def lift(self) -> None:
+        """Do nothing: no finger is there."""
 
 
 # A virtual participant who answers at the participant's window, by pressing its keys.

@@ -263,7 +263,21 @@ def participant_window(
         )
     # A file and no pipe, because nobody reads it meanwhile and a full pipe would stop the window.
     with tempfile.TemporaryFile() as complaints:
-        peer = _started(command, complaints)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=complaints,
+            text=True,
+            encoding="utf-8",
+            # Without the one PsychoPy changes PYTHONPATH. Without the other git, which it asks for
+            # its version, obeys the settings of a study that the environment lies in.
+            env={**os.environ, "PSYCHOPYNOPACKAGES": "1", "GIT_DIR": os.devnull},
+            # Ctrl-C reaches only the session, which turns the device off first.
+            start_new_session=True,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+        peer = WindowProcess(process, complaints)
         try:
             peer.send(messages.settings_message(settings))
             _await_opening(peer, time.monotonic() + OPENS_WITHIN_S)
@@ -282,24 +296,6 @@ def participant_window(
         finally:
             # On every way out: a window without a session would cover the participant's screen.
             peer.end()
-
-
-def _started(command: Sequence[str], complaints: IO[bytes]) -> WindowProcess:
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=complaints,
-        text=True,
-        encoding="utf-8",
-        # Without the one PsychoPy changes PYTHONPATH. Without the other git, which it asks for its
-        # version, obeys the settings of a study that the environment lies in.
-        env={**os.environ, "PSYCHOPYNOPACKAGES": "1", "GIT_DIR": os.devnull},
-        # Ctrl-C reaches only the session, which turns the device off first.
-        start_new_session=True,
-        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-    )
-    return WindowProcess(process, complaints)
 
 
 def _await_opening(peer: WindowProcess, until_s: float) -> None:

@@ -47,16 +47,21 @@ Button = Literal["early", "live", "pressed", "saved"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PageState:
-    """State of a page that changes while its screen is shown.
-
-    The button is `early` until the page has been readable for long enough, `live` until it is
-    pressed, then `pressed`, and `saved` once the journal has the answer. What is `typed` may not be
-    an answer yet.
-    """
+class Choice:
+    """What is chosen, as an answer; and what is typed, which may not be an answer yet."""
 
     chosen: str | None = None
     typed: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageState(Choice):
+    """State of a page that changes while its screen is shown.
+
+    The button is `early` until the page has been readable for long enough, `live` until it is
+    pressed, then `pressed`, and `saved` once the journal has the answer.
+    """
+
     button: Button = "live"
     passed_s: float = 0.0
     operator_called: bool = False
@@ -390,14 +395,6 @@ def _letter_rows(letters: str) -> Sequence[Sequence[str]]:
 _STEPS = {"left": -1, "right": 1, "down": -1, "up": 1}
 _ANALOGUE_STEPS = {"left": -10, "right": 10, "down": -100, "up": 100}
 """In tenths, too small to be made by hand."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Choice:
-    """What is chosen, as an answer; and what is typed, which may not be an answer yet."""
-
-    chosen: str | None = None
-    typed: str = ""
 
 
 def by_key(question: StudyQuestion, now: Choice, key: Key | Typed, start: float = 0.5) -> Choice:

@@ -24,14 +24,13 @@ class PendingResponse:
     readable_s: float = 0.0
     start: float = 0.5
     """Where the first arrow marks a visual analogue scale, as a share of its length."""
-    chosen: str | None = field(default=None, init=False)
+    choice: Choice = field(default_factory=Choice, init=False)
     answer: str | None = field(default=None, init=False)
     confirmed_s: float = field(default=0.0, init=False)
     changes: list[dict[str, Any]] = field(default_factory=list, init=False)
     path: list[dict[str, Any]] = field(default_factory=list, init=False)
     early: int = field(default=0, init=False)
     _held: bool = field(default=False, init=False)
-    typed: str = field(default="", init=False)
 
     def take(self, given: Input, t_s: float) -> None:
         """Apply `given`: change the choice or confirm it."""
@@ -45,7 +44,8 @@ class PendingResponse:
             case Key(name="enter"):
                 self._confirm(t_s)
             case Key() | Typed() if isinstance(self.screen, Ask):
-                self._choose(by_key(self.screen.question, self._now, given, self.start), "key", t_s)
+                now = by_key(self.screen.question, self.choice, given, self.start)
+                self._choose(now, "key", t_s)
             case Pressed(x=x, y=y):
                 self._pressed(x, y, t_s)
             # Only a drag that began on the scale moves its mark.
@@ -74,10 +74,6 @@ class PendingResponse:
             "early_presses": self.early,
         }
 
-    @property
-    def _now(self) -> Choice:
-        return Choice(chosen=self.chosen, typed=self.typed)
-
     def _confirm(self, t_s: float) -> None:
         """Take the choice as the answer, `ready` where a button says so, unless it is early."""
         # Counted and not dropped, so that the data show who was impatient.
@@ -85,7 +81,7 @@ class PendingResponse:
             self.early += 1
             return
         has_button = any(target.name == "ready" for target in targets(self.screen))
-        answer = "ready" if has_button and not isinstance(self.screen, Ask) else self.chosen
+        answer = "ready" if has_button and not isinstance(self.screen, Ask) else self.choice.chosen
         if isinstance(self.screen, Ask) and not self.screen.question.required:
             answer = answer or ""
         if answer is not None:
@@ -101,7 +97,7 @@ class PendingResponse:
             self._held = True
             self._mark(x, t_s)
         elif target.role == "answer" and isinstance(self.screen, Ask):
-            now = by_press(self.screen.question, self._now, target.name)
+            now = by_press(self.screen.question, self.choice, target.name)
             self._choose(now, "pointer", t_s)
 
     def _mark(self, x: float, t_s: float) -> None:
@@ -114,12 +110,11 @@ class PendingResponse:
         self._choose(now, "pointer", t_s)
 
     def _choose(self, choice: Choice, by: str, t_s: float) -> None:
-        self.typed = choice.typed
-        if choice.chosen == self.chosen:
+        before, chosen, self.choice = self.choice.chosen, choice.chosen, choice
+        if chosen == before:
             return
-        self.chosen = choice.chosen
-        self.changes.append({"t_s": round(t_s, 4), "value": self.chosen, "by": by})
+        self.changes.append({"t_s": round(t_s, 4), "value": chosen, "by": by})
         assert isinstance(self.screen, Ask)
         if by == "key" and self.screen.question.form == "scale":
-            at = None if self.chosen is None else self.screen.question.answer(self.chosen)
+            at = None if chosen is None else self.screen.question.answer(chosen)
             self.path.append({"t_s": round(t_s, 4), "at": at, "by": "key"})

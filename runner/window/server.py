@@ -92,8 +92,7 @@ class ShownScreen:
         if self.pending.answer is not None:
             button = "saved" if self.saved else "pressed"
         view = PageState(
-            chosen=self.pending.chosen,
-            typed=self.pending.typed,
+            **vars(self.pending.choice),
             button=button,
             passed_s=passed_s,
             operator_called=bool(self.called_s),

@@ -80,7 +80,7 @@ def press_score(score: float) -> Pressed:
     ],
 )
 def test_a_score_by_keys(keys: str, chosen: str | None) -> None:
-    assert after(SCORE, keys).chosen == chosen
+    assert after(SCORE, keys).choice.chosen == chosen
     assert after(SCORE, keys).answer is None
     assert after(SCORE, f"{keys} enter").answer == chosen
 
@@ -109,7 +109,7 @@ def test_a_score_by_keys_lies_on_the_scale(
     ends: tuple[int, int], keys: str, chosen: str | None
 ) -> None:
     screen = ask_score(Rating(minimum=ends[0], maximum=ends[1]))
-    assert after(screen, keys).chosen == chosen
+    assert after(screen, keys).choice.chosen == chosen
     assert after(screen, keys, "enter").answer == chosen
 
 
@@ -129,7 +129,7 @@ def test_a_score_by_keys_lies_on_the_scale(
     ],
 )
 def test_a_change_by_keys(keys: str, chosen: str | None) -> None:
-    assert after(CHANGE, keys).chosen == chosen
+    assert after(CHANGE, keys).choice.chosen == chosen
     assert after(CHANGE, f"{keys} enter").answer == chosen
 
 
@@ -144,7 +144,7 @@ def test_a_change_by_the_pointer(question: Question) -> None:
 @pytest.mark.parametrize("score", range(11))
 def test_a_score_by_the_pointer_is_the_nearest_one(score: int) -> None:
     for beside in (-0.45, 0.0, 0.45):
-        assert after(SCORE, press_score(score + beside)).chosen == str(score)
+        assert after(SCORE, press_score(score + beside)).choice.chosen == str(score)
 
 
 def test_the_mark_follows_the_pointer_and_its_path_is_recorded() -> None:
@@ -159,7 +159,7 @@ def test_the_mark_follows_the_pointer_and_its_path_is_recorded() -> None:
 
 
 def test_a_drag_that_began_elsewhere_does_not_move_the_mark() -> None:
-    assert after(SCORE, Pressed(x=0, y=250), Dragged(x=0, y=50)).chosen is None
+    assert after(SCORE, Pressed(x=0, y=250), Dragged(x=0, y=50)).choice.chosen is None
 
 
 @pytest.mark.parametrize("screen", [Welcome(), Instruction(text="remember"), Notice(text="thanks")])
@@ -205,9 +205,9 @@ def test_only_a_confirmed_choice_of_the_scale_is_an_answer(
     inputs: list[Input],
 ) -> None:
     pending = after(SCORE, *inputs)
-    assert pending.chosen in {None, *(str(score) for score in range(11))}
+    assert pending.choice.chosen in {None, *(str(score) for score in range(11))}
     if pending.answer is not None:
-        assert pending.answer == pending.chosen == pending.changes[-1]["value"]
+        assert pending.answer == pending.choice.chosen == pending.changes[-1]["value"]
         assert all(0 <= step["at"] <= 10 for step in pending.path if step["at"] is not None)
 
 
@@ -225,7 +225,7 @@ def test_a_call_for_the_operator_chooses_nothing() -> None:
 
 def test_the_first_arrow_starts_at_an_end_of_the_scale() -> None:
     keys = random.Random(1).choices(["left", "right"], k=50)
-    assert {after(SCORE, key).chosen for key in keys} == {"0", "10"}
+    assert {after(SCORE, key).choice.chosen for key in keys} == {"0", "10"}
 
 
 def test_the_first_arrow_marks_an_analogue_scale_at_a_place_of_the_pages_own() -> None:
@@ -238,7 +238,7 @@ def test_the_first_arrow_marks_an_analogue_scale_at_a_place_of_the_pages_own() -
     moved = PendingResponse(screen, start=0.5)
     for second, key in enumerate(("right", "right", "up", "left"), start=1):
         moved.take(Key(name=key), float(second))
-    assert moved.chosen == "60"
+    assert moved.choice.chosen == "60"
 
 
 KINDS = [
@@ -287,7 +287,7 @@ def test_the_keys_on_the_screen_type_every_letter_of_the_language(letters: str) 
     screen = Ask(question=StudyQuestion(name="words", kind="text", max_length=200), letters=letters)
     keys = [target for target in targets(screen) if target.role == "answer"]
     named = [key.name for key in keys if len(key.name) == 1]
-    assert after(screen, *(press(screen, name) for name in named)).typed == "".join(named)
+    assert after(screen, *(press(screen, name) for name in named)).choice.typed == "".join(named)
     assert set(letters) <= set(named)
     assert all(abs(x) <= 400 for key in keys for x, _ in key.box.corners)
     for one, other in combinations([target.box for target in targets(screen)], 2):
@@ -310,14 +310,14 @@ def test_a_thousand_hostile_texts_are_answers_as_typed_and_fit_their_frame() -> 
             pending.take(Typed(text=sign), float(second))
         pending.take(press(screen, rng.choice(tapped)), 300.0)
         pending.take(Key(name="enter"), 301.0)
-        typed = pending.typed
+        typed = pending.choice.typed
         assert len(typed) <= 200
         assert typed.startswith(given[:198]) or typed == given[:200][:-1]
         assert pending.answer == (typed.strip() or None)
         if pending.answer is not None:
             assert question.answer(pending.answer) == pending.answer
             assert json.loads(json.dumps(pending.trace()))["changes"][-1]["value"] == pending.answer
-        shown = page(screen, PageState(chosen=pending.chosen, typed=typed), words)
+        shown = page(screen, PageState(chosen=pending.choice.chosen, typed=typed), words)
         assert all(fits(element) for element in shown if isinstance(element, Text))
 
 

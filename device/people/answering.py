@@ -206,7 +206,8 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
             back = back[:, ::-1]
         return _rms(np.log(first.friction / back))
     if effect == "depth":
-        return _depth(last, resting) - _depth(first, resting)
+        before, after = (_rms(np.log(it.friction / resting[:, None])) for it in (first, last))
+        return after - before
     if first.mark.slides != last.mark.slides:
         return _ends(np.log(first.friction), first) - _ends(np.log(last.friction), last)
     if len(touches) > 1:
@@ -226,11 +227,6 @@ def felt_level(touches: Sequence[Felt], resting: FloatArray) -> FloatArray:
 def _ends(change: FloatArray, touch: Felt) -> FloatArray:
     """Return the mean change along a slide, or that at the end of a touch of one place."""
     return np.asarray(change.mean(axis=1) if touch.mark.slides else change[:, -1])
-
-
-def _depth(touch: Felt, resting: FloatArray) -> FloatArray:
-    """Return the root mean square of the log friction relative to the beam at rest."""
-    return _rms(np.log(touch.friction / resting[:, None]))
 
 
 def _rms(logs: FloatArray) -> FloatArray:

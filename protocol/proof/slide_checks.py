@@ -7,7 +7,8 @@ from math import isclose
 
 from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial
-from protocol.proof.trial_checks import Violations, limit_violations
+from protocol.proof.track_checks import Violations
+from protocol.proof.trial_checks import limit_violations
 from protocol.study.study import Study
 from protocol.study.touch import SlidePass
 

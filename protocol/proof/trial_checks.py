@@ -11,15 +11,11 @@ from math import isclose, pi
 
 from protocol.errors import Problem
 from protocol.plan.trials import Plan, Trial, plan_swaps
-from protocol.proof.track_checks import level_touches, track_violations
+from protocol.proof.track_checks import Violations, level_touches, track_violations
 from protocol.study.rig_settings import TARE_S
 from protocol.study.study import Condition, Study
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
-
-# Checks of a plan's trials against the limits of the rig.
-
-Violations = Iterator[tuple[str, str]]
 
 # A study may ask for exactly its limit, and this code multiplies in another order than the planner.
 _ROUNDING = 1 + 1e-12

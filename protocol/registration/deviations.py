@@ -89,16 +89,11 @@ def _of_files(registered: Registration, conduct: Conduct) -> Iterator[Deviation]
 
 
 def _of_sessions(registered: Registration, sessions: Sequence[SessionRun]) -> Iterator[Deviation]:
-    digest, rig = registered.digest, str(registered.calibration.get("origin", ""))
-    version, many = registered.touchbeam, registered.sessions
+    digest, file, version = registered.digest, registered.study_sha256, registered.touchbeam
+    rig, many = str(registered.calibration.get("origin", "")), registered.sessions
     named = [
         ("registration", "sessions without it or under another one", "registration", digest),
-        (
-            "study file",
-            "sessions under another study file",
-            "study_sha256",
-            registered.study_sha256,
-        ),
+        ("study file", "sessions under another study file", "study_sha256", file),
         ("version", f"sessions by a touchbeam other than {version}", "touchbeam", version),
     ]
     runs = [

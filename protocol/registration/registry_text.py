@@ -35,7 +35,11 @@ def registry_text(study: Study, registered: Registration, tests: Mapping[str, st
         "Title": [study.publication.title or registered.study],
         # What the study file does not say is left to its author and never invented.
         "Authors": [", ".join(study.publication.authors) or "(to be filled in)"],
-        "Hypotheses": _hypotheses(registered, tests),
+        "Hypotheses": [
+            f"{'Primary' if name == registered.primary else 'Secondary'}: {name}. "
+            f"Test: {tests[name]}."
+            for name in registered.hypotheses
+        ],
         "Study type": _study_type(study),
         "Blinding": [
             "Participants are not told what the device does in a trial or what is expected. "
@@ -60,7 +64,11 @@ def registry_text(study: Study, registered: Registration, tests: Mapping[str, st
         "Manipulated variables": _conditions(study),
         "Measured variables": _measured(study),
         "Statistical models and predictions": _prediction(registered),
-        "Inference criteria": _inference(registered),
+        "Inference criteria": [
+            f"The primary hypothesis is '{registered.primary}'.",
+            *["Secondary hypotheses count as supported only if the primary one is."]
+            * bool(registered.secondary),
+        ],
         "Data exclusion": registered.exclusions or ["No data are excluded."],
         "Missing data": ["A score that is not given is missing, not zero; nobody is dropped."],
         "Digests": [
@@ -71,12 +79,6 @@ def registry_text(study: Study, registered: Registration, tests: Mapping[str, st
         ],
     }
     return "\n".join("\n  ".join([heading, *lines]) + "\n" for heading, lines in parts.items())
-
-
-def _hypotheses(registered: Registration, tests: Mapping[str, str]) -> Iterator[str]:
-    for name in registered.hypotheses:
-        rank = "Primary" if name == registered.primary else "Secondary"
-        yield f"{rank}: {name}. Test: {tests[name]}."
 
 
 def _study_type(study: Study) -> Iterator[str]:
@@ -215,9 +217,3 @@ def _prediction(registered: Registration) -> Iterator[str]:
     )
     for name, value in registered.analysis.items():
         yield f"{name}: {value}"
-
-
-def _inference(registered: Registration) -> Iterator[str]:
-    yield f"The primary hypothesis is '{registered.primary}'."
-    if registered.secondary:
-        yield "Secondary hypotheses count as supported only if the primary one is."

@@ -206,11 +206,8 @@ def require_meant(request: Request, confirm: Confirm, now: datetime) -> None:
         )
     if options.new_name:
         return
-    other = recorded(
-        request,
-        lambda journal: nearly_the_same(journal, options.participant, rehearsal=request.rehearsal),
-    )
-    if other:
+    alike = partial(nearly_the_same, participant=options.participant, rehearsal=request.rehearsal)
+    if other := recorded(request, alike):
         confirm(
             f"{options.participant} resembles {other}, who has a session here, and is taken for "
             "somebody else",

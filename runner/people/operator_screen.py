@@ -226,9 +226,7 @@ def _bars(view: OperatorView, moment: Instant, width: int) -> list[Text]:
     """Return a line each for amplitude, frequency, monitor, force and place, and for friction."""
     reading, aim, rig = moment.reading, view.aim, view.rig
     driven = reading if reading is not None and reading.output else None
-    amplitude_v, frequency_hz = (
-        (driven.amplitude_v, driven.frequency_hz) if driven else (None, None)
-    )
+    amplitude_v = driven.amplitude_v if driven else None
     force_n, position_m = _finger(view, moment)
     middle_hz = view.resonance_hz or rig.nominal_resonance_hz
     volts = Scale(0.0, rig.max_voltage_v, "{:.0f} V", [aim.voltage_v] if aim else [])
@@ -239,7 +237,7 @@ def _bars(view: OperatorView, moment: Instant, width: int) -> list[Text]:
     limits = (f"limit {rig.max_voltage_v:g} V", f"limit {rig.max_frequency_hz / 1e3:g} kHz", "")
     rows = [
         ("amplitude", amplitude_v, limits[0], volts),
-        ("frequency", frequency_hz, limits[1], hertz),
+        ("frequency", driven.frequency_hz if driven else None, limits[1], hertz),
         ("monitor", reading.monitor_v if reading else None, limits[2], volts),
         ("force", force_n, _advice(aim, force_n), newtons),
         ("place", None if position_m is None else 1e3 * position_m, "", places),
@@ -432,7 +430,4 @@ def _help_lines(unit: PlanUnit) -> list[Text]:
 
 def _wrapped(text: str, width: int) -> list[str]:
     """Return `text` in lines of at most `width` columns, broken between words where possible."""
-    if not text:
-        return []
-    lines = Text(text).wrap(_MEASURE, width)
-    return [line.plain.rstrip() for line in lines]
+    return [line.plain.rstrip() for line in Text(text).wrap(_MEASURE, width)] if text else []

@@ -6,6 +6,7 @@ from random import Random
 
 from protocol.errors import BadInput
 from protocol.journal import events
+from protocol.journal.records import QuestionAnswer
 from protocol.study.rules import OperatorQuestion
 from protocol.study.study_question import KINDS, Answer, Label, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
@@ -67,21 +68,15 @@ def prepare(context: SessionContext) -> None:
     mount(context, study.touch.beam)
     # A generator drives nothing here: its resonance is kept in the study's folder.
     if context.device.measures_resonance:
-        update_view(
-            context,
-            warning="measuring the resonance: hands off the beam",
-            busy="10 V at most, searching",
-        )
-    resonance = context.device.resonance(
-        study.rig.nominal_resonance_hz, lambda seconds: wait(context, seconds)
-    )
+        hands_off = "measuring the resonance: hands off the beam"
+        update_view(context, warning=hands_off, busy="10 V at most, searching")
+    near_hz, session = study.rig.nominal_resonance_hz, context.session
+    resonance = context.device.resonance(near_hz, partial(wait, context))
     hz = resonance.frequency_hz
     context.log.append(events.ResonanceMeasured(frequency_hz=hz, tip_m_per_v=resonance.tip_m_per_v))
     # The study was checked at the nominal resonance. Drives are relative to the measured one, so
     # that limits of frequency, slew rate and current are looked at again.
-    if problems := problems_at(
-        study, hz, sliding=context.session.slides, volts=context.session.volts
-    ):
+    if problems := problems_at(study, hz, sliding=session.slides, volts=session.volts):
         raise BadInput(f"the resonance of this beam is {hz:.0f} Hz: {problems[0]}")
     context.resonance_hz = hz
     update_view(context, warning=tare(context))  # nobody touches the beam yet
@@ -121,15 +116,11 @@ def ask_at_desk(context: SessionContext) -> None:
         drawn = str if session.virtual is None else partial(_drawn, session, question)
         noted = session.noted.get(question.name, "")
         answer = _possible_answer(context, spoken(question), question, noted, drawn)
-        log.append(
-            events.QuestionAnswered(
-                when="desk",
-                name=question.name,
-                answer=answer,
-                reaction_time_s=context.clock.monotonic_s() - began_s,
-                trace=None,
-            )
+        took_s = context.clock.monotonic_s() - began_s
+        given = QuestionAnswer(
+            name=question.name, answer=answer, reaction_time_s=took_s, trace=None
         )
+        log.append(events.QuestionAnswered(when="desk", **vars(given)))
         context.operator.notify(f"noted: {question.name} {answer_text(answer)}")
 
 

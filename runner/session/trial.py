@@ -100,9 +100,7 @@ def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | 
 def _asked(context: SessionContext, question: StudyQuestion) -> records.QuestionAnswer:
     letters = language(context.session.study, context.session.language).letters
     answer, given = asked(context, screens.Ask(question=question, letters=letters))
-    return records.QuestionAnswer(
-        name=question.name, answer=answer, reaction_time_s=given.reaction_time_s, trace=given.trace
-    )
+    return records.QuestionAnswer(**{**vars(given), "name": question.name, "answer": answer})
 
 
 SAMPLE_EVERY_S = 0.2
@@ -141,16 +139,9 @@ def touch(
     show_page(context, screens.Notice(text="touch.end"))
     # Before `touch-ended`: a session killed between the two repeats the trial and loses no samples.
     warnings = end(context, number, moved_s)
-    rules = context.session.study.as_instructed
-    verdict = judged(stimulus.pacing, stimulus.samples, rules)
-    context.log.append(
-        TouchEnded(
-            touch=number,
-            read_back=tuple(stimulus.read_back),
-            trace=tuple(stimulus.samples),
-            judged=verdict,
-        )
-    )
+    verdict = judged(stimulus.pacing, stimulus.samples, study.as_instructed)
+    said, felt = tuple(stimulus.read_back), tuple(stimulus.samples)
+    context.log.append(TouchEnded(touch=number, read_back=said, trace=felt, judged=verdict))
     if verdict.missed:
         missed = " and ".join(verdict.missed)
         warnings.append(f"the touch did not follow the instruction: {missed}")
@@ -162,8 +153,7 @@ class _Stimulus:
     """The drive during one touch, with the read-backs and finger samples taken."""
 
     def __init__(self, context: SessionContext, to_make: Touch, interval: int) -> None:
-        self._context = context
-        self._touch = to_make
+        self._context, self._touch = context, to_make
         self._next_sample_s = 0.0
         self.read_back: list[records.ReadBack] = []
         self.samples: list[records.TraceSample] = []
@@ -219,14 +209,11 @@ class _Stimulus:
         return read_back
 
     def _show_finger(self, read_back: records.ReadBack) -> None:
-        rules = self._context.session.study.as_instructed
-        if self._shows_finger:
-            for sample in samples_of(read_back):
-                force = sample.force_n / self.pacing.force_n
-                finger = screens.OwnFinger(
-                    position_m=sample.position_m, force=force, within=rules.force_within
-                )
-                self._context.participant.felt(finger)
+        within = self._context.session.study.as_instructed.force_within
+        for sample in samples_of(read_back) if self._shows_finger else ():
+            at_m, force = sample.position_m, sample.force_n / self.pacing.force_n
+            finger = screens.OwnFinger(position_m=at_m, force=force, within=within)
+            self._context.participant.felt(finger)
 
     @property
     def _step_s(self) -> float:

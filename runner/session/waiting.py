@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpaused
-from protocol.journal.records import ReadBack
+from protocol.journal.records import QuestionAnswer, ReadBack
 from protocol.plan.trials import Trial, remaining_s
 from protocol.study.study_question import answer_text
 from runner import screens
@@ -20,9 +20,8 @@ from runner.signals import raise_if_stopped
 def show_page(context: SessionContext, screen: screens.Screen) -> None:
     """Show `screen` to the participant, and tell the operator which page it is."""
     context.participant.show(screen)
-    context.operator.page(
-        screens.page_name(screen, blind=context.session.study.session.blind_operator)
-    )
+    blind = context.session.study.session.blind_operator
+    context.operator.page(screens.page_name(screen, blind=blind))
 
 
 def update_view(
@@ -38,6 +37,7 @@ def update_view(
     trials = [trial for trial in context.order if trial.index not in state.not_needed]
     # Once the session is complete, what the operator sees can no longer influence it.
     blind = session.study.session.blind_operator and state.name != "completed"
+    answers = dict.fromkeys(state.answers, "answer given") if blind else state.answers
     running = next((trial for trial in trials if trial.index == state.trial), None)
     context.operator.show(
         screens.OperatorView(
@@ -47,9 +47,7 @@ def update_view(
             plan=tuple(
                 screens.PlanLine(
                     label=f"trial {number}" if blind else _label(trial),
-                    answer="answer given"
-                    if blind and trial.index in state.answers
-                    else state.answers.get(trial.index),
+                    answer=answers.get(trial.index),
                     running=trial is running,
                 )
                 for number, trial in enumerate(trials, start=1)
@@ -168,16 +166,9 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
         answer = asked[wanted.name].answer(wanted.answer)
     except ValueError as error:
         return str(error)
-    context.log.append(
-        QuestionAnswered(
-            when="desk",
-            name=wanted.name,
-            answer=answer,
-            reaction_time_s=0.0,
-            trace=None,
-            note=wanted.note or None,
-        )
-    )
+    given = QuestionAnswer(name=wanted.name, answer=answer, reaction_time_s=0.0, trace=None)
+    note = wanted.note or None
+    context.log.append(QuestionAnswered(when="desk", **vars(given), note=note))
     rules = [group for group in session.study.group if group.when and group.name != session.group]
     meant = next((it.name for it in rules if it.when and it.when.met_by({wanted.name: answer})), "")
     # The journal begins with the plan of the group, and proves it: it cannot be drawn anew.

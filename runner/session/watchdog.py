@@ -29,11 +29,8 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
     if context.address != SIMULATED:
         context.operator.confirm(_HANDS_OFF)
         operator_answer(context)
-    update_view(
-        context,
-        warning="testing the watchdog: hands off the beam",
-        busy="0 V, testing the watchdog",
-    )
+    hands_off = "testing the watchdog: hands off the beam"
+    update_view(context, warning=hands_off, busy="0 V, testing the watchdog")
 
     def meanwhile() -> None:
         raise_if_stopped()

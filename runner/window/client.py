@@ -248,9 +248,7 @@ class WindowProcess:
 
 @contextmanager
 def participant_window(
-    command: Sequence[str],
-    settings: messages.Settings,
-    say: Callable[[str], None] = lambda _: None,
+    command: Sequence[str], settings: messages.Settings, say: Callable[[str], None] = lambda _: None
 ) -> Iterator[WindowParticipant]:
     """Run `command`, which opens the window; yield its participant; leave the last page up.
 

@@ -21,7 +21,7 @@ _NOTICES = (
     "pause", "thanks", "stopped",
 )  # fmt: skip
 _FEEDBACK = ("feedback.right", "feedback.wrong")
-_INSTRUCTIONS = ("remember", "practice")
+_FITS = "a text must fit its place on the participant's screen"
 # With it the countdown of a break is as wide as it can get.
 LONGEST_BREAK_S = 3600.0
 
@@ -39,7 +39,7 @@ def foreseen(study: Study, consent: str | None) -> tuple[screens.Screen, ...]:
     tells = any(track.feedback for track in study.track)
     shown: list[screens.Screen] = [
         screens.Welcome(consent=consent),
-        *(screens.Instruction(text=text) for text in _INSTRUCTIONS),
+        *(screens.Instruction(text=text) for text in ("remember", "practice")),
         screens.Instruction(text="break", after_s=LONGEST_BREAK_S),
         *(screens.Notice(text=text) for text in (*_NOTICES, *(_FEEDBACK if tells else ()))),
     ]
@@ -100,22 +100,17 @@ def fit_problems(study: Study) -> Iterator[Problem]:
     """
     unsound = {problem.path[1] for problem in question_problems(study)}
     if study.rating.span > MOST_STEPS:
-        yield Problem(
-            where="rating.maximum",
-            rule=f"must be at most {MOST_STEPS} above minimum = {study.rating.minimum}, "
-            "for the participant's screen",
-            value=str(study.rating.maximum),
-            path=("rating", "maximum"),
+        lowest, highest = study.rating.minimum, study.rating.maximum
+        rule = (
+            f"must be at most {MOST_STEPS} above minimum = {lowest}, for the participant's screen"
         )
+        yield Problem.of_key("rating.maximum", rule, highest)
     for number, question in enumerate(study.question):
         if question.kind == "scale" and question.places > MOST_STEPS:
-            yield Problem(
-                where=f"question {question.name}, step",
-                rule=f"a scale must have at most {MOST_STEPS} steps, for the participant's screen",
-                value=str(question.places),
-                hint='a wider step, or kind = "analogue"',
-                path=("question", number, "step"),
-            )
+            where, hint = f"question {question.name}, step", 'a wider step, or kind = "analogue"'
+            rule = f"a scale must have at most {MOST_STEPS} steps, for the participant's screen"
+            path: Path = ("question", number, "step")
+            yield Problem(where, rule, str(question.places), hint, path)
             unsound.add(number)
     sound = [question for at, question in enumerate(study.question) if at not in unsound]
     shown = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
@@ -126,13 +121,8 @@ def fit_problems(study: Study) -> Iterator[Problem]:
         wording = participant_texts.study_wording(study, code)
         for text, hint in misfits(shown, wording):
             path = _path(study, wording, text)
-            yield Problem(
-                where=dotted(path) if path else f"the text in {code}",
-                rule="a text must fit its place on the participant's screen",
-                value=repr(text),
-                hint=hint,
-                path=path,
-            )
+            where = dotted(path) if path else f"the text in {code}"
+            yield Problem(where, _FITS, repr(text), hint, path)
 
 
 def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
@@ -169,8 +159,6 @@ def study_window(
     shown, readable_s = foreseen(study, consent), study.timing.readable_s
     # The consent's reference is known only now, so that it could not be checked with the study.
     for text, hint in misfits(shown, settings.wording):
-        raise BadInput(
-            f"a text must fit its place on the participant's screen, got {text!r}; {hint}"
-        )
+        raise BadInput(f"{_FITS}, got {text!r}; {hint}")
     settings = replace(settings, readable_s=readable_s, foreseen=shown)
     return participant_window([*touchbeam, "participant-window"], settings, say=say)

@@ -83,9 +83,7 @@ class Dialect:
 
     def answer(self, line: str) -> str | None:
         """Return what is answered to `line`, None if nothing."""
-        answers = [
-            self._answered(message.header, message.argument) for message in scpi.messages(line)
-        ]
+        answers = [self._answered(*message) for message in scpi.messages(line)]
         said = [answer for answer in answers if answer is not None]
         return ";".join(said) if said else None
 

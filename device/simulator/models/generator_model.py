@@ -280,10 +280,7 @@ class GeneratorDialect(Dialect):
         def apply(call: Call) -> None:
             self.of(call).function = scpi.choice(word, (word,))
             values = scpi.split_outside_quotes(call.argument, ",")
-            setters: tuple[Handler, ...] = (
-                *(self._set_frequency, self._set_amplitude, self._set_offset),
-                set_phase,
-            )
+            setters = [self._set_frequency, self._set_amplitude, self._set_offset, set_phase]
             # Noise has no frequency, and a constant voltage neither that nor an amplitude.
             if word == "NOISe":
                 setters = setters[1:]

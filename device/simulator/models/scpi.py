@@ -113,14 +113,6 @@ _TOKENS = {"[": "(?:", "]": ")?", ":": ":", "?": r"\?", "#": r"(\d*)"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Message:
-    """One command of a program message: its whole header, `?` included, and its argument."""
-
-    header: str
-    argument: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class Call:
     """A command that was understood: its argument and the channel in its header."""
 
@@ -132,13 +124,13 @@ Handler = Callable[[Call], str | None]
 
 
 @lru_cache(maxsize=1000)
-def messages(line: str) -> tuple[Message, ...]:
-    """Return the commands of a compound `line` in order, each with its path from the root.
+def messages(line: str) -> tuple[tuple[str, str], ...]:
+    """Return header and argument of each command of a compound `line`, with the path from the root.
 
     A header goes on where the one before it stopped, unless it begins with a colon; common
     commands (`*OPC?`) leave the path as it is.
 
-    >>> [message.header for message in messages("VOLT:LIM 100;RAMP 50;*OPC?;:FREQ?")]
+    >>> [header for header, _ in messages("VOLT:LIM 100;RAMP 50;*OPC?;:FREQ?")]
     ['VOLT:LIM', 'VOLT:RAMP', '*OPC?', 'FREQ?']
     """
     commands, path = [], ""
@@ -148,7 +140,7 @@ def messages(line: str) -> tuple[Message, ...]:
         if not header.startswith("*"):
             header = header[1:] if header.startswith(":") else path + header
             path = header[: header.rfind(":") + 1]
-        commands.append(Message(header=header, argument=argument.strip()))
+        commands.append((header, argument.strip()))
     return tuple(commands)
 
 

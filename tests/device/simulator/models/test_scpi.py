@@ -31,7 +31,7 @@ from device.simulator.models.scpi import (
     ],
 )
 def test_a_header_goes_on_where_the_last_one_stopped(line: str, headers: list[str]) -> None:
-    assert [message.header for message in messages(line)] == headers
+    assert [header for header, _ in messages(line)] == headers
 
 
 def test_quotes_hold_separators() -> None:

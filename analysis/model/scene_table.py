@@ -165,21 +165,25 @@ def _numbers(
 ) -> FloatArray:
     """Return a column of numbers; blank cells and the column's word take its default."""
     if isinstance(cells, np.ndarray):
-        given, values = ~np.isnan(cells), cells.astype(np.float64)
-        values[~given] = column.default
+        values = cells.astype(np.float64)
+        blank = np.isnan(values)
+        values[blank] = column.default
+        given = np.flatnonzero(~blank)
     else:
-        given = np.array([bool(cell) and cell != column.word for cell in cells], dtype=np.bool_)
+        given = np.flatnonzero([bool(cell) and cell != column.word for cell in cells])
         values = np.full(len(cells), column.default, dtype=np.float64)
-        for row in np.flatnonzero(given):
+        for row in given:
             if (number := _number(cells[row])) is None:
                 raise bad_cell(source, lines[row], name, column.rule, cells[row])
             values[row] = number
-    # Blank cells are checked as .5, a value that never counts because `given` excludes it.
-    wrong = np.flatnonzero(given & ~column.keeps(np.where(given, values, 0.5)))
+    if not given.size:
+        return values
+    checked = values if given.size == values.size else values[given]
+    wrong = given[~column.keeps(checked)]
     if wrong.size:
         raise bad_cell(source, lines[wrong[0]], name, column.rule, str(cells[wrong[0]]))
     low, high = column.reach
-    beyond = np.flatnonzero(given & (values != 0) & ~((values >= low) & (values <= high)))
+    beyond = given[(checked != 0) & ~((checked >= low) & (checked <= high))]
     if beyond.size:
         # The message must not forbid a 0 that the column's own rule allows.
         zero = "be 0 or " if column.keeps(np.zeros(1))[0] else ""
@@ -256,6 +260,7 @@ def _table(
         if isinstance(column, WordColumn):
             words[name] = _words(source, name, column, cells, lines)
         else:
-            own = replace(column, default=(defaults or {}).get(name, column.default))
-            numbers[name] = _numbers(source, name, own, cells, lines)
+            if defaults and name in defaults:
+                column = replace(column, default=defaults[name])  # noqa: PLW2901 - for this table
+            numbers[name] = _numbers(source, name, column, cells, lines)
     return SceneTable(source=source, lines=lines, numbers=numbers, words=words)

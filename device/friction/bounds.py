@@ -87,24 +87,31 @@ def _bins(beam: Beam, frequency_hz: modes.FloatArray) -> modes.IndexArray:
 
 
 def _terms(
-    batch: model.Batch, same_direction: Range, tip_speed: Range, inertia_n_per_m: Range
+    batch: model.Batch,
+    choice: model.LawChoice,
+    same_direction: Range,
+    tip_speed: Range,
+    inertia_n_per_m: Range,
 ) -> ContactTerms:
     """Return the ranges as a law's terms, by (2) to (5) of mathematics/friction.
 
-    `tip_speed` is per metre of lever, and `inertia_n_per_m` the load per metre of (1) there.
+    `tip_speed` is per metre of lever, and `inertia_n_per_m` the load per metre of (1) there. What
+    no corner needs has no range: the opposing part, and f_p/(uf) or p, whichever the law leaves.
     """
     contact = batch.contact
     reference = rungs.reference_tip_speed_m_s(rungs.TOP_RUNG)
     factor = contact.lever_m / contact.sliding_speed_m_s * (REFERENCE_SPEED_M_S / reference)
-    per_metre = 1.0 / contact.load_n_per_m
-    printed = contact.covered_m / (contact.body_count * contact.body_load_n)
+    if choice.law.as_printed:
+        inertia = inertia_n_per_m * (contact.covered_m / (contact.body_count * contact.body_load_n))
+    else:
+        inertia = inertia_n_per_m * (1.0 / contact.load_n_per_m)
     return ContactTerms(
         friction_coefficient=np.asarray(contact.friction_coefficient),
         same_direction=same_direction,
-        opposing=1.0 - same_direction[::-1],
+        opposing=same_direction,
         relative_tip_speed=tip_speed * factor,
-        inertial_ratio=inertia_n_per_m * per_metre,
-        printed_inertial_ratio=inertia_n_per_m * printed,
+        inertial_ratio=inertia,
+        printed_inertial_ratio=inertia,
     )
 
 
@@ -127,12 +134,17 @@ def _window_ranges(batch: model.Batch, top: Mapping[str, modes.FloatArray]) -> t
     slack = (top["slack_before_m"].take(last) - top["slack_before_m"].take(first)) / width
     area_m = between(np.linspace(0.0, length_m, top["area_m"].size), top["area_m"])
     reach = 2 * top["area_slack_m"]  # (4): the area is off at both ends of the window
-    mean = np.stack([np.maximum(area_m - reach, 0.0), area_m + reach]) / width
-    return _part_about(part, slack), mean
+    mean = _between(area_m - reach, area_m + reach, math.inf)
+    mean /= width
+    return _between(part - slack, part + slack, 1.0), mean
 
 
-def _part_about(part: modes.FloatArray, slack: modes.FloatArray) -> Range:
-    return np.stack([np.maximum(part - slack, 0.0), np.minimum(part + slack, 1.0)])
+def _between(low: modes.FloatArray, high: modes.FloatArray, most: float) -> Range:
+    """Return the range from `low` to `high`, as far as it lies in [0, most]."""
+    found = np.empty((2, low.size))
+    np.maximum(low, 0.0, out=found[0])
+    np.minimum(high, most, out=found[1])
+    return found
 
 
 def _same_direction(batch: model.Batch, right: Range) -> Range:
@@ -143,7 +155,7 @@ def _same_direction(batch: model.Batch, right: Range) -> Range:
     return right if batch.contact.direction == "right" else 1.0 - right[::-1]
 
 
-def resonant_terms(batch: model.Batch) -> ContactTerms:
+def resonant_terms(batch: model.Batch, choice: model.LawChoice) -> ContactTerms:
     """Return the ranges for scenes driven at the resonance of a mode in the table."""
     top, beam, mode = _resonance(batch.mode), batch.beam, batch.mode
     omega = 2 * math.pi * modes.natural_frequency_hz(beam, mode)
@@ -158,13 +170,14 @@ def resonant_terms(batch: model.Batch) -> ContactTerms:
     inertia = omega**2 * displacement_m * batch.contact.body_mass_kg / math.pi
     return _terms(
         batch,
+        choice,
         _same_direction(batch, right),
         np.multiply.outer(top["speed_ratio"], speed),
         np.multiply.outer(top["inertia_ratio"], inertia) * mean,
     )
 
 
-def driven_terms(batch: model.Batch) -> ContactTerms:
+def driven_terms(batch: model.Batch, choice: model.LawChoice) -> ContactTerms:
     """Return the ranges for scenes driven at a given frequency: any direction, bounded motion."""
     envelope, scale = _table()["envelope"], batch.beam.frequency_scale
     bins = _bins(batch.beam, batch.frequency_hz)
@@ -176,7 +189,7 @@ def driven_terms(batch: model.Batch) -> ContactTerms:
     def up_to(most: modes.FloatArray | float) -> Range:
         return np.stack([np.zeros(batch.size), np.broadcast_to(most, batch.size)])
 
-    return _terms(batch, _same_direction(batch, up_to(1.0)), up_to(speed), up_to(inertia))
+    return _terms(batch, choice, _same_direction(batch, up_to(1.0)), up_to(speed), up_to(inertia))
 
 
 def _corner(terms: ContactTerms, end: int) -> ContactTerms:
@@ -193,7 +206,8 @@ def _corner(terms: ContactTerms, end: int) -> ContactTerms:
 
 def top_rung_range(batch: model.Batch, choice: model.LawChoice, *, resonant: bool) -> Range:
     """Return the range of the top rung's μ' by a law with extremes at corners, all certified."""
-    return _law_range(resonant_terms(batch) if resonant else driven_terms(batch), batch, choice)
+    terms = (resonant_terms if resonant else driven_terms)(batch, choice)
+    return _law_range(terms, batch, choice)
 
 
 def _law_range(terms: ContactTerms, batch: model.Batch, choice: model.LawChoice) -> Range:
@@ -203,7 +217,10 @@ def _law_range(terms: ContactTerms, batch: model.Batch, choice: model.LawChoice)
         terms = replace(terms, same_direction=np.broadcast_to(ratio, (2, batch.size)))
     # (1): in s either end may be the extreme. As rows, so that the rest is computed once for both.
     lowest, highest = (np.atleast_2d(choice.law(_corner(terms, end))) for end in (0, 1))
-    return np.stack([lowest.min(axis=0), highest.max(axis=0)])
+    found = np.empty((2, batch.size))
+    np.minimum(lowest[0], lowest[-1], out=found[0])
+    np.maximum(highest[0], highest[-1], out=found[1])
+    return found
 
 
 _ROUNDING_M = (
@@ -235,7 +252,9 @@ def reduced_prediction(
     inertia = (area_m + _ROUNDING_M) / np.maximum(width * window.mean, 1e-300)
     ranges = replace(
         terms,
-        same_direction=_same_direction(batch, _part_about(window.right, slack)),
+        same_direction=_same_direction(
+            batch, _between(window.right - slack, window.right + slack, 1.0)
+        ),
         relative_tip_speed=_around(terms.relative_tip_speed, speed),
         inertial_ratio=_around(terms.inertial_ratio, inertia),
         printed_inertial_ratio=_around(terms.printed_inertial_ratio, inertia),

@@ -96,6 +96,7 @@ def moving(standard_m: float, *places_m: float) -> Study:
 def test_a_track_may_move_to_the_end_of_the_beam() -> None:
     assert list(reach_problems(moving(END_M, 0.01, 0.05))) == []
     assert list(reach_problems(moving(0.01, 0.05, END_M))) == []
+    assert list(reach_problems(moving(0.01))) == [], "its levels are refused elsewhere"
 
 
 def test_levels_and_standard_of_a_track_beyond_the_end_are_named() -> None:

@@ -119,10 +119,11 @@ def test_a_whole_session_must_not_need_more_beam_swaps_than_its_plan() -> None:
     study = small(4, beams=2, group_by_beam="session", order="random")
     planned = plan(study, slot=0)
     first, second, third, fourth = (trial.index for trial in planned.trials)
-    (found,) = order_problems(study, planned, [first, fourth, second, third])
-    assert (found.rule, found.value) == ("there must be at most 1 beam swaps", "2")
+    blocks, swaps = order_problems(study, planned, [first, fourth, second, third])
+    assert (swaps.rule, swaps.value) == ("there must be at most 1 beam swaps", "2")
     # What is left of a session may need any number.
-    assert order_problems(study, planned, [first, fourth, second]) == []
+    (found,) = order_problems(study, planned, [first, fourth, second])
+    assert found.rule == blocks.rule == "blocks must follow one another"
 
 
 def test_a_catch_trial_never_becomes_the_first_of_a_session() -> None:

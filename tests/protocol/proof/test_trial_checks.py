@@ -135,6 +135,14 @@ def test_equal_neighbours_are_detected() -> None:
     assert rules == ["a condition must not come more than 1 x in a row"]
 
 
+def test_another_order_than_the_fixed_one_is_detected() -> None:
+    fixed, free = (small(3, order=order) for order in ("fixed", "random"))
+    plans = [plan(free, slot) for slot in range(6)]
+    found = {problem.rule for one in plans for problem in plan_problems(fixed, one)}
+    assert found == {"a fixed order must be that of the study file"}
+    assert plan_problems(fixed, plan(fixed, slot=0)) == []
+
+
 def test_scattered_beams_are_detected() -> None:
     free, grouped = (
         small(3, beams=2, repeats=2, **design)

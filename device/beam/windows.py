@@ -145,8 +145,8 @@ class ModeSums(Sums):
         right = self.slope.take(piece)
         right *= x_m
         right += self.offset_m.take(piece)
-        total, xi = self.rest_m.take(piece), x_m / self.length_m
-        wave = c.root * xi if low else phase(c, xi, 0.0)
+        total = self.rest_m.take(piece)
+        wave = x_m * (c.root / self.length_m) if low else phase(c, x_m / self.length_m, 0.0)
         if self.near_m is not None:
             clamp, tip = (weight.take(piece) for weight in self.near_m)
             if low:  # one exponential gives the other
@@ -154,8 +154,8 @@ class ModeSums(Sums):
                 clamp /= grown
                 tip *= grown
             else:
-                clamp *= np.exp(-c.root * xi)
-                tip *= np.exp(-c.root * (1.0 - xi))
+                clamp *= np.exp(-c.root * (x_m / self.length_m))
+                tip *= np.exp(-c.root * (1.0 - x_m / self.length_m))
             total += clamp
             total += tip
         wave -= self.lag.take(piece)
@@ -233,11 +233,13 @@ def _settle_narrow(
         return
     ends = end_m.take(narrow)
     clamped = ends == width_m.take(narrow)
+    if clamped.all():
+        mean[narrow] = _clamp_mean(here.order, ends / here.length_m)
+        return
     mean[narrow[clamped]] = _clamp_mean(here.order, ends[clamped] / here.length_m)
-    if not clamped.all():
-        rest = narrow[~clamped]
-        right[rest] = _narrow_right(here, end_m[rest], width_m[rest])
-        mean[rest] = _narrow_mean(here, end_m[rest], width_m[rest])
+    rest = narrow[~clamped]
+    right[rest] = _narrow_right(here, end_m[rest], width_m[rest])
+    mean[rest] = _narrow_mean(here, end_m[rest], width_m[rest])
 
 
 def _narrow_right(here: Zones, end_m: FloatArray, width_m: FloatArray) -> FloatArray:

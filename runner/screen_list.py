@@ -146,7 +146,6 @@ def _screens() -> list[Any]:
 
 
 def _numbered(number: int, screen: Any) -> tuple[Any, Any]:
-    """Return a window that covers `screen`, and the label with its number."""
     width, height = screen.width, screen.height
     window = pyglet.window.Window(width, height, screen=screen, style="borderless")
     window.set_location(screen.x, screen.y)

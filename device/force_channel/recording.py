@@ -12,8 +12,6 @@ from typing import Protocol
 from device.errors import DeviceError, ProtocolError
 from protocol.journal import records as recordings
 
-# The source's clock on the host's: the offset by the shortest of several round trips.
-
 QUERIES = 5
 """How often the clock is asked at either end of a recording."""
 
@@ -27,7 +25,6 @@ class ClockOffset:
 
     @property
     def offset_s(self) -> float:
-        """The middle of the range, s."""
         return (self.low_s + self.high_s) / 2
 
     @property
@@ -54,8 +51,6 @@ def throughout(offsets: Sequence[ClockOffset]) -> ClockOffset:
         high_s=max(offset.high_s for offset in offsets),
     )
 
-
-# What the force channel gives: the samples of one recording, and the newest forces.
 
 CHANNELS = len(recordings.CHANNELS)
 FULL_SCALE = recordings.FULL_SCALE
@@ -184,8 +179,6 @@ def little_endian(counts: "array[int]") -> bytes:
         counts.byteswap()
     return counts.tobytes()
 
-
-# A recording while it grows: blocks in their order, at their rate, none lost and none doubled.
 
 SILENT_S = 0.5
 """How long a source that was started may give no samples."""
@@ -375,16 +368,7 @@ class Recorder:
         if max(map(abs, block.counts)) >= FULL_SCALE:
             rows = zip(*parts, strict=True)
             self._saturated += sum(max(map(abs, row)) >= FULL_SCALE for row in rows)
-        self.latest = self._means(block, parts)
-
-    def _means(self, block: Block, parts: list["array[int]"]) -> Forces:
-        means = [
-            sum(part) / len(part) * size for part, size in zip(parts, self._scale, strict=True)
-        ]
-        end_s = block.first_s + block.count / self._rate_hz
-        return Forces(
-            at_s=end_s + self._offset.offset_s,
-            tangential_n=means[0],
-            normal_n=means[1],
-            position_m=means[2],
-        )
+        sizes = zip(parts, self._scale, strict=True)
+        means = [sum(part) / len(part) * size for part, size in sizes]
+        at_s = block.first_s + block.count / self._rate_hz + self._offset.offset_s
+        self.latest = Forces(at_s=at_s, **dict(zip(recordings.CHANNELS, means, strict=True)))

@@ -240,8 +240,6 @@ def beyond(kind: Kind, people: People) -> FloatArray:
     return np.asarray(getattr(people, f"beyond_{kind}"))
 
 
-# A virtual finger: how hard, how fast and where it touches, and when it feels.
-
 _SLIDE = np.linspace(0.0, 1.0, 25)
 _HOLD = np.array([0.0, 1.0])
 TOUCH_NUMBERS = 2

@@ -195,8 +195,6 @@ def normal_quantile(u: FloatArray) -> FloatArray:
     return np.asarray(ndtri(u))
 
 
-# The world that virtual people touch: a beam's law, rung and hidden properties, and their skin.
-
 MODE = 6
 BODY_HEIGHT_M = 1e-3
 
@@ -265,9 +263,6 @@ def felt_friction(
     # The sign is kept apart: the printed law can give friction below 0, which has no such power.
     size = np.abs(driven / resting) ** fingers.skin
     return np.asarray(fingers.mu0 * resting * np.copysign(size, driven))
-
-
-# Populations to draw virtual persons from; the default one scores as the people of Table 4.
 
 
 class Distribution(Protocol):

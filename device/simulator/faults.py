@@ -83,13 +83,6 @@ FAULTS = (
 )
 NAMES = tuple(fault.name for fault in FAULTS)
 
-WRONG_IDN = "ACME,Toaster 3000,0,1.0"
-KEPT_OF_SET = 0.9
-SHOWN_BY_MONITOR = 0.5
-TOO_MUCH = 2.0
-SHORTED_V = 150.0
-OTHER_HZ = 99_000.0
-DRIFT_FACTOR = 100.0
 _ERROR = ScpiError(-310, "System error")
 
 
@@ -107,20 +100,20 @@ class Broken:
         instrument, dialect = self.instrument, self.dialect
         self.active: set[str] = set()
         self._settings: dict[str, tuple[object, str, object]] = {
-            "read-back-differs": (instrument, "set_gain", KEPT_OF_SET),
+            "read-back-differs": (instrument, "set_gain", 0.9),
             "endless-errors": (dialect.status, "always", (_ERROR.code, _ERROR.text)),
             "over-temperature": (instrument, "hot", True),
             "gauge-wrong-unit": (self.gauge, "unit", "gf"),
             "sensor-saturated": (self.beam, "is_saturated", True),
-            "sensor-drifts": (self.beam, "drift_factor", DRIFT_FACTOR),
-            "monitor-wrong": (self.beam, "monitor_gain", SHOWN_BY_MONITOR),
-            "scale-wrong": (instrument, "scale", TOO_MUCH),
+            "sensor-drifts": (self.beam, "drift_factor", 100.0),
+            "monitor-wrong": (self.beam, "monitor_gain", 0.5),
+            "scale-wrong": (instrument, "scale", 2.0),
             "watchdog-dead": (instrument, "watchdog_dead", True),
-            "wrong-idn": (dialect, "idn", WRONG_IDN),
+            "wrong-idn": (dialect, "idn", "ACME,Toaster 3000,0,1.0"),
             "off-ignored": (instrument, "off_ignored", True),
             "relay-stuck": (instrument, "relay_stuck", True),
-            "stage-shorted": (instrument, "left_v", SHORTED_V),
-            "peak-to-peak": (instrument, "stage_gain", TOO_MUCH),
+            "stage-shorted": (instrument, "left_v", 150.0),
+            "peak-to-peak": (instrument, "stage_gain", 2.0),
         }
         """What has another value while a fault is on: whose, which one, and the value."""
         self._sound = {
@@ -134,9 +127,7 @@ class Broken:
                 "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
                 "limits-lost": lambda: setattr(instrument, "limit_v", MAX_VOLTAGE_V),
                 "samples-lost": self.gauge.sampler.lose,
-                "frequency-changed": lambda: vars(instrument).update(
-                    sweep=None, frequency_hz=OTHER_HZ
-                ),
+                "frequency-changed": lambda: vars(instrument).update(sweep=None, frequency_hz=99e3),
                 "panel-on": self._press_output,
             },
             dialect.happenings(),

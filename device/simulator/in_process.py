@@ -88,7 +88,6 @@ class InProcessDevice(BeamControl):
             self.happen()
 
     def happen(self) -> None:
-        """Do what is due now."""
         self._server.step()
         if self._gauge_line.to_device.waiting:
             self._gauge.serve()

@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 from types import FrameType
@@ -79,8 +80,6 @@ def _lines(buffer: LineBuffer, received: bytes | None, overrun: Callable[[], Non
         overrun()
         return []
 
-
-# The device's own end of the wire: lines in, answers out, and what faults do to both.
 
 LATE_S = 0.6
 DRIP_S = 0.05
@@ -196,23 +195,18 @@ TICK_S = 0.01
 _OVERRUN = ScpiError(-363, "Input buffer overrun")
 
 
+@dataclass
 class Server:
     """A device on a line, with a door for hands."""
 
-    def __init__(
-        self,
-        device: SimulatedDevice,
-        line: Line,
-        door: ControlDoor | None,
-        wall_s: Callable[[], float] = time.monotonic,
-        gauge: GaugeLine | None = None,
-    ) -> None:
-        self._gauge = gauge
-        self._device = device
-        self._line = line
-        self._door = door
-        self._wall_s = wall_s
-        self._wire = Wire(line, device.broken.active, wall_s)
+    device: SimulatedDevice
+    line: Line
+    door: ControlDoor | None
+    wall_s: Callable[[], float] = time.monotonic
+    gauge: GaugeLine | None = None
+
+    def __post_init__(self) -> None:
+        self._wire = Wire(self.line, self.device.broken.active, self.wall_s)
         self._buffer = LineBuffer()
         self._there = True
         self._announced: set[str] = set()
@@ -222,38 +216,38 @@ class Server:
 
         `orphaned` says whether who started us is gone: a host may never come.
         """
-        gone, instrument = False, self._device.instrument
+        gone, instrument = False, self.device.instrument
         while keep or not gone or (instrument.output and instrument.watchdog_s is not None):
             self._wait(listening=not gone)
             gone = self.step() or orphaned()
-            if self._gauge is not None:
-                self._gauge.serve()
-            if self._door is not None:
-                self._door.serve(self.answer_control)
+            if self.gauge is not None:
+                self.gauge.serve()
+            if self.door is not None:
+                self.door.serve(self.answer_control)
 
     def step(self) -> bool:
         """Do what is due now; return whether the host is gone."""
         gone = self._hear()
-        self._device.instrument.watch(self._wall_s())
+        self.device.instrument.watch(self.wall_s())
         self._wire.wait()
         return gone
 
     def idle_s(self, longest_s: float) -> float:
         """Return how long nothing is due, `longest_s` at most."""
-        left_s = self._device.instrument.silence_left_s(self._wall_s())
+        left_s = self.device.instrument.silence_left_s(self.wall_s())
         return self._wire.idle_s(longest_s if left_s is None else min(max(left_s, 0.0), longest_s))
 
     def answer_control(self, line: str) -> str:
         """Do what a hand asks for; it is done when this returns."""
-        answer = self._device.answer_control(line)
-        present = "vanish" not in self._device.broken.active
-        self._there = _is_there(self._line, self._there, present)
-        if (gauge := self._gauge) is not None:
-            present = "gauge-vanish" not in self._device.broken.active
+        answer = self.device.answer_control(line)
+        present = "vanish" not in self.device.broken.active
+        self._there = _is_there(self.line, self._there, present)
+        if (gauge := self.gauge) is not None:
+            present = "gauge-vanish" not in self.device.broken.active
             gauge.there = _is_there(gauge.line, gauge.there, present)
         # A device that starts may have something to say.
-        starting = self._device.broken.active & {"banner", "brown-out"}
-        banner = self._device.dialect.banner
+        starting = self.device.broken.active & {"banner", "brown-out"}
+        banner = self.device.dialect.banner
         if starting - self._announced and banner and self._there:
             self._wire.send(banner.encode("ascii") + b"\n")
         self._announced = starting
@@ -261,12 +255,12 @@ class Server:
 
     def _wait(self, *, listening: bool) -> None:
         """Wait until something happens or is due, a tick at most; a line that hung up is nobody."""
-        faults = self._device.broken.active
+        faults = self.device.broken.active
         listening = listening and self._there and "deaf" not in faults
-        sources: list[Any] = [self._line] if listening else []
-        sources += self._door.sockets() if self._door else []
-        if self._gauge and self._gauge.there and not self._gauge.gone:
-            sources.append(self._gauge.line)
+        sources: list[Any] = [self.line] if listening else []
+        sources += self.door.sockets() if self.door else []
+        if self.gauge and self.gauge.there and not self.gauge.gone:
+            sources.append(self.gauge.line)
         if sources:
             select.select(sources, [], [], self.idle_s(TICK_S))
         else:  # Windows cannot wait for nothing
@@ -274,13 +268,13 @@ class Server:
 
     def _hear(self) -> bool:
         """Answer what came; return whether the host is gone."""
-        if not self._there or "deaf" in self._device.broken.active:
+        if not self._there or "deaf" in self.device.broken.active:
             return False
-        received = self._line.receive()
+        received = self.line.receive()
         heard = self._wire.heard(received) if received else received
-        complain = self._device.dialect.status.complain
+        complain = self.device.dialect.status.complain
         for line in _lines(self._buffer, heard, lambda: complain(_OVERRUN)):
-            answer = self._device.answer_bytes(line, self._wall_s())
+            answer = self.device.answer_bytes(line, self.wall_s())
             if answer is not None:
                 self._wire.reply(line.decode("ascii", "replace"), answer)
         return received is None

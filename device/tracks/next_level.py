@@ -56,9 +56,6 @@ def levels_of(
     return tuple(found)
 
 
-# The same, of answers as a journal has them.
-
-
 def counted(answers: Iterable[TrackAnswer]) -> tuple[Answer, ...]:
     """Return the answers from which the next level follows: not those of catch and easy trials."""
     return tuple(

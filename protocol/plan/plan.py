@@ -202,8 +202,6 @@ def _broken(study: Study, order: Sequence[Trial]) -> int:
     return sum(long_runs) + sum(close) + sum(misplaced)
 
 
-# The plan of a sliding experiment: its passes in random order, references spread among them.
-
 DEFAULT_RATE_HZ = 1_000
 
 

@@ -18,8 +18,6 @@ from protocol.study.study import Study
 from protocol.study.touch import Touch, slew_v_per_us
 from protocol.study_file.limits import max_resonance_hz
 
-# Sessions of other lengths: how many repeats a study could have, and how long they take.
-
 
 @dataclass(frozen=True, kw_only=True)
 class SessionLength:

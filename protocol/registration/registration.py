@@ -247,9 +247,6 @@ def require_known(name: str, known: Iterable[str]) -> None:
     raise BadInput(f"no hypothesis {name!r}; there are {listed}{more}")
 
 
-# The proof that orders follow from a digest: each session's plan is drawn again and compared.
-
-
 def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> str:
     """Return why a session's trials are not those of its registration's digest; '' if they are.
 

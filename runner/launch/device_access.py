@@ -129,7 +129,6 @@ def gauge_address(force_channel: ForceChannel, url: str) -> str | None:
 
 
 def touchbeam_command() -> tuple[str, ...]:
-    """Return the command that starts the touchbeam of this environment."""
     return (str(Path(sys.executable).with_name("touchbeam")),)
 
 

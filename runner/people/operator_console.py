@@ -326,7 +326,6 @@ class PlainDisplay:
 
 
 def line_help(unit: PlanUnit = "trial") -> list[str]:
-    """Return the operator's orders as they are typed in lines."""
     keys = [(key, said_of(unit, long)) for key, _, long in EXPLAINED if key != "?"]
     return [
         "For the operator: a line that begins with a colon is an order.",
@@ -406,15 +405,15 @@ class OperatorConsole:
         self._view = view
         # Kept in the log, because the next view comes soon and has no warning.
         if view.warning:
-            self._add(f"warning: {view.warning}")
-        self._redraw()
+            self.notify(f"warning: {view.warning}")
+        else:
+            self._redraw()
 
     def pausing(self, wanted: bool) -> None:
         self._told.pausing = wanted
         unit = self._view.unit if self._view else "trial"
-        self.notify(
-            f"pausing before the next {unit}" if wanted else "no pause: the session goes on"
-        )
+        coming = f"pausing before the next {unit}"
+        self.notify(coming if wanted else "no pause: the session goes on")
 
     def participant_called(self) -> None:
         """Show that the participant calls, until the operator answers the call."""
@@ -422,11 +421,8 @@ class OperatorConsole:
         self.notify("the participant is calling you (Escape)")
 
     def notify(self, text: str) -> None:
-        self._add(text)
-        self._redraw()
-
-    def _add(self, text: str) -> None:
         self._told.messages += ((self.time_of_day(), text),)
+        self._redraw()
 
     def _listen(self) -> None:
         characters = self.typed(bool(self._told.question))

@@ -43,6 +43,7 @@ _MEASURE = Console(file=io.StringIO())
 """Needed by rich to wrap a text; nothing is printed on it."""
 
 
+@dataclass
 class LiveDisplay:
     """The terminal's whole screen.
 
@@ -50,15 +51,11 @@ class LiveDisplay:
     in the place of bars, plan and log.
     """
 
-    def __init__(
-        self,
-        reading: Callable[[], Reading | None],
-        forces: Callable[[], Forces | None] = lambda: None,
-        picture: Picture | None = None,
-    ) -> None:
-        self._reading = reading
-        self._forces = forces
-        self._picture = picture
+    reading: Callable[[], Reading | None]
+    forces: Callable[[], Forces | None] = lambda: None
+    picture: Picture | None = None
+
+    def __post_init__(self) -> None:
         self._began_s = self._said_s = time.monotonic()
         self._frame: Frame | None = None
         self._wake = threading.Event()
@@ -132,15 +129,15 @@ class LiveDisplay:
     def _lines(self, frame: Frame, console: Console) -> list[Text]:
         now_s = time.monotonic()
         moment = Instant(
-            reading=self._reading(),
+            reading=self.reading(),
             now_s=now_s,
             said_s=self._said_s,
             elapsed_s=now_s - self._began_s,
             clock=time.strftime("%H:%M:%S"),
             until=time.strftime("%H:%M", time.localtime(time.time() + frame.view.left_s)),
-            forces=self._forces(),
+            forces=self.forces(),
         )
-        return screen_lines(frame, moment, console.width, console.height, self._picture)
+        return screen_lines(frame, moment, console.width, console.height, self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,7 +273,6 @@ def _friction(view: OperatorView, forces: Forces | None) -> float | None:
 
 
 def _advice(aim: Aim | None, force_n: float | None) -> str:
-    """Return what the participant should do with the force."""
     if aim is None or force_n is None:
         return ""
     low_n, high_n = aim.force_range_n
@@ -297,7 +293,6 @@ class Scale(NamedTuple):
 
 
 def _row(label: str, value: float | None, remark: str, scale: Scale, length: int) -> Text:
-    """Return the line of a figure, with a bar of this `length`."""
 
     def written(figure: float) -> str:
         return scale.form.format(figure).replace("-0 ", "0 ")

@@ -195,7 +195,6 @@ class VirtualParticipant(screens.Participant):
         return felt
 
     def _numbers(self, purpose: str, width: int) -> FloatArray:
-        """Return the random numbers of the next touch or question."""
         # Numbered, so that a further question does not change what later touches are like.
         self._counts[purpose] += 1
         return uniforms(f"{purpose}/{self.name}", self._counts[purpose], width)[-1:]
@@ -254,7 +253,6 @@ class UntouchedBeam:
         self.touch(finger.force_n, finger.smooth_place_m, "right")
 
     def mount(self, beam: str) -> None:
-        """Note that the operator is to mount the study's beam `beam`."""
         self._beam = beam
 
     def touch(

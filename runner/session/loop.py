@@ -105,7 +105,6 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
 
 
 def _tell(context: SessionContext, given: events.Answered) -> None:
-    """Tell participants whether they were right, in tracks that say so."""
     answer = given.track
     if answer is None or answer.correct is None or answer.role == "catch":
         return
@@ -115,7 +114,6 @@ def _tell(context: SessionContext, given: events.Answered) -> None:
 
 
 def _resume(context: SessionContext) -> None:
-    """Record that the session is resumed, unless it has just been opened."""
     log, session = context.log, context.session
     if context.opened_now:
         return
@@ -223,9 +221,6 @@ def renew_practice(context: SessionContext) -> None:
     lacking = bool(recent) and sum(recent) < rules.practise_until
     if is_over and lacking and state.practice_rounds < rules.practice_rounds:
         context.log.append(events.PracticeRenewed(indices=tuple(practice)))
-
-
-# Checks before a session starts or resumes: same study, same kind, intact chain, not too old.
 
 
 def require_resumable(

@@ -15,8 +15,6 @@ from runner.screens import Pacing
 from runner.session.session import SessionContext, Zero
 from runner.session.waiting import wait
 
-# The force channel in a session: its zero before each touch, and what each touch recorded.
-
 DRIFT_N = 0.02
 """A zero that moved further within a minute is told: twice the drift of a usual sensor."""
 TOUCHED_N = 0.1
@@ -65,7 +63,6 @@ def _moved_n(now_n: tuple[float, float], before_n: tuple[float, float]) -> float
 
 
 def begin(context: SessionContext) -> None:
-    """Record the force channel from now on, if the study says so."""
     if (rate_hz := context.session.study.force_channel.rate_hz) is not None:
         context.device.record(rate_hz, context.clock.monotonic_s)
 
@@ -107,9 +104,6 @@ def means(samples: Samples, within_s: Sequence[float] = ()) -> tuple[float, floa
         return None
     tangential, normal = (counts[:2, low:high].mean(axis=1) * samples.scale[:2]).tolist()
     return tangential, normal
-
-
-# Compliance with the touch instruction: the finger's position, movement, speed and force.
 
 
 def samples_of(read_back: records.ReadBack) -> list[records.TraceSample]:

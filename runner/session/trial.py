@@ -25,8 +25,6 @@ from runner.session.setup import mount
 from runner.session.track_levels import answered
 from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 
-# Questions to the participant, among them the study's own, and the study's own pages.
-
 Due = tuple[When, int | None, StudyQuestion]
 """When a question is asked, and after which block if it is asked after one."""
 
@@ -159,7 +157,10 @@ class _Stimulus:
         self.samples: list[records.TraceSample] = []
         self.pacing = screens.pacing(to_make, context.session.study.touch, interval)
         self._next_step_s = self._step_s
-        self._shows_finger = _shows_finger(context)
+        rule, running = context.session.study.as_instructed.feedback, context.log.state.trial
+        kinds = {trial.kind for trial in context.order if trial.index == running}
+        self._shows_finger = rule == "always" or (rule == "practice" and "practice" in kinds)
+        """Whether participants see their own finger in the running trial."""
 
     def deliver(self, start: Setpoint) -> tuple[float, float]:
         """Lead in at `start`, then run the touch with its ramp and sweep; leave the output on.
@@ -200,7 +201,6 @@ class _Stimulus:
         update_view(self._context, device=self._sample(keep=True))
 
     def _sample(self, *, keep: bool) -> records.ReadBack:
-        """Read back the drive and the finger; keep the read-back only if `keep`."""
         read_back = self._context.device.read_back()
         if keep:
             self.read_back.append(read_back)
@@ -247,13 +247,6 @@ class _Stimulus:
             # Never steeper than the rig's soft start.
             target = replace(target, ramp_v_per_s=min(slope, target.ramp_v_per_s))
         self._context.device.drive(target)
-
-
-def _shows_finger(context: SessionContext) -> bool:
-    """Return whether participants see their own finger in the running trial."""
-    feedback, running = context.session.study.as_instructed.feedback, context.log.state.trial
-    kinds = {trial.kind for trial in context.order if trial.index == running}
-    return feedback == "always" or (feedback == "practice" and "practice" in kinds)
 
 
 def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:

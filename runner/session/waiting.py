@@ -14,11 +14,8 @@ from runner.session.session import SessionContext
 from runner.session.track_levels import as_made, standing
 from runner.signals import raise_if_stopped
 
-# What participant and operator see of a running session.
-
 
 def show_page(context: SessionContext, screen: screens.Screen) -> None:
-    """Show `screen` to the participant, and tell the operator which page it is."""
     context.participant.show(screen)
     blind = context.session.study.session.blind_operator
     context.operator.page(screens.page_name(screen, blind=blind))
@@ -112,9 +109,6 @@ def _label(trial: Trial) -> str:
     return ", ".join([*parts, *["opposite order"] * trial.opposite])
 
 
-# The operator's orders: stop, repeat, pause, note.
-
-
 class StoppedByOperator(WorkFailed):
     """The operator stopped the session; it can be resumed."""
 
@@ -180,7 +174,6 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
 
 
 def _repeat(context: SessionContext) -> None:
-    """Repeat the running trial, unless it has just begun to be repeated."""
     state, unit = context.log.state, context.session.unit
     if state.trial is None:
         context.operator.notify(f"there is no running {unit} to repeat")
@@ -202,7 +195,6 @@ _Thing = TypeVar("_Thing")
 
 
 def wait_for(context: SessionContext, poll: Callable[[], _Thing | None]) -> _Thing:
-    """Tick until `poll` returns something other than None, and return it."""
     while (thing := poll()) is None:
         tick(context, TICK_S)
     return thing

@@ -94,7 +94,6 @@ def screen_of(message: Mapping[str, Any]) -> Screen:
 
 
 def press_message(inputs: Iterable[Input]) -> dict[str, Any]:
-    """Return the message that gives `inputs` to the window, in this order."""
     return {"press": [{"input": type(given).__name__, **vars(given)} for given in inputs]}
 
 

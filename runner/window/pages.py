@@ -30,8 +30,6 @@ from runner.window.elements import (
     framed,
 )
 
-# The sketch of the beam with the touch to make, and the marks that pace it.
-
 BEAM_M = Beam().length_m
 _LEFT, _LENGTH = -280.0, 600.0
 BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
@@ -103,8 +101,6 @@ def _mark(place_m: float, harder: bool) -> Page:
     tips = [((x, y), (x + 17, y + 26), (x - 17, y + 26)) for y in (26.0, 56.0)[: 1 + harder]]
     return (place, *(Outline(points=points, fill=ACCENT) for points in tips))
 
-
-# The participant's own finger on the page of a touch: where it is, and how hard it presses.
 
 _OWN_RADIUS = 9.0
 _BAR = Box(x=20, y=-196, width=360, height=26)
@@ -192,7 +188,6 @@ def targets(screen: screens.Screen) -> tuple[Target, ...]:
 
 
 def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
-    """Return the target at a point, or None."""
     return next((target for target in targets(screen) if target.box.holds(x, y)), None)
 
 

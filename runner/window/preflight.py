@@ -138,7 +138,6 @@ def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
 
 
 def _own_texts(study: Study, code: str) -> Iterator[tuple[str, Path]]:
-    """Yield each text of the study's own questions in a language, and its path."""
     for number, question in enumerate(study.question):
         path: Path = ("question", number)
         if code in question.text:

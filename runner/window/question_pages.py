@@ -271,7 +271,6 @@ _WIDE = {SPACE: 160.0, BACKSPACE: 160.0}
 
 
 def question_targets(screen: Ask) -> tuple[Target, ...]:
-    """Return the targets of a question: answers, a scale or keys, and the button."""
     question = screen.question
     confirm = Target(name="confirm", box=BUTTON, role="button")
     match question.form:
@@ -420,7 +419,6 @@ def by_key(question: StudyQuestion, now: Choice, key: Key | Typed, start: float 
 
 
 def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
-    """Return the choice after a press on an answer, or on a key on the screen."""
     match question.kind:
         case "choice":
             return Choice(chosen=target)

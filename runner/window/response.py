@@ -33,7 +33,6 @@ class PendingResponse:
     _held: bool = field(default=False, init=False)
 
     def take(self, given: Input, t_s: float) -> None:
-        """Apply `given`: change the choice or confirm it."""
         # A confirmed answer is on its way to the journal and cannot change any more.
         if self.answer is not None:
             return

@@ -28,8 +28,6 @@ from runner.window.pages import page, states, target_at, targets
 from runner.window.question_pages import Button, PageState, look
 from runner.window.response import PendingResponse
 
-# A screen while it is shown: its inputs, frame times and record.
-
 LATE = 1.5
 """A frame counts as dropped if its interval exceeds this many refresh intervals."""
 
@@ -102,7 +100,6 @@ class ShownScreen:
         return page(self.screen, view, wording)
 
     def record(self) -> dict[str, Any]:
-        """Return the screen's name, the time when it was first shown, and its frames."""
         return {
             "screen": _name(self.screen),
             "shown_s": self.shown_s[0] if self.shown_s else None,

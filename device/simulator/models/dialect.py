@@ -36,13 +36,11 @@ class Registers:
             self.errors[-1] = (-350, "Queue overflow")
 
     def next_error(self) -> tuple[int, str]:
-        """Take the oldest error out of the queue."""
         if self.always is not None:
             return self.always
         return self.errors.popleft() if self.errors else (0, "No error")
 
     def taken_events(self) -> int:
-        """Return the standard event register, and clear it."""
         events, self.events = self.events, 0
         return events
 
@@ -58,7 +56,6 @@ class Registers:
         self.events = 0
 
     def power_on(self) -> None:
-        """Begin anew: nothing of before is known."""
         self.clear()
         self.events = POWER_ON
         self.enabled_events = self.enabled_requests = 0
@@ -82,7 +79,6 @@ class Dialect:
         self._headers = scpi.Headers({**self._common(), **handlers}, channels)
 
     def answer(self, line: str) -> str | None:
-        """Return what is answered to `line`, None if nothing."""
         answers = [self._answered(*message) for message in scpi.messages(line)]
         said = [answer for answer in answers if answer is not None]
         return ";".join(said) if said else None

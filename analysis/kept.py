@@ -5,6 +5,7 @@ says it returns. Where it is kept, and for how long, decides the `Shelf` that is
 """
 
 import json
+import typing
 import zlib
 from base64 import b64decode, b64encode
 from collections import OrderedDict
@@ -13,18 +14,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from hashlib import sha256
 from types import FunctionType, NoneType, UnionType
-from typing import (
-    Any,
-    Literal,
-    ParamSpec,
-    Protocol,
-    TypeVar,
-    Union,
-    cast,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Any, ParamSpec, Protocol, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 
@@ -239,11 +229,11 @@ def _hint(function: Callable[..., Any]) -> Any:
 
 def _fits(value: Any, hint: Any) -> bool:
     """Return whether what was read is of type `hint`, and all that it contains."""
-    kind, inner = get_origin(hint) or hint, get_args(hint)
-    if kind in {UnionType, Union}:
+    kind, inner = typing.get_origin(hint) or hint, get_args(hint)
+    if kind in {UnionType, typing.Union}:
         return any(_fits(value, each) for each in inner)
-    if kind in {Any, Literal} or isinstance(kind, TypeVar):
-        return kind is not Literal or value in inner
+    if kind in {Any, typing.Literal} or isinstance(kind, TypeVar):
+        return kind is not typing.Literal or value in inner
     # numpy's numbers are kept as Python's, and a whole one may have been given for a float.
     if issubclass(kind, float):
         kind = int | float
@@ -269,7 +259,7 @@ def _returned(function: Callable[..., Any]) -> Records:
     while hints:
         hint = hints.pop()
         hints += get_args(hint)
-        hint = get_origin(hint) or hint
+        hint = typing.get_origin(hint) or hint
         if isinstance(hint, type) and _field_names(hint) and _class_name(hint) not in records:
             records[_class_name(hint)] = hint
             hints += get_type_hints(hint).values()

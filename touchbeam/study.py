@@ -142,15 +142,10 @@ class Study:
 
     @cached_property
     def _counted(self) -> "StudyData":
-        from analysis.loading.study_data import OnlyRehearsals, study_data
+        from analysis.loading.study_data import study_data
 
         rules = self.file.exclusions
-        try:
-            return study_data(self.recorded, rehearsals=self.rehearsals, rules=rules)
-        except OnlyRehearsals:
-            # The error names the option of the command line, which does not help in Python.
-            said = "nothing but rehearsals here; touchbeam.load(..., rehearsals=True) includes them"
-            raise ValueError(said) from None
+        return study_data(self.recorded, rehearsals=self.rehearsals, rules=rules)
 
     @property
     def participants(self) -> "pd.DataFrame":

@@ -301,10 +301,6 @@ class NothingToReport(BadInput):
     """A study without the sessions that a report needs; the message says which option helps."""
 
 
-class OnlyRehearsals(NothingToReport):
-    """A study of rehearsals alone, which were not asked for."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class RecordedUnder:
     """What the scores were recorded under: each value once, in order of appearance."""
@@ -404,9 +400,11 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     rehearsal = ~excluded & found.sessions["session_kind"].eq("rehearsal")
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]
     if sessions.empty:
-        if rehearsal.any():
-            raise OnlyRehearsals("nothing but rehearsals here; add --rehearsals to include them")
-        raise NothingToReport("no sessions here; record one with touchbeam run")
+        none = "no sessions here; record one with touchbeam run"
+        left_out = (
+            "nothing but rehearsals here; include them: --rehearsals, rehearsals=True in Python"
+        )
+        raise NothingToReport(left_out if rehearsal.any() else none)
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")

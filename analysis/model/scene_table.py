@@ -4,7 +4,6 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any, get_args
 
 import numpy as np
@@ -15,7 +14,7 @@ from device.beam.modes import FloatArray
 from device.friction.prediction import Ratio
 from device.friction.rungs import HIGHEST_MODE
 from device.friction.scenes import Scene
-from protocol.errors import BadInput
+from protocol.errors import BadInput, meant
 from protocol.study.touch import Coverage, Direction
 
 Cells = Sequence[str] | NDArray[Any]
@@ -122,10 +121,7 @@ def _checked_header(source: str, header: Sequence[str]) -> None:
     """Refuse unknown and repeated columns."""
     for name in header:
         if name not in COLUMNS:
-            known = ", ".join(COLUMNS)
-            close = get_close_matches(name, COLUMNS, n=1)
-            meant = f"did you mean {close[0]!r}? Known" if close else "known"
-            raise BadInput(f"{source}, line 1: unknown column {name!r}; {meant} are {known}")
+            raise BadInput(f"{source}, line 1: unknown column {name!r}; {meant(name, COLUMNS)}")
         if list(header).count(name) > 1:
             raise BadInput(f"{source}, line 1: column {name!r} stands twice")
 

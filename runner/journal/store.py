@@ -65,31 +65,19 @@ def _reject_constant(text: str) -> NoReturn:
 
 _STORED = json.JSONDecoder(parse_constant=_reject_constant)
 
-_EVENT_TYPES = {(int, str, str, float, str), (int, str, str, float, NoneType)}
-_HASH_TYPES = {(str, str, bytes), (str, str, NoneType)}
-_LINK_TYPES = {(*event, *hashes) for event in _EVENT_TYPES for hashes in _HASH_TYPES}
-
-
-def stored_event(row: tuple[Any, ...]) -> StoredEvent:
-    """Return the event in a row (number, tag, UTC, seconds, payload), or raise `DamagedError`."""
-    if tuple(map(type, row)) not in _EVENT_TYPES:  # a damaged file can hold other types
-        raise DamagedError(f"event {row[0]!a} is damaged: a column has another type")
-    return _event(*row)
+_LINK_TYPES = {
+    (int, str, str, float, payload, str, str, salt)
+    for payload in (str, NoneType)
+    for salt in (bytes, NoneType)
+}
 
 
 def chain_link(row: tuple[Any, ...]) -> ChainLink:
-    """Return the event in a row as for `stored_event`, followed by its digest, hash and salt."""
+    """Return the event in a row, its payload, digest, hash and salt, or raise `DamagedError`."""
     # One comparison for the whole row, because a journal may have 100,000 of them.
-    if tuple(map(type, row)) not in _LINK_TYPES:
-        event = stored_event(row[:5])
-        raise DamagedError(f"event {event.seq} is damaged: its hashes or salt have another type")
+    if tuple(map(type, row)) not in _LINK_TYPES:  # a damaged file can hold other types
+        raise DamagedError(f"event {row[0]!a} is damaged: a column has another type")
     seq, tag, utc, monotonic_s, body, digest, chained, salt = row
-    event = _event(seq, tag, utc, monotonic_s, body)
-    return ChainLink(event, body, digest, chained, salt)
-
-
-def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -> StoredEvent:
-    """Return the event of these columns, which have the right types."""
     payload = {} if body is None else _decoded(body)
     if not isinstance(payload, dict):
         raise DamagedError(f"event {seq} is damaged: its payload must be a JSON object")
@@ -98,7 +86,7 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
     except ValueError:
         told = f"its time must be a date and a time, got {utc[:_LONGEST_QUOTE]!r}"
         raise DamagedError(f"event {seq} is damaged: {told}") from None
-    return StoredEvent(
+    event = StoredEvent(
         seq=seq,
         tag=tag,
         # An edited journal may lack the zone.
@@ -107,6 +95,7 @@ def _event(seq: int, tag: str, utc: str, monotonic_s: float, body: str | None) -
         payload=payload,
         erased=body is None,
     )
+    return ChainLink(event, body, digest, chained, salt)
 
 
 def _decoded(body: str) -> Any:
@@ -152,9 +141,8 @@ def _hashed(previous: str, fields: tuple[Any, ...]) -> str:
 
 LOCK_WAIT_S = 2.0
 
-_EVENT = "SELECT seq, tag, utc, monotonic_s, payload"
+_EVENTS = "SELECT seq, tag, utc, monotonic_s, payload, payload_sha256, hash, {} FROM event WHERE"
 _SESSIONS = "SELECT session FROM event GROUP BY session ORDER BY min(rowid)"
-_TAGGED = f"{_EVENT} FROM event WHERE tag"
 
 
 class _Statements(NamedTuple):
@@ -162,18 +150,18 @@ class _Statements(NamedTuple):
 
     append: str
     erase: str
-    chain: str
+    events: str
 
 
 _SALTED = _Statements(
     "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
     "UPDATE event SET payload = NULL, salt = NULL WHERE session = ?",
-    f"{_EVENT}, payload_sha256, hash, salt FROM event WHERE session = ? ORDER BY seq",
+    _EVENTS.format("salt"),
 )
 _UNSALTED = _Statements(
     "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
     "UPDATE event SET payload = NULL WHERE session = ?",
-    f"{_EVENT}, payload_sha256, hash, x'' FROM event WHERE session = ? ORDER BY seq",
+    _EVENTS.format("x''"),
 )
 
 _Kind = TypeVar("_Kind", bound=Event)
@@ -256,8 +244,8 @@ class Journal:
         tags = [kind.TAG for kind in kinds]
         names = ", ".join("?" * len(tags))
         with self._errors_explained("read"):
-            rows = self._connection.execute(f"{_TAGGED} IN ({names}) ORDER BY rowid", tags)
-            return [stored_event(row) for row in rows]
+            query = f"{self._sql.events} tag IN ({names}) ORDER BY rowid"
+            return [chain_link(row).event for row in self._connection.execute(query, tags)]
 
     def records_of(self, *kinds: type[_Kind]) -> list[tuple[datetime, _Kind]]:
         """Return what all sessions hold of some kinds of event, each with its UTC."""
@@ -275,8 +263,8 @@ class Journal:
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with their hashes."""
         with self._errors_explained("read", f"session {session}, "):
-            for row in self._connection.execute(self._sql.chain, (session,)):
-                yield chain_link(row)
+            query = f"{self._sql.events} session = ? ORDER BY seq"
+            yield from map(chain_link, self._connection.execute(query, (session,)))
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -62,12 +62,10 @@ def text_of(content: bytes, path: Path) -> str:
 
 
 def short_text(path: Path) -> str:
-    """Return the text of the file `path`, without a byte order mark.
-
-    Raise `OSError` if it cannot be read; `BadInput` as `text_of`, if it is too long or may not end.
-    """
+    """Return the text of the file `path`, without a byte order mark; `BadInput` as both above."""
     # One form of line ends, so that a study has the same digest on every system.
-    return text_of(_short_bytes(path, LONGEST_TEXT), path).replace("\r\n", "\n").replace("\r", "\n")
+    text = text_of(bytes_of(path, most=LONGEST_TEXT), path)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _short_bytes(path: Path, most: int) -> bytes:

@@ -101,11 +101,8 @@ class StudyFolder:
         path = self.path / "report.toml"
         if not path.exists():
             return None
-        try:
-            files.require_no_link(path)
-            given = toml_document(files.short_text(path))
-        except OSError as error:
-            raise BadInput(f"{path}: cannot be read ({error.strerror})") from error
+        files.require_no_link(path)
+        given = toml_document(files.short_text(path))
         if isinstance(given, Problem):
             raise BadInput(given.located(str(path)))
         names = given.pop("sections", [])
@@ -147,14 +144,12 @@ class StudyFolder:
         for file in sorted(self.languages.glob("*.toml")):
             if not re.fullmatch(CODE, file.stem):
                 raise BadInput(f"{file}: must be named by a language code, such as fr.toml")
-            try:
-                texts[file.stem] = files.short_text(file)
-            except OSError as error:
-                raise BadInput(f"{file}: cannot be read ({error.strerror})") from error
+            texts[file.stem] = files.short_text(file)
         return texts
 
     def _study_text(self) -> str:
         try:
+            self.study_file.lstat()
             files.require_no_link(self.study_file)
             return files.short_text(self.study_file)
         except FileNotFoundError:

@@ -93,13 +93,9 @@ SimulatedLawOption = Annotated[
 
 
 def _rung(name: str) -> str:
-    from device.errors import OutOfRangeError
     from device.friction.rungs import require_rung
 
-    try:
-        require_rung(name)
-    except OutOfRangeError as error:
-        raise ValueError(str(error)) from error
+    require_rung(name)
     return name
 
 
@@ -240,7 +236,4 @@ def people_in_file(path: Path) -> "Population":
     from device.people.people_file import people_in
     from runner.study.files import short_text
 
-    try:
-        return people_in(short_text(path), str(path))
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror or error})") from error
+    return people_in(short_text(path), str(path))

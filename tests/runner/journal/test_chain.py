@@ -18,7 +18,6 @@ from runner.journal.store import (
     event_fields,
     payload_digest,
     payload_text,
-    stored_event,
 )
 
 NOON = "2026-01-01T12:00:00+00:00"
@@ -34,6 +33,10 @@ EVENT = StoredEvent(
     monotonic_s=1.5,
     payload={"text": "x"},
 )
+
+
+def stored_event(row: tuple[Any, ...]) -> StoredEvent:
+    return chain_link((*row, *HASHES)).event
 
 
 def test_a_row_is_the_event_that_was_stored() -> None:
@@ -83,7 +86,7 @@ def test_a_link_has_the_payload_and_its_hashes() -> None:
     "hashes", [(b"digest", "hash", b"salt"), ("digest", None, b"salt"), ("digest", "hash", "salt")]
 )
 def test_hashes_of_another_type_are_damage(hashes: tuple[object, ...]) -> None:
-    with pytest.raises(DamagedError, match="event 3 is damaged: its hashes or salt have another"):
+    with pytest.raises(DamagedError, match="event 3 is damaged: a column has another type"):
         chain_link((*ROW, *hashes))
 
 

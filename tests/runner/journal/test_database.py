@@ -133,7 +133,7 @@ def test_missing_triggers_are_refused_and_verify_reports_them(
 def test_a_signal_ends_a_read_that_would_never_end(study: Path, name: str) -> None:
     endless = (
         "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) "
-        "SELECT count(*), '', '', 0.0, '', '', '', x'' FROM n WHERE ? <> ''"
+        "SELECT count(*), '', '', 0.0, '', '', '', x'' FROM n WHERE ? <> '' --"
     )
     number = getattr(signal, name)
     with (
@@ -141,7 +141,7 @@ def test_a_signal_ends_a_read_that_would_never_end(study: Path, name: str) -> No
         read_journal(study / "study.db") as journal,
         pytest.MonkeyPatch.context() as patched,
     ):
-        patched.setattr(journal, "_sql", journal._sql._replace(chain=endless))
+        patched.setattr(journal, "_sql", journal._sql._replace(events=endless))
         threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
         with pytest.raises(Stopped, match=f"stopped by {name}"):
             journal.events("P01/1")

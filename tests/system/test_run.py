@@ -44,7 +44,7 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
 def test_the_end_of_a_session_says_how_many_touches_had_no_finger(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("runner.session.measured.LIFTED_N", 1e6)
+    monkeypatch.setattr("protocol.journal.records.LIFTED_N", 1e6)
     typed("new", "study")
     assert typed(*RUN, "virtual") == 0
     assert capsys.readouterr().out.splitlines()[-1] == (

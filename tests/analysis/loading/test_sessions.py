@@ -62,8 +62,18 @@ def test_answers_are_in_their_order_and_know_their_neighbours() -> None:
     [
         ("trial-started", "index", 99, "its events do not fit together"),
         ("touch-started", "touch", 99, "its events do not fit together"),
-        ("touch-started", "touch", "x", "is damaged: touch-started, touch: 'x'"),
-        ("touch-ended", "read_back", [5], "is damaged: touch-ended, read_back: 5"),
+        (
+            "touch-started",
+            "touch",
+            "x",
+            "is damaged: touch-started, touch has a value that it cannot have",
+        ),
+        (
+            "touch-ended",
+            "read_back",
+            [5],
+            "is damaged: touch-ended, read_back has a value that it cannot have",
+        ),
     ],
 )
 def test_a_session_that_cannot_be_read_is_named_with_its_event(

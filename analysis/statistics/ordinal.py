@@ -16,8 +16,6 @@ from scipy.special import chdtrc, chdtri, log_expit, log_ndtr, logit, logsumexp,
 from analysis.estimates import LEVEL, UPPER, FloatArray, IntArray, Interval, NotEstimable
 from analysis.statistics.signed_rank import DECIMALS
 
-# Marginal likelihood of ordered scores with random levels of subjects and of their cells.
-
 Link: TypeAlias = Literal["probit", "logit"]
 
 # Limits of the integrals over a subject's level and a cell's, in standard deviations.
@@ -26,8 +24,8 @@ SMALLEST = 1e-300
 # So many subjects of similar levels share the levels at which their likelihood is not negligible:
 # relative to the largest, its logarithm is at least -FAR, and at the ends the posterior is small.
 ALIKE, FAR, NEGLIGIBLE = 100, 35.0, 1e-9
-# From so many subjects on, cells' levels are integrated by Gauss-Hermite quadrature.
-MANY = 200
+# From so many subjects on, cells' levels are first integrated by Gauss-Hermite quadrature.
+MANY, GAUSS_HERMITE = 200, 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,28 +109,46 @@ def log_likelihood(packed: FloatArray, data: ScoreCounts, nodes: int) -> tuple[f
     standard = np.stack([np.repeat(levels, len(own)), np.tile(own, nodes)])[: len(parameters.sds)]
     location = parameters.effects[:, None] + parameters.sds @ standard
     log_p, slopes = _log_probabilities(parameters.thresholds, location, data.link)
-    log_p_of = log_p.reshape(*log_p.shape[:2], nodes, len(own))
-    weights, total = np.zeros(log_p_of.shape), 0.0
+    by_level = log_p.reshape(*log_p.shape[:2], nodes, len(own))
+    total, weights = _shares(data, by_level, log_weights, log_own)
+    # `slopes` is overwritten.
+    upper, lower = (np.multiply(weights.reshape(log_p.shape), slope, out=slope) for slope in slopes)
+    by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
+    by_location = -np.add(upper, lower, out=upper).sum(axis=1)
+    # An increment moves its own threshold and all above it.
+    from_top = np.cumsum(by_threshold[::-1])[::-1]
+    return total, np.concatenate(
+        [
+            from_top[:1],
+            from_top[1:] * np.diff(parameters.thresholds),
+            data.coding.T @ by_location.sum(axis=1),
+            standard @ by_location.sum(axis=0),
+        ]
+    )
+
+
+def _shares(
+    data: ScoreCounts, log_p: FloatArray, log_weights: FloatArray, log_own: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return (2) and how many scores are where: of each condition and category at each level."""
+    nodes, weights, total = len(log_weights), np.zeros(log_p.shape), 0.0
     for counts in data.alike:
-        window = slice(0, nodes)
+        windows = [slice(0, nodes)]
         if len(data.alike) > 1:
-            window = _window(_cells(counts[:, [0, -1]], log_p_of, log_own)[0] + log_weights)
-        while True:
-            by_cell, known = _cells(counts, log_p_of[:, :, window], log_own)
+            ends = _cells(counts[:, [0, -1]], log_p, log_own)[0] + log_weights
+            windows = [_window(ends), *windows]
+        for window in windows:
+            by_cell, known = _cells(counts, log_p[:, :, window], log_own)
             by_level = by_cell + log_weights[window]
             per_subject = logsumexp(by_level, axis=1, keepdims=True)
             shares = np.exp(by_level - per_subject)
             if _holds(window, shares, nodes):
                 break
-            window = slice(0, nodes)
         known *= shares[:, :, None]
-        flat = known.reshape(*known.shape[:2], -1)
-        weights[:, :, window] += (np.swapaxes(counts, 1, 2) @ flat).reshape(
-            weights[:, :, window].shape
-        )
+        flat = np.swapaxes(counts, 1, 2) @ known.reshape(*known.shape[:2], -1)
+        weights[:, :, window] += flat.reshape(weights[:, :, window].shape)
         total += float(per_subject.sum())
-    moved = weights.reshape(log_p.shape)
-    return total, _gradient(parameters, data.coding, moved, slopes, standard)
+    return total, weights
 
 
 def _cells(
@@ -170,11 +186,12 @@ def _holds(window: slice, shares: FloatArray, nodes: int) -> bool:
 def _own_nodes(nodes: int, data: ScoreCounts) -> tuple[FloatArray, FloatArray]:
     """Return points and log weights of the integral over a cell's level.
 
-    Of many subjects by Gauss and Hermite, which needs fewer points for the same precision.
+    Few of Gauss and Hermite's suffice for most cohorts of many subjects. Where they do not, cells
+    tell their levels well, and evenly spaced points are closer to each other there.
     """
-    if len(data.counts) < MANY:
+    if len(data.counts) < MANY or nodes > NODES[2][0]:
         return _normal_nodes(CELL_REACH, nodes // 2)
-    points, weights = hermegauss(nodes // 5)
+    points, weights = hermegauss(GAUSS_HERMITE)
     return points, np.log(weights / weights.sum())
 
 
@@ -242,32 +259,6 @@ def _log_intervals(bounds: FloatArray, link: Link, out: FloatArray, work: FloatA
     bounds -= np.log(2 * np.pi) / 2
     return bounds
 
-
-def _gradient(
-    parameters: Parameters,
-    coding: FloatArray,
-    weights: FloatArray,
-    slopes: tuple[FloatArray, FloatArray],
-    standard: FloatArray,
-) -> FloatArray:
-    """Return the gradient; `slopes` is overwritten."""
-    upper, lower = (np.multiply(weights, slope, out=slope) for slope in slopes)
-    by_threshold = upper[:, :-1].sum(axis=(0, 2)) + lower[:, 1:].sum(axis=(0, 2))
-    by_location = -np.add(upper, lower, out=upper).sum(axis=1)
-    # An increment moves its own threshold and all above it.
-    from_top = np.cumsum(by_threshold[::-1])[::-1]
-    increments = np.diff(parameters.thresholds)
-    return np.concatenate(
-        [
-            from_top[:1],
-            from_top[1:] * increments,
-            coding.T @ by_location.sum(axis=1),
-            standard @ by_location.sum(axis=0),
-        ]
-    )
-
-
-# Maximum of the ordinal likelihood, and the curvature there.
 
 # First and largest number of nodes, and the change of the log-likelihood on doubling them that
 # counts as none, by the number of random levels.
@@ -356,16 +347,14 @@ def covariance_at(found: Maximum, data: ScoreCounts) -> FloatArray | NotEstimabl
     If all but the last parameter, a standard deviation, have a maximum, say so.
     """
     packed, nodes = found.packed, found.nodes
-    slope = np.abs(log_likelihood(packed, data, nodes)[1]).max()
-    if slope > STEEP or np.abs(packed).max() >= FARTHEST / 2:
+
+    def slope(at: FloatArray) -> FloatArray:
+        return log_likelihood(at, data, nodes)[1]
+
+    if np.abs(slope(packed)).max() > STEEP or np.abs(packed).max() >= FARTHEST / 2:
         return None
-    step = 1e-5
-    columns = []
-    for direction in np.eye(len(packed)) * step:
-        ahead = log_likelihood(packed + direction, data, nodes)[1]
-        behind = log_likelihood(packed - direction, data, nodes)[1]
-        columns.append((behind - ahead) / (2 * step))
-    information = np.array(columns)
+    steps = np.eye(len(packed)) * 1e-5
+    information = np.array([slope(packed - step) - slope(packed + step) for step in steps]) / 2e-5
     information = (information + information.T) / 2
     if np.linalg.eigvalsh(information)[0] < FLAT:
         if np.linalg.eigvalsh(information[:-1, :-1])[0] < FLAT:
@@ -377,52 +366,49 @@ def covariance_at(found: Maximum, data: ScoreCounts) -> FloatArray | NotEstimabl
     return np.asarray(np.linalg.inv(information))
 
 
-def profile_limit(best: Maximum, side: float, first: float, data: ScoreCounts) -> float | None:
+def profile_limit(fit: "Fitted", side: float, data: ScoreCounts) -> float | None:
     """Return the end of the last parameter's 95% interval by the profile (5), at least 0.
 
-    `side` is 1 for the upper, -1 for the lower end; the search starts at `first`.
+    `side` is 1 for the upper, -1 for the lower end.
     """
-    _, most, _ = NODES[len(unpacked(best.packed, data).sds)]
-    least = best.value - float(chdtri(1, LEVEL)) / 2
-    nodes, packed = best.nodes, np.append(best.packed[:-1], first)
-    # A larger SD may need more nodes than the maximum does.
-    while nodes <= most:
-        packed = _farthest(packed, side, least, nodes, data)
-        if abs(log_likelihood(packed, data, 2 * nodes)[0] - least) < FAR_OFF:
-            return float(packed[-1])
-        nodes *= 2
-    return None
-
-
-def _farthest(
-    start: FloatArray, side: float, least: float, nodes: int, data: ScoreCounts
-) -> FloatArray:
-    """Return the parameters with the largest last one, times `side`, that are this likely."""
-    towards = np.append(np.zeros(len(start) - 1), -side)
+    best, covariance = fit
+    nodes, least = best.nodes, best.value - float(chdtri(1, LEVEL)) / 2
+    # In these units the likelihood is about as curved in each direction. In others a search may
+    # stop where it is as likely as at the end, and the SD is not.
+    root = np.linalg.cholesky(covariance)
+    lower, upper = np.array([*_bounds(best.packed, data)[:-1], (0.0, FARTHEST)]).T
 
     @cache
-    def likelihood(packed: bytes) -> tuple[float, FloatArray]:
-        return log_likelihood(np.frombuffer(packed), data, nodes)
+    def room(away: bytes, nodes: int) -> tuple[FloatArray, FloatArray]:
+        packed = best.packed + root @ np.frombuffer(away)
+        value, slope = log_likelihood(packed, data, nodes)
+        left = np.concatenate([[value - least], packed - lower, upper - packed])
+        return left, np.vstack([slope @ root, root, -root])
 
-    def rise(packed: FloatArray) -> float:
-        return likelihood(packed.tobytes())[0] - least
+    def shorter(away: FloatArray) -> tuple[float, FloatArray]:
+        return -side * float(root[-1] @ away), -side * root[-1]
 
-    def slope(packed: FloatArray) -> FloatArray:
-        return likelihood(packed.tobytes())[1]
-
-    def shorter(packed: FloatArray) -> tuple[float, FloatArray]:
-        return float(towards @ packed), towards
-
-    found = minimize(
-        shorter,
-        start,
-        jac=True,
-        method="SLSQP",
-        bounds=[*_bounds(start, data)[:-1], (0.0, FARTHEST)],
-        constraints={"type": "ineq", "fun": rise, "jac": slope},
-        options={"ftol": 1e-9},
-    )
-    return np.asarray(found.x, dtype=np.float64)
+    spread = float(np.linalg.norm(root[-1]))
+    step = NORMAL_95 if side > 0 else -min(NORMAL_95, float(best.packed[-1]) / spread / 2)
+    away = root[-1] * step / spread
+    # A larger SD may need more nodes than the maximum does.
+    while nodes <= NODES[2][1]:
+        limits: Any = {
+            "type": "ineq",
+            "fun": lambda away, nodes: room(away.tobytes(), nodes)[0],
+            "jac": lambda away, nodes: room(away.tobytes(), nodes)[1],
+            "args": (nodes,),
+        }
+        found = minimize(
+            shorter, away, jac=True, method="SLSQP", constraints=limits, options={"ftol": 1e-9}
+        )
+        away, nodes = np.asarray(found.x, dtype=np.float64), 2 * nodes
+        (off, *_), (slope, *_) = room(away.tobytes(), nodes)
+        # What the other parameters would gain at the same SD: their part of the slope.
+        beside = slope - root[-1] * (root[-1] @ slope) / spread**2
+        if max(abs(off), float(beside @ beside)) < FAR_OFF:
+            return float(best.packed[-1] + root[-1] @ away)
+    return None
 
 
 MOST_CATEGORIES = 21
@@ -430,8 +416,7 @@ MOST_CATEGORIES = 21
 ROUNDING = 1e-6
 # First value of the interaction's SD.
 FIRST_SD = 0.5
-# An SD of so many standard errors has a likelihood like a normal one among many subjects.
-STANDARD_ERRORS, NORMAL_95 = 5.0, float(ndtri(UPPER))
+NORMAL_95 = float(ndtri(UPPER))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -570,13 +555,17 @@ def fitted_cells(
 ) -> Fitted | NotEstimable:
     """Return the fit with levels of subjects' cells; their SD is 0 where these do not differ.
 
-    `covariance` is that of the parameters of the fit `without` them, and stays if the SD is 0.
+    `covariance` is that of the parameters of the fit `without` them, and stays if the SD is 0,
+    which has no error of its own.
     """
     if data.counts.sum(axis=2).max() < 2:
         return NotEstimable("no subject scored a condition twice")
     best = maximum(np.append(without.packed, FIRST_SD), data)
     if 2 * (best.value - without.value) < ROUNDING:
-        return replace(without, packed=np.append(without.packed, 0.0), nodes=best.nodes), covariance
+        wider = np.pad(covariance, (0, 1))
+        wider[-1, -1] = FIRST_SD**2
+        return replace(without, packed=np.append(without.packed, 0.0), nodes=best.nodes), wider
+    best.packed[-1] = abs(best.packed[-1])
     known = covariance_at(best, data)
     if isinstance(known, np.ndarray):
         return best, known
@@ -591,35 +580,20 @@ def _interaction(
     found = fitted_cells(*without, data)
     if isinstance(found, NotEstimable):
         return found
-    best, covariance = found
-    ratio = 2 * (best.value - without[0].value)
-    spread = float(np.sqrt(covariance[-1, -1])) if ratio else 0.0
+    ratio = 2 * (found[0].value - without[0].value)
     return Interaction(
-        sd=abs(float(best.packed[-1])),
-        sd_interval=_interval(best, ratio, spread, data),
+        sd=float(found[0].packed[-1]),
+        sd_interval=_interval(found, ratio, data),
         likelihood_ratio=ratio,
         p=float(chdtrc(1, ratio)) / 2 if ratio else 1.0,
         **_effects(found, data, conditions),
     )
 
 
-def _interval(
-    best: Maximum, ratio: float, spread: float, data: ScoreCounts
-) -> Interval | NotEstimable:
-    """Return the 95% interval of the last SD by the profile likelihood.
-
-    Of many subjects, where the SD is well above 0, the profile is the parabola of its standard
-    error. `ratio` is twice the rise of the log-likelihood from an SD of 0, and `spread` the SD's
-    standard error, 0 where it is unknown.
-    """
-    sd = abs(float(best.packed[-1]))
-    if len(data.counts) >= MANY and sd > STANDARD_ERRORS * spread > 0:
-        return sd - NORMAL_95 * spread, sd + NORMAL_95 * spread
-    limits = [0.0]
-    for side in (-1.0, 1.0) if ratio > chdtri(1, LEVEL) else (1.0,):
-        first = max(sd + side * (2 * spread or FIRST_SD), 0.0)
-        found = profile_limit(best, side, first, data)
-        if found is None:
-            return NotEstimable("the likelihood does not limit the standard deviation")
-        limits.append(found)
-    return limits[-2], limits[-1]
+def _interval(found: Fitted, ratio: float, data: ScoreCounts) -> Interval | NotEstimable:
+    """Return the 95% interval of the last SD; `ratio` is twice the rise from an SD of 0."""
+    sides = (-1.0, 1.0) if ratio > chdtri(1, LEVEL) else (1.0,)
+    low, high = [0.0, *(profile_limit(found, side, data) for side in sides)][-2:]
+    if low is None or high is None:
+        return NotEstimable("the likelihood does not limit the standard deviation")
+    return low, high

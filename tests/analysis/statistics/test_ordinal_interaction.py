@@ -1,11 +1,22 @@
 """The random level of subject × condition: against other quadrature, and known differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import optimize, stats
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.statistics.ordinal import Interaction, Link, OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.ordinal import (
+    Interaction,
+    Link,
+    OrdinalEffects,
+    ScoreCounts,
+    log_likelihood,
+    ordinal_effects_of_trials,
+    score_counts,
+    start_of,
+)
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 EDGES = np.array([-0.8, 0.0, 0.6, 1.3, 2.0])
@@ -38,6 +49,14 @@ def interaction(scores: IntArray, link: Link = "probit") -> Interaction:
     found = fit(scores, link).interaction
     assert isinstance(found, Interaction)
     return found
+
+
+def counted(scores: IntArray, link: Link) -> ScoreCounts:
+    subject, condition, _ = np.indices(scores.shape).reshape(3, -1)
+    given = scores.ravel().astype(np.float64)
+    counts = score_counts(given, subject, condition, scores.shape[1])
+    assert not isinstance(counts, NotEstimable)
+    return ScoreCounts(counts=counts, link=link)
 
 
 def drawn(seed: int, *, interaction_sd: float, subjects: int = 20, repeats: int = 4) -> IntArray:
@@ -96,6 +115,34 @@ def test_the_likelihood_has_fallen_at_the_ends_of_the_interval(link: Link) -> No
     for end in found.sd_interval:
         fallen = found.log_likelihood - largest(SMALL, link, end)
         assert fallen == pytest.approx(fall, abs=2e-3) or (end == 0 and fallen < fall)
+
+
+@pytest.mark.parametrize("seed", [1, 18])
+def test_no_other_parameters_are_likelier_at_the_ends_of_the_interval(seed: int) -> None:
+    """A search for them stopped at .26 and .35, where .08 and .19 are as likely."""
+    scores = drawn(seed, interaction_sd=0.3, subjects=30, repeats=3)
+    found = interaction(scores, "logit")
+    assert isinstance(found.sd_interval, tuple)
+    data = counted(scores, "logit")
+
+    def cost(others: FloatArray, end: float) -> tuple[float, FloatArray]:
+        value, slope = log_likelihood(np.append(others, end), data, 82)
+        return -value, -slope[:-1]
+
+    for end in found.sd_interval:
+        best = optimize.minimize(cost, start_of(data), args=(end,), jac=True, method="L-BFGS-B")
+        fallen = found.log_likelihood + float(best.fun)
+        assert fallen == pytest.approx(stats.chi2.ppf(0.95, 1) / 2, abs=2e-3)
+
+
+def test_the_likelihood_of_many_people_is_that_of_a_few_at_a_time() -> None:
+    """With many scores each it is so narrow that it fell between Gauss and Hermite's points."""
+    scores = drawn(2, interaction_sd=3.0, subjects=200, repeats=20)[:, :2]
+    data = counted(scores, "probit")
+    packed = np.append(start_of(data), 3.0)
+    halves = [replace(data, counts=data.counts[part]) for part in (slice(100), slice(100, 200))]
+    few = sum(log_likelihood(packed, half, 164)[0] for half in halves)
+    assert log_likelihood(packed, data, 164)[0] == pytest.approx(few, abs=1e-3)
 
 
 def test_differences_between_people_are_found_and_widen_the_errors() -> None:

@@ -134,7 +134,8 @@ def modal_motion(beam: Beam, frequency_hz: float, count: int) -> Motion:
 
 
 _SAMPLES_PER_RADIAN = 12
-_STEPS, _SETTLED = 60, 1e-13
+_STEPS = 60
+_SETTLED = 1e-9, 1e-13  # parts of the length: turning points only lie between the edges of a pair
 _SAME = 1e-15  # part of the length
 _CLAMP = 1e-5  # part of the length next to the clamp where rounding exceeds the motion
 
@@ -169,7 +170,7 @@ def _roots(motion: Motion, order: int, places_m: FloatArray, values: FloatArray)
         newton = place - value / np.where(slope == 0, 1.0, slope)
         inside = (newton >= low_m) & (newton <= high_m) & (slope != 0)
         former, place = place, np.where(inside, newton, (low_m + high_m) / 2)
-        if np.abs(place - former).max() <= _SETTLED * motion.length_m:
+        if np.abs(place - former).max() <= _SETTLED[1 - order] * motion.length_m:
             break
     return place
 

@@ -96,12 +96,10 @@ class InProcessDevice(BeamControl):
 
     def gauge_port(self) -> "InProcessPort":
         """Return the host's end of the gauge's line; as `port`."""
-        self._gauge_line.open()
         return InProcessPort(self, self._gauge_line)
 
     def port(self) -> "InProcessPort":
         """Return the host's end, newly opened and alone; raise `OSError` if it has vanished."""
-        self._line.open()
         return InProcessPort(self, self._line)
 
     def answer(self, line: str) -> str:
@@ -117,6 +115,7 @@ class InProcessPort:
     """The host's end of the line, until another one is opened or the device hangs up."""
 
     def __init__(self, device: InProcessDevice, line: "_Line") -> None:
+        line.open()
         self._device = device
         self._line = line
         self._opening = line.openings

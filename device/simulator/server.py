@@ -11,7 +11,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -323,8 +323,7 @@ class _Ending:
     """The wish that the device ends: heeded only while it serves, also one from before."""
 
     def __init__(self) -> None:
-        self._asked = False
-        self._serving = False
+        self._asked = self._serving = False
 
     def ask(self, _number: int, _frame: FrameType | None) -> None:
         self._asked = True
@@ -334,13 +333,11 @@ class _Ending:
 
     def ends(self, serve: Callable[[], None]) -> None:
         """Serve until it is over or a signal comes."""
-        try:
+        with suppress(KeyboardInterrupt):
             self._serving = True
             if not self._asked:
                 serve()
             self._serving = False
-        except KeyboardInterrupt:
-            return
 
 
 def _line(wire: LineKind, place: str) -> Line:

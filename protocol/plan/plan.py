@@ -234,7 +234,9 @@ def slide_plan(study: Study, session: int = 1) -> Plan:
     driven pass, the last one after the last, the others evenly between them.
     """
     slide, name = study.slide, (study.study.seed, "slide", session)
-    drives = _drives(slide, study.rig.nominal_resonance_hz)
+    volts, nominal_hz = slide.voltage_v, study.rig.nominal_resonance_hz
+    drives = [_Drive(f"{each:g} x resonance", volts, each) for each in slide.frequencies]
+    drives += [_Drive(f"{hz:g} Hz", volts, hz / nominal_hz, hz) for hz in slide.frequencies_hz]
     driven_once = [trial for drive in drives for trial in _passes(slide, drive)]
     # At a frequency that is driven anyway, so that a reference breaks no limit of its own.
     rest = drives[0]._replace(label="reference, 0 V", voltage_v=0.0)
@@ -267,13 +269,6 @@ class _Drive(NamedTuple):
     voltage_v: float
     frequency: float
     frequency_hz: float | None = None
-
-
-def _drives(slide: Slide, nominal_hz: float) -> list[_Drive]:
-    volts = slide.voltage_v
-    relative = [_Drive(f"{each:g} x resonance", volts, each) for each in slide.frequencies]
-    fixed = [_Drive(f"{hz:g} Hz", volts, hz / nominal_hz, hz) for hz in slide.frequencies_hz]
-    return relative + fixed
 
 
 def _passes(slide: Slide, drive: _Drive) -> Iterator[Trial]:

@@ -373,12 +373,9 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
     }
 
 
-def _balance_record(carryover: CarryOver) -> dict[str, Any]:
-    return {
-        "balanced": carryover.balanced,
-        "imbalance": carryover.imbalance,
-        "promised": carryover.guaranteed,
-    }
+def _balance_record(found: CarryOver) -> dict[str, Any]:
+    known = {"balanced": found.balanced, "imbalance": found.imbalance}
+    return {**known, "promised": found.guaranteed}
 
 
 def _trial_record(study: Study, trial: Trial, model: Prediction) -> dict[str, Any]:

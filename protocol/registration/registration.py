@@ -152,12 +152,10 @@ def _require_form(made: Registration, schema: object) -> None:
         raise TypeError("another form")
 
 
-def registered_event(registration: Registration) -> events.StudyRegistered:
+def registered_event(made: Registration) -> events.StudyRegistered:
     """Return the event that records a registration."""
     return events.StudyRegistered(
-        registration=registration.digest,
-        study_sha256=registration.study_sha256,
-        text=registration.text(),
+        registration=made.digest, study_sha256=made.study_sha256, text=made.text()
     )
 
 

@@ -85,7 +85,13 @@ def participant_and_operator(
             )
             yield block, operator
     elif finger is not None:
-        participant = _virtual_participant(session, rig, finger)
+        assert session.virtual is not None, "a virtual participant has parameters"
+        person = person_of(session.virtual)
+        if rig.control is not None:
+            rig.control.sensor("skin", person.skin)
+            rig.control.sensor("mu0", person.mu0)
+        name = session_name(session.seed, session.participant, session.number)
+        participant: Participant = VirtualParticipant(finger, rig.clock, person, name)
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
         with at_keys(alone=alone) as operator:
@@ -99,24 +105,14 @@ def participant_and_operator(
             yield window, operator
     else:
         lines = TypedLines(sys.stdin)
-        person = ConsoleParticipant(lines, say, study_wording(session.study, session.language))
-        yield person, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
+        reader = ConsoleParticipant(lines, say, study_wording(session.study, session.language))
+        yield reader, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
 
 
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:
     if (hand := rig.control) is not None:
         return lambda beam: hand.swap_beam(session.study.beams[beam])
     return finger.mount if isinstance(finger, UntouchedBeam) else lambda _: None
-
-
-def _virtual_participant(session: Session, rig: SessionRig, finger: Finger) -> Participant:
-    assert session.virtual is not None, "a virtual participant has parameters"
-    person = person_of(session.virtual)
-    if rig.control is not None:
-        rig.control.sensor("skin", person.skin)
-        rig.control.sensor("mu0", person.mu0)
-    name = session_name(session.seed, session.participant, session.number)
-    return VirtualParticipant(control=finger, clock=rig.clock, person=person, name=name)
 
 
 def _operator_by_lines(

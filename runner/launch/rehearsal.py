@@ -61,8 +61,7 @@ class Rehearsal:
             )
 
     def _records(self, kind: type[_Kind]) -> list[_Kind]:
-        records = [event.record for event in self.events]
-        return [record for record in records if isinstance(record, kind)]
+        return [it.record for it in self.events if isinstance(it.record, kind)]
 
 
 def rehearse(

@@ -283,8 +283,6 @@ class UntouchedBeam:
         """Do nothing: no finger is there."""
 
 
-# A virtual participant who answers at the participant's window, by pressing its keys.
-
 CLOSES_AFTER_S = 2.0
 """How long the last page is read."""
 

@@ -161,8 +161,7 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     except ValueError as error:
         return str(error)
     given = QuestionAnswer(name=wanted.name, answer=answer, reaction_time_s=0.0, trace=None)
-    note = wanted.note or None
-    context.log.append(QuestionAnswered(when="desk", **vars(given), note=note))
+    context.log.append(QuestionAnswered(when="desk", **vars(given), note=wanted.note or None))
     rules = [group for group in session.study.group if group.when and group.name != session.group]
     meant = next((it.name for it in rules if it.when and it.when.met_by({wanted.name: answer})), "")
     # The journal begins with the plan of the group, and proves it: it cannot be drawn anew.

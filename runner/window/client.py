@@ -97,7 +97,12 @@ class WindowParticipant:
         received = self.peer.received()
         for message in received:
             self._take(message)
-        self._watch(heard=bool(received))
+        now_s = self.monotonic_s()
+        quiet_s = 0.0 if self._polled_s is None else now_s - self._polled_s
+        self._polled_s = now_s
+        self._silent_s = 0.0 if received else self._silent_s + min(quiet_s, _COUNTED_S)
+        if self._silent_s > SILENT_S:
+            raise WindowGone(f"does not respond (silent for {SILENT_S:g} s)")
         passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
         while self._due and self._due[0][0] <= passed_s:
             self.peer.send(messages.press_message(self._due.pop(0)[1]))
@@ -136,14 +141,6 @@ class WindowParticipant:
                 self._answer = Response(**{name: message[name] for name in given})
             except KeyError as error:
                 raise WindowGone(f"sent an answer without {error}") from None
-
-    def _watch(self, *, heard: bool) -> None:
-        now_s = self.monotonic_s()
-        passed_s = 0.0 if self._polled_s is None else now_s - self._polled_s
-        self._polled_s = now_s
-        self._silent_s = 0.0 if heard else self._silent_s + min(passed_s, _COUNTED_S)
-        if self._silent_s > SILENT_S:
-            raise WindowGone(f"does not respond (silent for {SILENT_S:g} s)")
 
 
 OPENS_WITHIN_S = 30.0

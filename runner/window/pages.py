@@ -69,10 +69,8 @@ def sketch(way: screens.FingerPath, texts: Mapping[str, str]) -> Page:
 def fingers(way: screens.FingerPath, fraction: float) -> tuple[Dot, ...]:
     """Return the pacing marks after `fraction` of the way, from 0 to 1."""
     position_m = way.start_m + fraction * (way.end_m - way.start_m)
-    return tuple(
-        Dot(x=beam_x(place_m), y=BEAM_Y, radius=_FINGER_RADIUS)
-        for place_m in _places(way, position_m)
-    )
+    places_m = _places(way, position_m)
+    return tuple(Dot(x=beam_x(place_m), y=BEAM_Y, radius=_FINGER_RADIUS) for place_m in places_m)
 
 
 def _places(way: screens.FingerPath, position_m: float) -> list[float]:

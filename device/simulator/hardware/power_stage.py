@@ -156,9 +156,7 @@ class DeviceClock:
         self._stepped_s: float | None = None
 
     def now_s(self) -> float:
-        if self._stepped_s is not None:
-            return self._stepped_s
-        return self._wall_s() - self._started_s
+        return self._stepped_s if self._stepped_s is not None else self._wall_s() - self._started_s
 
     def step(self, seconds: float) -> None:
         """Let `seconds` pass at once; from the first step on no other time passes."""

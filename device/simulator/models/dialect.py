@@ -35,11 +35,6 @@ class Registers:
         else:
             self.errors[-1] = (-350, "Queue overflow")
 
-    def next_error(self) -> tuple[int, str]:
-        if self.always is not None:
-            return self.always
-        return self.errors.popleft() if self.errors else (0, "No error")
-
     def taken_events(self) -> int:
         events, self.events = self.events, 0
         return events
@@ -130,7 +125,9 @@ class Dialect:
         setattr(self.status, register, int(value))
 
     def _next_error(self) -> str:
-        code, text = self.status.next_error()
+        status = self.status
+        none = (0, "No error")
+        code, text = status.always or (status.errors.popleft() if status.errors else none)
         return f'{self._whole(code)},"{text}"'
 
     def _whole(self, value: int) -> str:

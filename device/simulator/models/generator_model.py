@@ -71,9 +71,7 @@ class Channel:
     @property
     def shown(self) -> float:
         """What the load gets of the emf, by what the generator believes of the load."""
-        if math.isinf(self.load_ohm):
-            return 1.0
-        return self.load_ohm / (self.load_ohm + SOURCE_OHM)
+        return 1.0 if math.isinf(self.load_ohm) else self.load_ohm / (self.load_ohm + SOURCE_OHM)
 
     @property
     def unit_vpp(self) -> float:
@@ -232,8 +230,6 @@ class GeneratorDialect(Dialect):
         ]
         self._instrument.reset()
         self._instrument.frequency_hz = self.channels[0].frequency_hz
-
-    # The commands, as makers' manuals write them, and what each one does.
 
     def _handlers(self) -> dict[str, Handler]:
         volts, most_hz = "[SOURce#:]VOLTage[:LEVel][:IMMediate]", self._model.most_hz

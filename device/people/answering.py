@@ -159,8 +159,6 @@ def on_scale(score: FloatArray, lowest: float, highest: float) -> FloatArray:
     return np.asarray(np.round(lowest + above))
 
 
-# What a virtual person makes of what its finger felt: one signed change per question.
-
 Kind = Literal["swing", "strength", "ramp", "swap", "press", "other"]
 """Kinds of change that people may score unlike one another, however large they feel."""
 _SLIGHT = 0.01

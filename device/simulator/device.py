@@ -10,7 +10,7 @@ from device.drivers.driver import defined_in
 from device.errors import DeviceError
 from device.link.codec import text
 from device.simulator.client import Friction
-from device.simulator.faults import NAMES, Broken
+from device.simulator.faults import ERROR, NAMES, Broken
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import DeviceClock, Instrument
 from device.simulator.models.dialect import Dialect
@@ -101,9 +101,6 @@ class Control:
         self._beam.lift()
 
 
-_ERROR_AFTER_SET = ScpiError(-310, "System error")
-
-
 @cache
 def dialects() -> dict[str, Callable[[Instrument, SimulatedBeam], Dialect]]:
     """Return what models each dialect.
@@ -145,7 +142,7 @@ class SimulatedDevice:
         self.pass_time()
         answer = self.dialect.answer(line)
         if "error-after-set" in self.broken.active and "?" not in line:
-            self.dialect.status.complain(_ERROR_AFTER_SET)
+            self.dialect.status.complain(ERROR)
         return answer
 
     def answer_bytes(self, line: bytes, wall_s: float) -> str | None:

@@ -83,7 +83,7 @@ FAULTS = (
 )
 NAMES = tuple(fault.name for fault in FAULTS)
 
-_ERROR = ScpiError(-310, "System error")
+ERROR = ScpiError(-310, "System error")
 
 
 @dataclass
@@ -101,7 +101,7 @@ class Broken:
         self.active: set[str] = set()
         self._settings: dict[str, tuple[object, str, object]] = {
             "read-back-differs": (instrument, "set_gain", 0.9),
-            "endless-errors": (dialect.status, "always", (_ERROR.code, _ERROR.text)),
+            "endless-errors": (dialect.status, "always", (ERROR.code, ERROR.text)),
             "over-temperature": (instrument, "hot", True),
             "gauge-wrong-unit": (self.gauge, "unit", "gf"),
             "sensor-saturated": (self.beam, "is_saturated", True),
@@ -122,7 +122,7 @@ class Broken:
         self._happenings: tuple[Happenings, ...] = (
             {
                 "brown-out": dialect.restart,
-                "error-queued": lambda: dialect.status.complain(_ERROR),
+                "error-queued": lambda: dialect.status.complain(ERROR),
                 "over-temperature": lambda: instrument.trip("TEMP", self.wall_s()),
                 "watchdog-trip": lambda: instrument.trip("WATC", self.wall_s()),
                 "limits-lost": lambda: setattr(instrument, "limit_v", MAX_VOLTAGE_V),

@@ -233,7 +233,6 @@ class Server:
         return gone
 
     def idle_s(self, longest_s: float) -> float:
-        """Return how long nothing is due, `longest_s` at most."""
         left_s = self.device.instrument.silence_left_s(self.wall_s())
         return self._wire.idle_s(longest_s if left_s is None else min(max(left_s, 0.0), longest_s))
 

@@ -329,9 +329,6 @@ def _beam_set(study: Study, touches: Sequence[Touch]) -> tuple[str | None, ...]:
     return tuple(beam for beam, _ in groupby(beams))
 
 
-# Checks of a cohort: each plan by itself, and the carry-over compared with the design.
-
-
 def cohort_problems(study: Study, plans: Sequence[Plan], first: int = 0) -> list[Problem]:
     """Return every requirement that the plans of slots 0, 1, 2 and so on of each group violate.
 

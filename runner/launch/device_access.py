@@ -132,9 +132,6 @@ def touchbeam_command() -> tuple[str, ...]:
     return (str(Path(sys.executable).with_name("touchbeam")),)
 
 
-# What `touchbeam device` asks of a device.
-
-
 def ports() -> list[dict[str, str]]:
     """Return the serial ports of this machine, each with a hint on how to use it."""
     known = []

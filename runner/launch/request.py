@@ -99,7 +99,6 @@ class Request:
         return self.kind == "rehearsal"
 
     def chain(self, journal: Journal) -> str:
-        """Return the name of the session in `journal`."""
         options = self.options
         return chain_name(journal, options.participant, options.number, rehearsal=self.rehearsal)
 

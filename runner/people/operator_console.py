@@ -43,9 +43,7 @@ _WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n", "help": "?", "h
 OPERATOR_MARK = ":"
 """First character of an operator's line at a terminal shared with the participant."""
 
-_ENTER = "\r\n"
-_BACKSPACE = "\x7f\b"
-_ESCAPE = "\x1b"
+_ENTER, _BACKSPACE, _ESCAPE = "\r\n", "\x7f\b", "\x1b"
 _FUNCTION_KEY = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.)")
 """What an arrow or a function key sends: several characters, none of which was typed."""
 Wish = Literal["help", "answer call", "unknown key"]

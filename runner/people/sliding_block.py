@@ -14,8 +14,6 @@ from runner import screens
 from runner.clock import Clock
 from runner.people.virtual_participant import Finger
 
-# The live plot of a sliding experiment: friction against place, and where the block should be.
-
 _LEFT = 7
 """Columns for the figures at the axis of friction."""
 _BESIDE = 5

@@ -13,12 +13,8 @@ from typing import Literal
 
 CANVAS = (800.0, 600.0)
 
-INK = "#202428"
-FAINT = "#5c646c"
-ACCENT = "#1f5fa8"
-PALE = "#d5dae0"
-WHITE = "#ffffff"
-BACKGROUND = "#f4f4f0"
+INK, FAINT, ACCENT = "#202428", "#5c646c", "#1f5fa8"
+PALE, WHITE, BACKGROUND = "#d5dae0", "#ffffff", "#f4f4f0"
 
 
 class Size:

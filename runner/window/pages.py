@@ -33,10 +33,7 @@ from runner.window.elements import (
 BEAM_M = Beam().length_m
 _LEFT, _LENGTH = -280.0, 600.0
 BEAM_Y, _BEAM_HEIGHT = 0.0, 34.0
-_ARROW_Y = 52.0
-_LABEL_Y = -70.0
-_HEAD = 16.0
-_FINGER_RADIUS = 24.0
+_ARROW_Y, _LABEL_Y, _HEAD, _FINGER_RADIUS = 52.0, -70.0, 16.0, 24.0
 
 BESIDE_M = (-0.024, -0.008, 0.008, 0.024)
 """Positions of several fingers relative to their centre."""

@@ -35,8 +35,6 @@ from runner.window.elements import (
     text_width,
 )
 
-# The parts that pages have in common: title, hint, answers, and the button in its states.
-
 TITLE = Box(x=0, y=200, width=720, height=130)
 MIDDLE = Box(x=0, y=90, width=640, height=300)
 HINT = Box(x=0, y=-126, width=740, height=84)  # three lines, clear of the buttons
@@ -80,8 +78,6 @@ def button(label: str, view: PageState, texts: Mapping[str, str], *, usable: boo
     return framed(Text(text=text, box=BUTTON, size=Size.BUTTON, colour=colour), fill)
 
 
-# A scale: its drawing, and which of its places a point means.
-
 _SCALE_LENGTH = 660.0
 MOST_STEPS = int(_SCALE_LENGTH)
 """Of a scale: on the smallest screen each place has a pixel of its own."""
@@ -90,8 +86,7 @@ _BESIDE = 33.0
 _LABEL_GAP = 12.0
 _TICK_GAP = 12.0
 """Ticks at least as far apart can be told apart."""
-_LINE_Y = 50.0
-_BRACKET_Y = -12.0
+_LINE_Y, _BRACKET_Y = 50.0, -12.0
 _WIDEST_NAME = 170.0
 """Of the name of a place."""
 
@@ -167,12 +162,11 @@ def marked(question: StudyQuestion, bands: Sequence[Band] = ()) -> list[int | fl
     """
     low, _, step = question.scale
     ends = {0, question.places}
-    if question.kind == "analogue":
-        pass
-    elif question.ticks == "all":
+    ticks = "ends" if question.kind == "analogue" else question.ticks
+    if ticks == "all":
         has_room = _unit(question) * step >= _TICK_GAP
         ends |= set(range(question.places)) if has_room else _round_steps(question)
-    elif question.ticks == "labels":
+    elif ticks == "labels":
         named: list[float] = [place for band in bands for place in (band.first, band.last)]
         named += [label.at for label in question.labels if label.at is not None]
         ends |= {round((place - low) / step) for place in named}

@@ -13,8 +13,6 @@ from device.simulator.models import scpi
 from device.simulator.models.dialect import Dialect, Happenings, asked
 from device.simulator.models.scpi import Call, Handler, ScpiError
 
-IDN = "touchbeam,BOARD,SIM,1.2"
-BANNER = "touchbeam board 1.2 ready"
 SWEEP_TIME_RANGE_S = (1e-3, 500.0)
 _V_PER_S = {"": 1.0, "V/S": 1.0}
 
@@ -22,8 +20,8 @@ _V_PER_S = {"": 1.0, "V/S": 1.0}
 class BoardDialect(Dialect):
     """Answers the board's commands out of an instrument and a beam."""
 
-    idn = IDN
-    banner = BANNER
+    idn = "touchbeam,BOARD,SIM,1.2"
+    banner = "touchbeam board 1.2 ready"
 
     def __init__(self, instrument: power_stage.Instrument, beam: SimulatedBeam) -> None:
         self._instrument = instrument

@@ -204,6 +204,7 @@ def new_study(folder: StudyFolder, text: str) -> Iterator[StudyFolder]:
     place = Path(os.path.realpath(folder.path))
     topmost = _created(place)
     try:
+        folder.path.stat()  # fails on the way through a folder that is missing
         files.write_whole(folder.study_file, text.encode())
         yield folder
     except BaseException:
@@ -230,16 +231,10 @@ def _created(place: Path) -> Path | None:
     """Create the folder `place` unless it exists and is empty; return the topmost new folder."""
     try:
         topmost = files.make_folder(place)
-    except OSError as error:
-        raise BadInput(
-            f"{place}: cannot be created ({error.strerror}); choose another folder"
-        ) from error
-    try:
         taken = topmost is None and any(place.iterdir())
     except OSError as error:
-        raise BadInput(
-            f"{place}: cannot be used for a study ({error.strerror}); choose another"
-        ) from error
+        told = f"cannot be used for a study ({error.strerror}); choose another folder"
+        raise BadInput(f"{place}: {told}") from error
     if taken:
         raise BadInput(f"{place}: must be a new or empty folder, but it contains files")
     return topmost

@@ -117,9 +117,13 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
             2,
             "binary.csv: .* UTF-8 text at line 1; save .* as UTF-8",
         ),
-        (("import", "scores.csv", "scores.csv/new"), 2, "scores.csv/new: cannot be created"),
+        (
+            ("import", "scores.csv", "scores.csv/new"),
+            2,
+            "scores.csv/new: cannot be used for a study",
+        ),
         (("import", "scores.csv", "study"), 2, "study: must be a new or empty folder, but"),
-        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be created"),
+        (("demo", "--out", "scores.csv/demo"), 2, "scores.csv/demo: cannot be used for a study"),
         (("demo", "--participants", "0"), 2, "--participants"),
         (("report", "study"), 2, "no sessions here"),
         (("report", "nowhere"), 2, "nowhere: no sessions here"),
@@ -236,7 +240,7 @@ def test_a_path_through_a_missing_folder_fails_and_leaves_nothing(
     monkeypatch.chdir("here")
     before = everything(tmp_path)
     assert typed("new", place) == 2
-    assert capsys.readouterr().err.endswith(f"{place}/study.toml: No such file or directory\n")
+    assert capsys.readouterr().err.endswith(f"{place}: No such file or directory\n")
     assert everything(tmp_path) == before
 
 

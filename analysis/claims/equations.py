@@ -6,27 +6,12 @@ from typing import get_args
 
 import numpy as np
 
+from analysis.claims import coverage
 from analysis.claims.claim import Outcome, PaperClaims, near, outcome
-from analysis.claims.coverage import (
-    BEAM,
-    CONTACT_M,
-    MU,
-    OPERATING_M,
-    PATCH_START_M,
-    PLACES_M,
-    ZONES,
-    falling,
-    local_curve,
-    local_scene,
-)
+from analysis.claims.coverage import BEAM, CONTACT_M, MU, OPERATING_M, ZONES, falling, local_curve
+from analysis.estimates import FloatArray
 from device.beam.eq15 import WAVELENGTH_M, Overlap, same_direction_ratio
-from device.beam.modes import (
-    FloatArray,
-    modal_displacement_m,
-    mode_constants,
-    mode_shape,
-    natural_frequency_hz,
-)
+from device.beam.modes import modal_displacement_m, mode_constants, mode_shape, natural_frequency_hz
 from device.beam.timoshenko import sections, waves
 from device.beam.windows import mode_window
 from device.friction.contact import contact_of, contact_terms
@@ -165,7 +150,7 @@ def _eq11_inner_limit() -> Outcome:
 )
 def _eq12_local_load() -> Outcome:
     """f_p/(uf) of Eq 12 against f_p over the load on the bodies covered, within 1%."""
-    terms = _terms(Scene(), PLACES_M[FingerContact().contact_m <= PLACES_M])
+    terms = _terms(Scene(), coverage.PLACES_M[FingerContact().contact_m <= coverage.PLACES_M])
     shares = terms.printed_inertial_ratio / terms.inertial_ratio
     largest = {
         "f_p_over_uf": terms.printed_inertial_ratio.max(),
@@ -233,7 +218,7 @@ def _inertia_half(law: str) -> Outcome:
 )
 def _no_signal_no_change(law: str) -> Outcome:
     """μ' at 0 V along the beam equals μ to 1e-9."""
-    curve = local_curve(law, local_scene(voltage_v=0.0))
+    curve = local_curve(law, coverage.local_scene(voltage_v=0.0))
     worst = float(np.abs(curve - MU).max())
     return outcome(worst < _EXACT, largest_distance_from_mu=worst)
 
@@ -335,7 +320,7 @@ def _zero_before_first_rise() -> Outcome:
 
 # The first segment is longer, as the shape near the clamp is no sine, and under the sheets nobody
 # touches.
-_INNER = (_PERIODIC_M > 0.03) & (_PERIODIC_M < PATCH_START_M)
+_INNER = (_PERIODIC_M > 0.03) & (_PERIODIC_M < coverage.PATCH_START_M)
 _BY_LAMBDA = {
     "printed_lambda": WAVELENGTH_M / (4 * CONTACT_M),
     "mode_6_lambda": _mode_wavelength_m() / (4 * CONTACT_M),

@@ -5,16 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.claims import coverage
 from analysis.claims.claim import Outcome, PaperClaims, outcome
-from analysis.claims.coverage import (
-    BEAM,
-    PATCH_START_M,
-    ZONES,
-    along_path,
-    local_curve,
-    swing,
-    trough_places_m,
-)
+from analysis.claims.coverage import BEAM, ZONES, swing
 from device.beam.beam import Beam, Patches
 from device.beam.modes import modal_force_n_per_v
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_field, rung_resonance_hz
@@ -240,7 +233,7 @@ def _sliding_matches_theory(law: str) -> Outcome:
 def _sliding_swings(law: str, beam: Beam) -> tuple[float, float]:
     """Return the swing of μ' along the path in the experiment and in Fig 12."""
     paper = Scene(structure=Structure(beam=beam))
-    return swing(along_path(law, _slid(paper))), swing(along_path(law, paper))
+    return swing(coverage.along_path(law, _slid(paper))), swing(coverage.along_path(law, paper))
 
 
 def _slid(paper: Scene) -> Scene:
@@ -256,9 +249,9 @@ def _slid(paper: Scene) -> Scene:
 )
 def _sliding_errors_at_peaks(law: str) -> Outcome:
     """Theory at 23,200 Hz and 0.56 N has three troughs left of the sheets, and peaks between."""
-    curve = local_curve(law, _slid(Scene()))
-    troughs, peaks = (trough_places_m(sign * curve) for sign in (1, -1))
-    left = troughs[troughs < PATCH_START_M]
+    curve = coverage.local_curve(law, _slid(Scene()))
+    troughs, peaks = (coverage.trough_places_m(sign * curve) for sign in (1, -1))
+    left = troughs[troughs < coverage.PATCH_START_M]
     between = peaks[(peaks > left.min(initial=np.inf)) & (peaks < left.max(initial=0.0))]
     return outcome(
         None if left.size >= 3 and between.size >= 2 else False, troughs_m=left, peaks_m=between

@@ -8,16 +8,10 @@ from itertools import combinations
 import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri, stdtrit
 
+from analysis.claims import published_scores
 from analysis.claims.claim import Outcome, PaperClaims, human_outcome
 from analysis.claims.coverage import MU, along_path, mu
-from analysis.claims.published_scores import (
-    PUBLISHED,
-    SCORES,
-    about_subjects,
-    in_words,
-    interval_of_all,
-    short,
-)
+from analysis.claims.published_scores import PUBLISHED, SCORES, in_words, interval_of_all, short
 from analysis.estimates import LEVEL, LOWER, UPPER, FloatArray, Interval
 from analysis.sensitivity.lines import SMALL_SPREAD, Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
@@ -168,7 +162,7 @@ def _table4_third_subject() -> Outcome:
     third = SCORES[2]
     elsewhere = np.isin(third[:4], (7, 8)).all()
     lowest = PUBLISHED.subject_means.argmin() == 2
-    return about_subjects([2], lowest, third[4] == 4, elsewhere, scores=third)
+    return published_scores.about_subjects([2], lowest, third[4] == 4, elsewhere, scores=third)
 
 
 def prediction_interval(others: FloatArray) -> Interval:

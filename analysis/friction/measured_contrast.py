@@ -9,19 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.friction.recorded import (
-    FRICTION,
-    LOGARITHMS,
-    PREDICTORS,
-    RATE,
-    TANGENTIAL,
-    Jitter,
-    Profile,
-    TouchForces,
-    logarithm,
-    mean_variance,
-    profile,
-)
+from analysis.friction import recorded
+from analysis.friction.recorded import FRICTION, LOGARITHMS, Jitter, TouchForces, logarithm
 from protocol.study.study_question import Effect
 
 BINS_OF_CONTACT = 8
@@ -79,7 +68,7 @@ def rest_of(unforced: Sequence[TouchForces], jitter: Jitter) -> Rest | NotEstima
     if not unforced:
         return NotEstimable("the session has no recorded touch of the resting beam")
     means = {name: np.mean([logarithm(it, name).mean() for it in unforced]) for name in LOGARITHMS}
-    variances = [mean_variance(touch, jitter) for touch in unforced]
+    variances = [recorded.mean_variance(touch, jitter) for touch in unforced]
     return Rest(
         values={name: float(value) for name, value in means.items()},
         variance=float(np.sum(variances)) / len(variances) ** 2,
@@ -121,7 +110,7 @@ def _within(touch: TouchForces, jitter: Jitter) -> MeasuredContrast:
     # (4): from 0 to 1 a power grows by 1, so that the fitted growth is the sum of the coefficients.
     weights = -np.linalg.pinv(np.vander(share, DEGREE + 1))[:-1].sum(axis=0)
     predictors = {name: float(weights @ logarithm(touch, name)) for name in LOGARITHMS}
-    predictors[RATE] = float(weights @ touch.tangential_n) / touch.moved_s
+    predictors[recorded.RATE] = float(weights @ touch.tangential_n) / touch.moved_s
     variance = jitter.covariance(weights[None], touch.noise)[0, 0] + (weights @ touch.tare) ** 2
     return _measured(predictors, float(variance))
 
@@ -130,25 +119,25 @@ def _between(
     before: TouchForces | None, after: TouchForces, rest: Rest | NotEstimable, jitter: Jitter
 ) -> MeasuredContrast:
     ends = {name: float(logarithm(after, name).mean()) for name in LOGARITHMS}
-    variance = mean_variance(after, jitter)
+    variance = recorded.mean_variance(after, jitter)
     if before is not None:
         starts = {name: float(logarithm(before, name).mean()) for name in LOGARITHMS}
-        variance += mean_variance(before, jitter)
+        variance += recorded.mean_variance(before, jitter)
         over_s = after.touched_s - before.touched_s
         fell_n = before.tangential_n.mean() - after.tangential_n.mean()
     else:
         assert isinstance(rest, Rest)
         starts, over_s = dict(rest.values), after.moved_s
         variance += rest.variance
-        fell_n = np.exp(starts[TANGENTIAL]) - after.tangential_n.mean()
+        fell_n = np.exp(starts[recorded.TANGENTIAL]) - after.tangential_n.mean()
     predictors = {name: starts[name] - ends[name] for name in LOGARITHMS}
     # A session's clock begins anew if it is resumed between two touches.
-    predictors[RATE] = float(fell_n) / over_s if over_s > 0 else np.nan
+    predictors[recorded.RATE] = float(fell_n) / over_s if over_s > 0 else np.nan
     return _measured(predictors, variance)
 
 
 def _measured(predictors: Mapping[str, float], variance: float) -> MeasuredContrast:
-    ordered = {name: predictors[name] for name in PREDICTORS}
+    ordered = {name: predictors[name] for name in recorded.PREDICTORS}
     return MeasuredContrast(
         value=predictors[FRICTION], error=float(np.sqrt(variance)), predictors=ordered
     )
@@ -158,19 +147,19 @@ def _over_path(
     compared: TouchPair, rest: Rest | NotEstimable, jitter: Jitter
 ) -> MeasuredContrast | NotEstimable:
     width_m = compared.contact_m / BINS_OF_CONTACT
-    after = profile(compared.after, width_m, jitter)
+    after = recorded.profile(compared.after, width_m, jitter)
     if compared.before is None:
         assert isinstance(rest, Rest)
         before = _resting(after.bins, rest)
     else:
-        before = profile(compared.before, width_m, jitter)
+        before = recorded.profile(compared.before, width_m, jitter)
     both = np.intersect1d(before.bins, after.bins)
     if len(both) < FEWEST_BINS:
         return NotEstimable("the finger did not go along the same path twice")
     before, after = before.at(both), after.at(both)
     if compared.effect == "depth":
         return rest if isinstance(rest, NotEstimable) else _depth(before, after, rest)
-    steps = {name: after.values[name] - before.values[name] for name in PREDICTORS}
+    steps = {name: after.values[name] - before.values[name] for name in recorded.PREDICTORS}
     covariance = before.covariance + after.covariance
     if compared.effect == "friction":
         predictors = {name: -float(step.mean()) for name, step in steps.items()}
@@ -180,25 +169,25 @@ def _over_path(
     return _measured({**predictors, FRICTION: size.value}, size.variance)
 
 
-def _resting(bins: FloatArray, rest: Rest) -> Profile:
+def _resting(bins: FloatArray, rest: Rest) -> recorded.Profile:
     """Return the profile of the resting beam, where friction is the same at all places."""
-    values = {**rest.values, RATE: 0.0}
-    return Profile(
+    values = {**rest.values, recorded.RATE: 0.0}
+    return recorded.Profile(
         bins=bins,
         values={name: np.full(len(bins), value) for name, value in values.items()},
         covariance=np.full((len(bins), len(bins)), rest.variance),
     )
 
 
-def _depth(before: Profile, after: Profile, rest: Rest) -> MeasuredContrast:
-    about = {**rest.values, RATE: 0.0}
+def _depth(before: recorded.Profile, after: recorded.Profile, rest: Rest) -> MeasuredContrast:
+    about = {**rest.values, recorded.RATE: 0.0}
     first, last = (
         _root_mean_square(each.values[FRICTION] - about[FRICTION], each.covariance)
         for each in (before, after)
     )
     predictors = {
         name: _rms(after.values[name] - about[name]) - _rms(before.values[name] - about[name])
-        for name in PREDICTORS
+        for name in recorded.PREDICTORS
     }
     # (7): both swings are about the same resting friction, so that its error partly cancels.
     of_rest = (last.mean_share - first.mean_share) ** 2 * rest.variance

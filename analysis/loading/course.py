@@ -12,17 +12,8 @@ import pandas as pd
 
 from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces, reduced
-from analysis.loading.records import (
-    CHANGED,
-    REHEARSED,
-    AnswerRow,
-    AttemptRow,
-    Exclusion,
-    Incident,
-    SessionRow,
-    Table,
-    TouchRow,
-)
+from analysis.loading import records
+from analysis.loading.records import AnswerRow, AttemptRow, SessionRow, Table, TouchRow
 from analysis.loading.study_lock import rig_in_force
 from device.friction.scenes import Calibration
 from protocol.journal import events as journal
@@ -51,8 +42,8 @@ class Rows:
     # Bare numbers, because an object per sample would take several times the memory.
     samples: "array[float]" = field(default_factory=lambda: array("d"))
     forces: dict[int, TouchForces | NotEstimable] = field(default_factory=dict)
-    incidents: list[Incident] = field(default_factory=list)
-    exclusions: list[Exclusion] = field(default_factory=list)
+    incidents: list[records.Incident] = field(default_factory=list)
+    exclusions: list[records.Exclusion] = field(default_factory=list)
     study_texts: dict[str, str] = field(default_factory=dict)
 
     def traces(self) -> pd.DataFrame:
@@ -136,8 +127,8 @@ class Course:
     def _session_resumed(self, event: journal.SessionResumed) -> None:
         told = self._session.versions = dict(self._session.versions)
         for name, now in event.versions.items():  # none by which a part was recorded goes untold
-            if str(told.setdefault(name, now)).rpartition(CHANGED)[2] != now:
-                told[name] = f"{told[name]}{CHANGED}{now}"
+            if str(told.setdefault(name, now)).rpartition(records.CHANGED)[2] != now:
+                told[name] = f"{told[name]}{records.CHANGED}{now}"
         self._under(event)
         self._incident("resumed")
 
@@ -326,19 +317,19 @@ class Course:
     @property
     def _who(self) -> str:
         """The participant, marked in a rehearsal: `load_sessions` takes needless marks off."""
-        mark = REHEARSED if self._session.session_kind == "rehearsal" else ""
+        mark = records.REHEARSED if self._session.session_kind == "rehearsal" else ""
         return f"{self._session.participant}{mark}"
 
     def _incident(self, what: str, text: str = "", trial: int | None = None) -> None:
         who, number = self._who, self._session.session
         self._rows.incidents.append(
-            Incident(participant=who, session=number, what=what, text=text, trial=trial)
+            records.Incident(participant=who, session=number, what=what, text=text, trial=trial)
         )
 
     def _exclude(self, why: str, trial: int | None = None) -> None:
         who, number = self._who, self._session.session
         self._rows.exclusions.append(
-            Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
+            records.Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
         )
 
 

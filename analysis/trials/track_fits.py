@@ -16,16 +16,7 @@ from analysis.statistics.detection import Detection, detection
 from analysis.thresholds.curve_posterior import Curve
 from analysis.thresholds.person_effects import Mixed, mixed
 from analysis.thresholds.psychometric import Threshold, fitted
-from analysis.trials.track_readings import (
-    Choice,
-    CohortReading,
-    Felt,
-    cohort_readings,
-    felt_in,
-    geometric_mean,
-    logarithms,
-    readings,
-)
+from analysis.trials import track_readings
 from device.friction.changes import friction_difference
 from device.friction.scenes import Calibration
 from device.tracks.posterior import estimate, lattice
@@ -88,7 +79,7 @@ class PersonThreshold:
     contrast_interval: Interval | None = None
     weber: float | None = None
     weber_interval: Interval | None = None
-    felt: Felt | None
+    felt: track_readings.Felt | None
     measured: float | None = None
     measured_interval: Interval | None = None
     measured_weber: float | None = None
@@ -100,7 +91,7 @@ class PersonThreshold:
     course: Course
     detection: Detection | NotEstimable | None
     answers: tuple[Answer, ...]
-    readings: Mapping[Choice, float]
+    readings: Mapping[track_readings.Choice, float]
     flags: tuple[str, ...]
 
 
@@ -132,7 +123,7 @@ class Thresholds:
 
     people: tuple[PersonThreshold, ...]
     cohort: tuple[CohortThreshold, ...]
-    readings: tuple[CohortReading, ...]
+    readings: tuple[track_readings.CohortReading, ...]
 
 
 def thresholds(
@@ -152,7 +143,7 @@ def thresholds(
     if not tracks:
         return None
     people: list[PersonThreshold] = []
-    read: list[CohortReading] = []
+    read: list[track_readings.CohortReading] = []
     for track in tracks:
         own = trials[trials["track"].eq(track.name)]
         felt = partial(contrast_of_level, study, track, rig)
@@ -161,7 +152,7 @@ def thresholds(
                 touches = data.touches[data.touches["attempt_id"].isin(mine.index)]
                 people.append(_person(track, who, mine, touches, (felt, friction or {}, keep)))
         told = ((it.readings, felt, it.felt) for it in people if it.track == track.name)
-        read += cohort_readings(track, told)
+        read += track_readings.cohort_readings(track, told)
     cohort = tuple(_cohort(track, people) for track in tracks)
     return Thresholds(people=tuple(people), cohort=cohort, readings=tuple(read))
 
@@ -203,7 +194,7 @@ def _person(
     ends = (first, last) if side > 0 else (last, first)
     contrasts = [felt(level) for level in (made.threshold, *ends)]
     known = all(each is not None for each in contrasts)
-    follows = felt_in(
+    follows = track_readings.felt_in(
         track, trials, touches, friction, lambda level: felt(track.values[level], signed=True)
     )
     values: dict[str, Any] = {}
@@ -239,7 +230,7 @@ def _person(
         ),
         detection=_detection(trials) if track.intervals == 1 and track.catch else None,
         answers=answers,
-        readings=dict(readings(track, answers, mean)),
+        readings=dict(track_readings.readings(track, answers, mean)),
         flags=(
             *(flag for flag in fit.flags if "levels" not in flag),  # of its wider prior
             *_at_an_end(track, [abs(end - track.reference) for end in ends]),
@@ -350,8 +341,8 @@ def mean_over_people(
     values: Sequence[float | None],
 ) -> tuple[float | NotEstimable, Interval | NotEstimable]:
     """Return the geometric mean of what is known of people, with its t interval."""
-    if len(logs := logarithms(values)):
-        return geometric_mean(logs)
+    if len(logs := track_readings.logarithms(values)):
+        return track_readings.geometric_mean(logs)
     none = NotEstimable("nobody's threshold could be estimated")
     return none, none
 

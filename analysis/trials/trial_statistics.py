@@ -32,17 +32,7 @@ from analysis.statistics.factorial import (
 )
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.summary import table4
-from analysis.trials.contrasts import (
-    ContrastRange,
-    ScoredTrials,
-    TrialContrasts,
-    at_places,
-    condition_changes,
-    contrast_range,
-    detection_trials,
-    scored_trials,
-    trial_contrasts,
-)
+from analysis.trials import contrasts as trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
 from analysis.trials.trial_checks import Discrimination, discrimination
 from device.friction.changes import AT_A_PLACE, Change
@@ -186,13 +176,13 @@ class SensitivityModels(ABC):
 
     @property
     @abstractmethod
-    def contrasts(self) -> TrialContrasts:
+    def contrasts(self) -> trial_contrasts.TrialContrasts:
         """Contrasts of all trials, by law."""
 
     @cached_property
-    def scored(self) -> ScoredTrials:
+    def scored(self) -> trial_contrasts.ScoredTrials:
         """The trials that count for Table 4."""
-        return scored_trials(self.data, self.contrasts)
+        return trial_contrasts.scored_trials(self.data, self.contrasts)
 
     @cached_property
     def m1(self) -> LinearSensitivity | NotEstimable:
@@ -225,7 +215,7 @@ class SensitivityModels(ABC):
 
     @cached_property
     def _answered(self) -> AnsweredTrials:
-        return detection_trials(self.data, self.contrasts, self.study)
+        return trial_contrasts.detection_trials(self.data, self.contrasts, self.study)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -239,9 +229,9 @@ class TrialStatistics(SensitivityModels):
     rig: Calibration = NOMINAL
 
     @cached_property
-    def contrasts(self) -> TrialContrasts:
+    def contrasts(self) -> trial_contrasts.TrialContrasts:
         """Contrasts of all trials, by law."""
-        return trial_contrasts(
+        return trial_contrasts.trial_contrasts(
             self.study, self.data.trials, self.data.touches, self.rig, keep=self.keep
         )
 
@@ -258,13 +248,13 @@ class TrialStatistics(SensitivityModels):
 
     @cached_property
     def _changes(self) -> Mapping[str, Change]:
-        return condition_changes(self.study, self.data)
+        return trial_contrasts.condition_changes(self.study, self.data)
 
     @cached_property
-    def ranges(self) -> tuple[ContrastRange, ...]:
+    def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
         """How certain the contrast of each condition is."""
-        changes = self._changes.items()
-        return tuple(self.keep(contrast_range, name, change, self.rig) for name, change in changes)
+        ranged = trial_contrasts.contrast_range
+        return tuple(self.keep(ranged, *each, self.rig) for each in self._changes.items())
 
     @cached_property
     def crossed(self) -> tuple[Crossed, Crossed | None] | None:
@@ -402,7 +392,7 @@ def cell_scores(
 def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
     if {changes[name].kind for name in changes} == {AT_A_PLACE}:
         return NotEstimable("all conditions are at a place")
-    chosen = at_places(ratings, changes)
+    chosen = trial_contrasts.at_places(ratings, changes)
     count = len(chosen.given.rating)
     if count < FEWEST_AT_PLACES:
         return NotEstimable(f"at least {FEWEST_AT_PLACES} ratings there are needed, got {count}")

@@ -18,7 +18,7 @@ from device.beam.windows import mode_window
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
-from device.friction.scenes import Scene
+from device.friction.scenes import Drive, Scene
 
 _MM = 1e3
 _X_LABEL, _MU_LABEL = "x, mm", "μ'"
@@ -86,7 +86,7 @@ def _local_parameters() -> tuple[Panel, ...]:
         curves = {f"{v:.0f} V": local_curve(law, local_scene(voltage_v=v)) for v in (50, 100, 200)}
         title = f"voltage (Fig 14a), {law}"
         panels.append(_by_law(title, _X_LABEL, _MM * PLACES_M, curves))
-        modes = {f"mode {m}": local_curve(law, local_scene(mode=m)) for m in (6, 5, 4)}
+        modes = {f"mode {m}": local_curve(law, Scene(drive=Drive(mode=m))) for m in (6, 5, 4)}
         title = f"falling frequency (Fig 14b), {law}"
         panels.append(_by_law(title, _X_LABEL, _MM * PLACES_M, modes))
     return tuple(panels)

@@ -32,17 +32,16 @@ MU = 0.4
 CONTACT_M = 0.01
 
 
-def local_scene(*, voltage_v: float = 100.0, mode: int = 6, detuning: float = 1.0) -> Scene:
+def local_scene(*, voltage_v: float = 100.0, detuning: float = 1.0) -> Scene:
     """Return the paper's scene under one finger, driven at `detuning` times the resonance."""
-    return Scene(drive=_drive(voltage_v, mode, detuning))
+    return Scene(drive=_drive(voltage_v, detuning))
 
 
-def _drive(voltage_v: float, mode: int, detuning: float) -> Drive:
+def _drive(voltage_v: float, detuning: float) -> Drive:
     # Without a frequency each rung is driven at its own resonance, which differs from mode 6's.
     if detuning == 1.0:
-        return Drive(voltage_v=voltage_v, mode=mode)
-    frequency_hz = detuning * natural_frequency_hz(BEAM, mode)
-    return Drive(voltage_v=voltage_v, frequency_hz=frequency_hz, mode=mode)
+        return Drive(voltage_v=voltage_v)
+    return Drive(voltage_v=voltage_v, frequency_hz=detuning * natural_frequency_hz(BEAM, 6))
 
 
 @lru_cache(maxsize=256)
@@ -87,7 +86,7 @@ def full_coverage(
     """Return μ' of a hand on the whole beam, `same_direction` of whose `bodies` help."""
     scene = Scene(
         structure=Structure(body_count=bodies),
-        drive=_drive(voltage_v, 6, detuning),
+        drive=_drive(voltage_v, detuning),
         touch=FingerContact(body_load_n=load_n),
         coverage="full",
         same_direction_fraction=same_direction / bodies,

@@ -198,8 +198,7 @@ def _of_trial(
         return NotEstimable("what it compared is not known")
     first, last = planned.index[0], planned.index[-1]
     for touch in (first, last):
-        found = forces.get(touch, NotEstimable(NOT_RECORDED))
-        if isinstance(found, NotEstimable):
+        if isinstance(found := forces.get(touch, NotEstimable(NOT_RECORDED)), NotEstimable):
             return found
     assert session is not None
     if isinstance(session.jitter, NotEstimable):
@@ -292,8 +291,7 @@ class MeasuredStatistics(SensitivityModels):
     @property
     def noise_share(self) -> float | NotEstimable:
         """The part of the variance of M1's residuals that the contrasts' errors explain."""
-        m1 = self.m1
-        if isinstance(m1, NotEstimable):
+        if isinstance(m1 := self.m1, NotEstimable):
             return m1
         scored = is_scored(self.data.trials).to_numpy() & self.trials.known
         by_errors = m1.lines.middle[1] ** 2 * float((self.trials.best_error[scored] ** 2).mean())

@@ -74,9 +74,7 @@ class TouchForces:
         """Return the forces if the zero has drifted since it was measured."""
         moved_n = drift_n_per_s * (self.touched_s + self.t_s - self.moved_s / 2 - self.zero_s)
         tangential_n = self.tangential_n - moved_n
-        if (tangential_n <= 0).any():
-            return self
-        return replace(self, tangential_n=tangential_n)
+        return self if (tangential_n <= 0).any() else replace(self, tangential_n=tangential_n)
 
 
 def decoded(

@@ -222,8 +222,7 @@ class Course:
         if (told := event.track) is not None:
             attempt.level, attempt.level_value = told.level, told.value
             attempt.correct, attempt.reversal = told.correct, self._turned(told)
-        began_s = attempt.started_monotonic_s
-        if began_s is not None:
+        if (began_s := attempt.started_monotonic_s) is not None:
             # The difference of two times has digits that no clock gave.
             attempt.duration_s = round(self._stored.monotonic_s - began_s, 6)
         for given in event.questions:

@@ -219,8 +219,7 @@ def cell_name(cell: str, where: str) -> str:
 
 
 def _subject(cell: str, where: str) -> str:
-    name = cell_name(cell, where)
-    if not name:
+    if not (name := cell_name(cell, where)):
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
     if named_as_mean(name):
         raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")

@@ -135,8 +135,7 @@ class AttemptRow:
     @classmethod
     def begun(cls, planned: PlannedTrial | Trial, **known: Any) -> Self:
         """Return the row of an attempt at a `planned` trial; `known` are its other columns."""
-        of = planned.track
-        if of is not None:
+        if (of := planned.track) is not None:
             known |= {"track": of.name, "track_role": of.role, "interval": of.interval}
         return cls(
             trial_index=planned.index,

@@ -216,30 +216,6 @@ def withheld(table: ScoreTable, trials: pd.DataFrame) -> FloatArray:
     return shares.reindex(index=table.subjects, columns=table.conditions).fillna(0.0).to_numpy()
 
 
-def readings(table: ScoreTable, trials: pd.DataFrame, least: float = 0.0) -> dict[str, ScoreTable]:
-    """Return the table with withheld scores left "missing", as "zero" and as the "lowest" score.
-
-    "zero" is the `least` score of the scale, which is 0 in the paper.
-
-    A score is withheld when the answer disagrees with the expectation (paper, section 5.2), or by
-    `rating.score_when` when nothing was noticed. This
-    can mean nothing, none at all, or an effect no stronger than the weakest reported. A cell
-    with other scores is the mean of all, those that were withheld among them; one that is empty
-    for another reason stays missing. A complete table without withheld scores, and one without any
-    score, has the first reading only.
-    """
-    shares = withheld(table, trials)
-    if not table.given.any() or (table.is_complete and not shares.any()):
-        return {"missing": table}
-    # A cell without any score has nothing but withheld ones, if it is filled at all.
-    given = np.nan_to_num(table.scores) * (1 - shares)
-    fills = {"zero": least, "lowest": float(trials["score"][is_scored(trials)].min())}
-    return {"missing": table} | {
-        name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
-        for name, score in fills.items()
-    }
-
-
 def marks(empty: EmptyCells) -> dict[tuple[int, int], str]:
     """Return what stands in each cell without a score."""
     return {cell: MARKS[why] for cell, why in empty.items()}
@@ -373,11 +349,27 @@ class StudyData:
         return self.trials[is_scored(self.trials)]
 
     def readings(self, least: float = 0.0) -> dict[str, ScoreTable]:
-        """Return the table under each reading of withheld scores, by name.
+        """Return the table with withheld scores left "missing", as "zero" and as "lowest" score.
 
-        `least` is the lowest score of the scale.
+        "zero" is the `least` score of the scale, which is 0 in the paper.
+
+        A score is withheld when the answer disagrees with the expectation (paper, section 5.2), or
+        by `rating.score_when` when nothing was noticed. This can mean nothing, none at all, or an
+        effect no stronger than the weakest reported. A cell with other scores is the mean of all,
+        those that were withheld among them; one that is empty for another reason stays missing. A
+        complete table without withheld scores, and one without any score, has the first reading
+        only.
         """
-        return readings(self.table, self.trials, least)
+        table, shares = self.table, withheld(self.table, self.trials)
+        if not table.given.any() or (table.is_complete and not shares.any()):
+            return {"missing": table}
+        # A cell without any score has nothing but withheld ones, if it is filled at all.
+        given = np.nan_to_num(table.scores) * (1 - shares)
+        fills = {"zero": least, "lowest": float(self.scored["score"].min())}
+        return {"missing": table} | {
+            name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
+            for name, score in fills.items()
+        }
 
 
 def load_study_data(

@@ -77,8 +77,7 @@ def _differ(universe: Universe) -> Judged | NotEstimable:
     W is the statistic over Σ(kᵢ - 1), which it cannot exceed, where subject i gave kᵢ scores; with
     no score missing it is Kendall's.
     """
-    test = universe.reading.omnibus
-    if isinstance(test, NotEstimable):
+    if isinstance(test := universe.reading.omnibus, NotEstimable):
         return test
     if isinstance(test, Friedman):
         ends = test.kendall_w_interval

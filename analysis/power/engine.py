@@ -59,8 +59,7 @@ def completed(
     """
     left = []
     for task in wanted:
-        found = kept(job, task, chunks)
-        if found is None:
+        if (found := kept(job, task, chunks)) is None:
             left.append(task)
         else:
             yield task, found

@@ -102,8 +102,7 @@ def _estimate_record(estimate: diagnosands.EstimateQuality) -> Json:
 
 def _calibration(estimate: diagnosands.EstimateQuality) -> Json:
     """Return how far the ranks of the truth are from a uniform distribution, and how far may be."""
-    count = len(estimate.ranks)
-    if not count:
+    if not (count := len(estimate.ranks)):
         return {"studies": 0, "largest_difference": None, "band": None}
     return {
         "studies": count,

@@ -229,11 +229,8 @@ def rig_at(found: FloatArray) -> RigProperties:
 
 
 @lru_cache(maxsize=64)
-def _resonance_hz(patch_centre_m: float) -> float:
-    patches = replace(_STRUCTURE.beam.patches, centre_m=patch_centre_m)
-    return rungs.rung_resonance_hz(
-        rungs.REDUCED_RUNG, replace(_STRUCTURE.beam, patches=patches), MODE
-    )
+def _resonance_hz(beam: Beam) -> float:
+    return rungs.rung_resonance_hz(rungs.REDUCED_RUNG, beam, MODE)
 
 
 NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
@@ -306,11 +303,11 @@ def _terms(places: Places, rigs: Sequence[RigProperties]) -> ContactTerms:
         own = np.array([getattr(one, name) for one in settings], dtype=np.float64)
         return np.tile(own[places.of], size)
 
-    scale = _resonance_hz(rigs[0].patch_centre_m)
+    beam = replace(rigs[0].beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
+    scale = _resonance_hz(beam)
     frequency_hz = [one.frequency_hz * scale / own_hz for own_hz, _ in known for one in settings]
     damping = np.repeat([ratio for _, ratio in known], len(settings))
     drive = (len(settings) * np.arange(size)[:, None] + places.of).ravel()
-    beam = replace(rigs[0].beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
     field = rungs.modal_sum_field(beam, drive, np.array(frequency_hz), damping)
     contact = Contact(
         beam=beam,

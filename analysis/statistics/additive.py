@@ -61,8 +61,7 @@ class GainHeterogeneity:
 
 def additive_effects(table: ScoreTable) -> AdditiveEffects | NotEstimable:
     """Return condition and subject effects by least squares, or why they are not estimable."""
-    fit = two_way(table)
-    if isinstance(fit, NotEstimable):
+    if isinstance(fit := two_way(table), NotEstimable):
         return fit
     subject_variance = max(0.0, fit.row_variance)
     counts = fit.table.given.sum(axis=1).tolist()
@@ -132,11 +131,9 @@ def gain_heterogeneity(
         table: the scores.
         shuffles: most shufflings; large tables get fewer.
     """
-    fit = two_way(table)
-    if isinstance(fit, NotEstimable):
+    if isinstance(fit := two_way(table), NotEstimable):
         return fit
-    slopes = _slopes(fit)
-    if isinstance(slopes, NotEstimable):
+    if isinstance(slopes := _slopes(fit), NotEstimable):
         return slopes
     df = (slopes.rank, fit.residual_df - slopes.rank)
     if min(df) < 1:

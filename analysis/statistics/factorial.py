@@ -196,8 +196,7 @@ def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotE
     share of these arrangements whose F is at least as large. `scores` has shape (people, levels of
     each factor), none missing; `factors` are positions among the factors.
     """
-    test = _f_test(scores, factors)
-    if isinstance(test, NotEstimable):
+    if isinstance(test := _f_test(scores, factors), NotEstimable):
         return test
     exact = exact_p(test.own)
     shuffled = _monte_carlo(test.own) if exact is None else None
@@ -425,12 +424,10 @@ def latent_factorial(
         for of in terms
     ]
     design = np.concatenate(columns, axis=1)
-    counts = ordinal.score_counts(scores, subject, cell, len(design))
-    if isinstance(counts, NotEstimable):
+    if isinstance(counts := ordinal.score_counts(scores, subject, cell, len(design)), NotEstimable):
         return counts
     data = ordinal.ScoreCounts(counts=counts, link="probit", design=design)
-    fit = ordinal.fitted_levels(data)
-    if isinstance(fit, NotEstimable):
+    if isinstance(fit := ordinal.fitted_levels(data), NotEstimable):
         return fit
     best, covariance = fit
     wider = ordinal.fitted_cells(best, covariance, data)

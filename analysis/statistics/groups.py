@@ -147,8 +147,7 @@ def corrected(pairs: Sequence[TwoGroups]) -> tuple[TwoGroups, ...]:
 
 
 def _shift_interval(apart: FloatArray, n: int, m: int) -> Interval | NotEstimable:
-    outside = _outside(min(n, m), max(n, m))
-    if not outside:
+    if not (outside := _outside(min(n, m), max(n, m))):
         return NotEstimable(f"groups of {n} and {m} are too small for a 95% interval")
     # Means of a few whole scores tie often. Between tied differences the place is interpolated,
     # because an interval that ended on them would hold the truth in up to 99%.

@@ -33,11 +33,6 @@ class ManyPairs:
     subjects: IntArray
 
 
-def pairs_of(conditions: int) -> list[tuple[int, int]]:
-    """Return the pairs of conditions, in the order of `pairwise_signed_ranks`."""
-    return list(combinations(range(conditions), 2))
-
-
 def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
     """Return the pairwise tests of tables (tables, subjects, conditions); NaN is a missing score.
 
@@ -45,7 +40,8 @@ def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
     >>> pairwise_of_tables(tables).p
     array([[0.25]])
     """
-    first, second = np.transpose(pairs_of(scores.shape[2]))
+    # In the order of `pairwise_signed_ranks`.
+    first, second = np.transpose(list(combinations(range(scores.shape[2]), 2)))
     differences = np.moveaxis(scores[:, :, first] - scores[:, :, second], 1, 2)
     p = _signed_rank_p(differences)
     given = ~np.isnan(differences)

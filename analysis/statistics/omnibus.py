@@ -244,8 +244,7 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
     subject i (Skillings and Mack, Technometrics 23, 1981, 171-177). Differs from the paper: Σ has
     the variance of each subject's tied ranks instead of that of k_i distinct ones.
     """
-    found = _tied_ranks(table)
-    if isinstance(found, NotEstimable):
+    if isinstance(found := _tied_ranks(table), NotEstimable):
         return found
     scores, deviations, inverse = found.scores, found.deviations, found.inverse
     total = deviations.sum(axis=0)
@@ -265,8 +264,7 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
 
 def skillings_mack_p(table: ScoreTable) -> float:
     """Return the chi-square p of the Skillings-Mack test alone, NaN where it is not possible."""
-    found = _tied_ranks(table)
-    if isinstance(found, NotEstimable):
+    if isinstance(found := _tied_ranks(table), NotEstimable):
         return float("nan")
     return float(chdtrc(found.rank, found.statistic))
 
@@ -288,8 +286,7 @@ class _TiedRanks:
 
 
 def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
-    kept = without_empty(table)
-    if isinstance(kept, NotEstimable):
+    if isinstance(kept := without_empty(table), NotEstimable):
         return kept
     scores = kept.scores[kept.given.sum(axis=1) >= 2]
     if not len(scores):

@@ -74,8 +74,7 @@ def two_way(table: ScoreTable) -> TwoWay | NotEstimable:
 
     The longer of rows and columns is eliminated, so that the cost grows linearly with it.
     """
-    kept = without_empty(table)
-    if isinstance(kept, NotEstimable):
+    if isinstance(kept := without_empty(table), NotEstimable):
         return kept
     if refusal := _refusal(kept):
         return refusal
@@ -195,8 +194,7 @@ def intraclass_correlation(
     with no cell missing these are Shrout and Fleiss' mean squares. A negative value means that
     targets differ less than expected by chance.
     """
-    fit = two_way(table)
-    if isinstance(fit, NotEstimable):
+    if isinstance(fit := two_way(table), NotEstimable):
         return fit
     if target == "conditions":
         fit = fit.transposed

@@ -119,8 +119,7 @@ def _columns(header: Sequence[str], where: str) -> dict[str, int]:
 
 
 def _name(cell: str, where: str) -> str:
-    name = cell_name(cell, where)
-    if not name:
+    if not (name := cell_name(cell, where)):
         raise TableError(f"{where}: must have a name, got none; write one in each row")
     return name
 
@@ -140,8 +139,7 @@ def _level(cell: str, where: str, shape: str) -> float:
 def _counts(cells: Mapping[str, str], where: str) -> tuple[int, int]:
     """Return the trials and the correct ones of a row."""
     if TRIALS not in cells:
-        answer = RIGHT_OR_WRONG.get(cells[CORRECT].casefold())
-        if answer is None:
+        if (answer := RIGHT_OR_WRONG.get(cells[CORRECT].casefold())) is None:
             raise TableError(
                 f"{where}, column {CORRECT}: must be 1 or 0 in a row per trial, got "
                 f"{cells[CORRECT][:40]!r}; add the column trials if it is a count"

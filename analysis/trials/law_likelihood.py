@@ -246,8 +246,7 @@ def law_likelihoods(
 def _law_likelihood(
     trials: Ratings, contrast: FloatArray, scale: Interval
 ) -> LawLikelihood | NotEstimable:
-    axes = axes_of(replace(trials, contrast=contrast))
-    if isinstance(axes, NotEstimable):
+    if isinstance(axes := axes_of(replace(trials, contrast=contrast)), NotEstimable):
         return axes
     x = (contrast - axes.x_mean) / axes.x_sd
     y = (trials.rating - axes.y_mean) / axes.y_sd

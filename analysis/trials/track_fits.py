@@ -180,7 +180,6 @@ def _person(
         band_at=curve_places(track),
     )
     side = 1 if track.values[-1] > track.reference else -1
-
     told = trials[
         trials["track_role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()
     ]
@@ -199,9 +198,8 @@ def _person(
     )
     values: dict[str, Any] = {}
     if track.axis == "voltage":
-        db, low, high = (
-            _decibels(each / (track.reference or 1.0)) for each in (made.threshold, first, last)
-        )
+        ratios = [each / (track.reference or 1.0) for each in (made.threshold, first, last)]
+        db, low, high = (decibels(each) if each > 0 else float("nan") for each in ratios)
         values["db"] = db, (low, high)
     if known:
         values["contrast"] = contrasts[0], (contrasts[1], contrasts[2])
@@ -257,10 +255,6 @@ def _at_an_end(track: Track, ends: Sequence[float]) -> Iterator[str]:
     for end, level, name in ((0, 0, "hardest"), (1, -1, "easiest")):
         if abs(np.log(ends[end] / distances[level])) < _NEAR * np.log(distances[-1] / distances[0]):
             yield f"may lie beyond the {name} level"
-
-
-def _decibels(ratio: float) -> float:
-    return decibels(ratio) if ratio > 0 else float("nan")
 
 
 def _points(track: Track, trials: pd.DataFrame) -> Iterator[tuple[float, int, int]]:

@@ -20,7 +20,6 @@ _Z: Final = 1.959964
 _LEAST_LEFT: Final = 0.05
 """Of a trial's residual, where it alone draws the line."""
 LAPSES: Final = {"free": None, "known": (0.02, 0.02)}
-REPORTED: Final = "as reported"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -132,19 +132,16 @@ def carry_over(ratings: Ratings, previous: IntArray) -> FTest | NotEstimable:
     """
     if not (~np.isnan(ratings.rating) & (previous >= 0)).any():
         return NotEstimable("no rated trial follows another")
-    return _test_of_factor(ratings.where(previous >= 0), previous[previous >= 0])
+    # The same test, of another factor than the position.
+    return order_effect(ratings.where(previous >= 0), previous[previous >= 0])
 
 
 def order_effect(ratings: Ratings, position: IntArray) -> FTest | NotEstimable:
     """Return the test of the trial's position, as a factor, or why it is not possible."""
-    return _test_of_factor(ratings, position)
-
-
-def _test_of_factor(ratings: Ratings, level: IntArray) -> FTest | NotEstimable:
     rated = ratings.given
     if not len(rated.rating):
         return NotEstimable("no trial was rated")
-    added = _dummies(level[~np.isnan(ratings.rating)])
+    added = _dummies(position[~np.isnan(ratings.rating)])
     return _test_of(rated, _dummies(rated.condition), added)
 
 

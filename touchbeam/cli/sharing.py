@@ -54,8 +54,7 @@ def import_scores(
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
     import_table(options.study_folder(study), rows, scores.name, content)
-    note = unpredicted_note(table.conditions)
-    if note:
+    if note := unpredicted_note(table.conditions):
         say(note)
     imported = counted(len(table.subjects), "subject")
     say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")

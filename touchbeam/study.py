@@ -88,10 +88,7 @@ def read_study(
     else:
         # Not the one of the report, which would hold the tables for as long.
         found = Kept(shelf, code_version()).made(
-            lambda: kept_sessions(read(), broken),
-            KeptSessions,
-            digest,
-            worth=lambda _: unchanged(),
+            lambda: kept_sessions(read(), broken), KeptSessions, digest, worth=lambda _: unchanged()
         )
         recorded, broken = loaded[0] if loaded else found.sessions(), list(found.broken)
     return Study(

@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Exit, Option, Typer
 
 from runner.clock import WallClock
 from touchbeam.cli import options
 from touchbeam.cli.output import bars, named_quantity, print_json, quantity, say
 
-app = typer.Typer()
-device_commands = typer.Typer(
+app = Typer()
+device_commands = Typer(
     name="device",
     help="List ports, identify the device, find its resonance.",
     add_completion=False,
@@ -63,11 +63,11 @@ def device_probe(url: options.UrlArgument, as_json: options.JsonOption = False) 
 def device_sweep(
     url: options.UrlArgument,
     near: Annotated[
-        float, typer.Option(min=100, max=95_000, metavar="HZ", help="Expected resonance.")
+        float, Option(min=100, max=95_000, metavar="HZ", help="Expected resonance.")
     ] = 24_221.0,
     dialect: options.DialectOption = "board",
     keep: Annotated[
-        Path | None, typer.Option(metavar="STUDY", help="Save it as this study's calibration.")
+        Path | None, Option(metavar="STUDY", help="Save it as this study's calibration.")
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
@@ -107,22 +107,20 @@ def device_sweep(
 
 @app.command("simulate-device", cls=options.Choosing)
 def simulate_device(
-    wire: Annotated[options.Wire, typer.Argument(help="pty or tcp")],
-    place: Annotated[str, typer.Argument(metavar="LINK|PORT", help="A path or a loopback port.")],
+    wire: Annotated[options.Wire, Argument(help="pty or tcp")],
+    place: Annotated[str, Argument(metavar="LINK|PORT", help="A path or a loopback port.")],
     dialect: options.DialectOption = "board",
-    control: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="Unix socket to create.")
-    ] = None,
+    control: Annotated[Path | None, Option(metavar="SOCKET", help="Unix socket to create.")] = None,
     keep: Annotated[
-        bool, typer.Option("--keep", help="Keep running after the host disconnects.")
+        bool, Option("--keep", help="Keep running after the host disconnects.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, Option(min=0)] = 0,
     law: options.SimulatedLawOption = None,
     rung: options.SimulatedRungOption = None,
     damping: options.SimulatedDampingOption = None,
     gauge: Annotated[
         str | None,
-        typer.Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
+        Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
     ] = None,
 ) -> None:
     """Simulate the device in the foreground.
@@ -149,11 +147,11 @@ def doctor(as_json: options.JsonOption = False) -> None:
         for finding in results:
             say(finding.line())
     if not all(finding.ok for finding in results):
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 @app.command("participant-screens", hidden=True)
-def participant_screens(show: Annotated[bool, typer.Option("--show")] = False) -> None:
+def participant_screens(show: Annotated[bool, Option("--show")] = False) -> None:
     """Print the screens as JSON, or show their numbers until the standard input ends."""
     _leave_folder()
     from runner.screen_list import print_screens, show_numbers

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Exit, Option, Typer
 
 from protocol.errors import BadInput
 from runner.clock import WallClock
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from runner.study.old_results import OldResults
     from runner.study.progress import Progress
 
-app = typer.Typer()
+app = Typer()
 
 
 @app.command()
@@ -88,7 +88,7 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
         if not checked:
             say("The journal contains no sessions.")
     if not result["ok"]:
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 def _for_registry(study: "Study", registered: "Registration") -> str:
@@ -101,7 +101,7 @@ def _for_registry(study: "Study", registered: "Registration") -> str:
 @app.command()
 def backup(
     study: options.StudyArgument,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The new file.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="The new file.")],
     as_json: options.JsonOption = False,
 ) -> None:
     """Copy the journal, even during a session.
@@ -120,7 +120,7 @@ def backup(
             f"{counted(len(result['sessions']), 'session')}, {counted(result['events'], 'event')}"
         )
     if not result["ok"]:
-        raise typer.Exit(1)
+        raise Exit(1)
 
 
 def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
@@ -236,7 +236,7 @@ def withdraw(
     study: options.StudyArgument,
     participant: options.ParticipantOption,
     rehearsal: options.OfRehearsalOption = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Erase without asking.")] = False,
+    yes: Annotated[bool, Option("--yes", help="Erase without asking.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Erase a participant's data.

@@ -6,7 +6,7 @@ from itertools import chain
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option, Typer
 
 from protocol.errors import BadInput
 from touchbeam.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from protocol.study.study import Study
     from runner.study.kept_files import PowerFolder
 
-app = typer.Typer()
+app = Typer()
 _MOST_DIGITS = 9
 """Of a number of participants, repeats or levels, of which each has a limit far below."""
 
@@ -41,35 +41,33 @@ def _numbers(given: str | None, option: str) -> list[int]:
 def power(
     study: StudyArgument,
     studies: Annotated[
-        int, typer.Option(min=2, max=1_000_000, help="Simulated studies of each design.")
+        int, Option(min=2, max=1_000_000, help="Simulated studies of each design.")
     ] = 500,
     null_studies: Annotated[
         int | None,
-        typer.Option(
+        Option(
             min=2, max=1_000_000, help="Of them without any effect. [default: twice the others]"
         ),
     ] = None,
     participants: Annotated[
-        str | None, typer.Option(metavar="N,…", help="[default: the study's, or 9]")
+        str | None, Option(metavar="N,…", help="[default: the study's, or 9]")
     ] = None,
-    repeats: Annotated[str | None, typer.Option(metavar="N,…", help="[default: the study's]")] = (
-        None
-    ),
+    repeats: Annotated[str | None, Option(metavar="N,…", help="[default: the study's]")] = (None),
     levels: Annotated[
-        str | None, typer.Option(metavar="N,…", help="Of every amplitude. [default: the study's]")
+        str | None, Option(metavar="N,…", help="Of every amplitude. [default: the study's]")
     ] = None,
     tests_only: Annotated[
-        bool, typer.Option("--tests-only", help="Leave out the sensitivity models: much faster.")
+        bool, Option("--tests-only", help="Leave out the sensitivity models: much faster.")
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Processes. [default: one per core]")
+        int | None, Option(min=1, max=1024, help="Processes. [default: one per core]")
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Compute on this Dask cluster, such as tcp://HOST:8786."),
+        Option(metavar="URL", help="Compute on this Dask cluster, such as tcp://HOST:8786."),
     ] = None,
     people: PeopleOption = None,
-    seed: Annotated[int, typer.Option(min=0)] = 1,
+    seed: Annotated[int, Option(min=0)] = 1,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a study many times: its power and its precision.

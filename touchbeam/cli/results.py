@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option, Typer
 
 from protocol.errors import BadInput
 from runner.people.terminal import at_terminal
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
     from touchbeam.study import Found
 
-app = typer.Typer()
+app = Typer()
 
 
 @app.command()
@@ -26,20 +26,20 @@ def report(
     study: options.StudyArgument,
     out: Annotated[
         Path | None,
-        typer.Option(parser=options.named_folder, metavar="DIR", help="[default: STUDY/report]"),
+        Option(parser=options.named_folder, metavar="DIR", help="[default: STUDY/report]"),
     ] = None,
     rehearsals: options.RehearsalsOption = False,
     sections: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAMES",
             help="Sections of the page, by commas; else those of report.toml, or all.",
         ),
     ] = None,
     figures: Annotated[
-        bool, typer.Option("--figures", help="Also write each figure as files: SVG, PDF, PNG.")
+        bool, Option("--figures", help="Also write each figure as files: SVG, PDF, PNG.")
     ] = False,
-    show: Annotated[bool, typer.Option("--open", help="Open the page in a browser.")] = False,
+    show: Annotated[bool, Option("--open", help="Open the page in a browser.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Report Table 4, statistics and figures.
@@ -58,16 +58,15 @@ def report(
 
 @app.command(cls=options.Choosing)
 def predict(
-    scenes: Annotated[Path, typer.Argument(metavar="SCENES.csv", help="One row per scene.")],
+    scenes: Annotated[Path, Argument(metavar="SCENES.csv", help="One row per scene.")],
     out: Annotated[
-        Path,
-        typer.Option("-o", "--out", metavar="OUT.csv", help="Output file; - for standard output."),
+        Path, Option("-o", "--out", metavar="OUT.csv", help="Output file; - for standard output.")
     ],
     law: options.LawOption = "consistent",
-    rung: Annotated[str, typer.Option(help="auto or a rung of `touchbeam ladder`.")] = "auto",
-    tolerance: Annotated[float, typer.Option(help="Largest error in μ' allowed for auto.")] = 0.01,
+    rung: Annotated[str, Option(help="auto or a rung of `touchbeam ladder`.")] = "auto",
+    tolerance: Annotated[float, Option(help="Largest error in μ' allowed for auto.")] = 0.01,
     eq15_overlap: options.OverlapOption = "first",
-    study: Annotated[Path | None, typer.Option(help="Study whose values fill blank cells.")] = None,
+    study: Annotated[Path | None, Option(help="Study whose values fill blank cells.")] = None,
 ) -> None:
     """Predict the friction of many scenes.
 
@@ -108,7 +107,7 @@ def predict(
 def fit(
     table: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="TABLE.csv",
             help="Columns participant, track, level, trials, correct; or without trials.",
         ),
@@ -117,14 +116,14 @@ def fit(
     shape: options.ShapeOption = "weibull",
     threshold_at: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="SHARE",
             help="Share correct that defines the threshold. [default: the curve's midpoint]",
         ),
     ] = None,
     lapse: Annotated[
         float | None,
-        typer.Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
+        Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
@@ -154,7 +153,7 @@ def fit(
 def ladder(
     as_json: options.JsonOption = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Plot error against time: svg, png or pdf.")
+        Path | None, Option(metavar="FILE", help="Plot error against time: svg, png or pdf.")
     ] = None,
 ) -> None:
     """Measure speed and accuracy of the friction model.

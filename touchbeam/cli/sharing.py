@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option, Typer
 
 from protocol.errors import BadInput
 from touchbeam.cli import options
@@ -18,22 +18,22 @@ from touchbeam.study import asked_report, read_study
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
 
-app = typer.Typer()
+app = Typer()
 
 
 @app.command("import")
 def import_scores(
     scores: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="SOURCE",
             help="A table: subject, then conditions. Or the folder of a BIDS export.",
         ),
     ],
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A new or an empty folder.")],
+    study: Annotated[Path, Argument(metavar="STUDY", help="A new or an empty folder.")],
     keep_means: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--keep-means", help="Take a column or row that is the mean of all others as scores."
         ),
     ] = False,
@@ -79,15 +79,12 @@ def _import_data_set(source: Path, study: Path) -> None:
 def export(
     study: options.StudyArgument,
     folder: Annotated[
-        Path,
-        typer.Argument(
-            parser=options.named_folder, metavar="DIR", help="A new or an empty folder."
-        ),
+        Path, Argument(parser=options.named_folder, metavar="DIR", help="A new or an empty folder.")
     ],
     as_format: options.FormatOption,
     rehearsals: options.RehearsalsOption = False,
     participant: Annotated[
-        str | None, typer.Option(help="Export the data of this participant alone.")
+        str | None, Option(help="Export the data of this participant alone.")
     ] = None,
 ) -> None:
     """Export the data, one row per trial.

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option, Typer
 
 from protocol.address import SIMULATED
 from protocol.errors import BadInput
@@ -13,7 +13,7 @@ from touchbeam.cli.output import complain, print_json, say
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
 
-app = typer.Typer()
+app = Typer()
 
 
 @app.command(cls=options.Choosing)
@@ -21,23 +21,21 @@ def slide(
     study: options.StudyArgument,
     device: options.DeviceOption = None,
     session: Annotated[
-        int | None, typer.Option(min=1, help="[default: the last one, 1 if there is none]")
+        int | None, Option(min=1, help="[default: the last one, 1 if there is none]")
     ] = None,
     analyse: Annotated[
-        bool, typer.Option("--analyse", help="Draw nothing; analyse what has been drawn.")
+        bool, Option("--analyse", help="Draw nothing; analyse what has been drawn.")
     ] = False,
     calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Keep the fitted values as the rig's calibration.")
+        bool, Option("--calibrate", help="Keep the fitted values as the rig's calibration.")
     ] = False,
     pace: Annotated[
-        Pace | None, typer.Option(help="[default: stepped if the device is simulated, else wall]")
+        Pace | None, Option(help="[default: stepped if the device is simulated, else wall]")
     ] = None,
     rehearsal: Annotated[
-        bool, typer.Option("--rehearsal", help="Keep the session apart, as a rehearsal.")
+        bool, Option("--rehearsal", help="Keep the session apart, as a rehearsal.")
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Of all noise. [default: the study's]")
-    ] = None,
+    seed: Annotated[int | None, Option(min=0, help="Of all noise. [default: the study's]")] = None,
     law: options.SimulatedLawOption = None,
     rung: options.SimulatedRungOption = None,
     as_json: options.JsonOption = False,

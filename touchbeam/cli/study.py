@@ -4,23 +4,23 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Exit, Option, Typer
 
 from protocol.errors import BadInput
 from runner.clock import Pace, WallClock
 from touchbeam.cli import options, output
 from touchbeam.cli.output import complain, counted, print_json, program, say
 
-app = typer.Typer()
+app = Typer()
 
 
 @app.command()
 def demo(
     out: Annotated[
-        Path | None, typer.Option(help="A new folder. [default: ./demo, then ./demo-2, …]")
+        Path | None, Option(help="A new folder. [default: ./demo, then ./demo-2, …]")
     ] = None,
-    participants: Annotated[int, typer.Option(min=1, max=99, help="Virtual ones.")] = 9,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
+    participants: Annotated[int, Option(min=1, max=99, help="Virtual ones.")] = 9,
+    seed: Annotated[int, Option(min=0, help="Of everything random.")] = 1,
     people: options.PeopleOption = None,
 ) -> None:
     """Run and report the paper's study in simulation.
@@ -54,7 +54,7 @@ def demo(
 
 @app.command(cls=options.Choosing)
 def new(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new or an empty folder.")],
+    folder: Annotated[Path, Argument(metavar="DIR", help="A new or an empty folder.")],
     template: options.TemplateOption = "paper",
 ) -> None:
     """Create a study to edit."""
@@ -78,7 +78,7 @@ def new(
 @app.command()
 def translate(
     study: options.StudyArgument,
-    code: Annotated[str, typer.Argument(metavar="CODE", help="The language, such as fr.")],
+    code: Annotated[str, Argument(metavar="CODE", help="The language, such as fr.")],
 ) -> None:
     """Copy the participants' texts into the study, to translate them.
 
@@ -96,7 +96,7 @@ def translate(
 def check(
     study: options.StudyArgument,
     participants: Annotated[
-        int | None, typer.Option(min=1, max=10_000, help="[default: the study's]")
+        int | None, Option(min=1, max=10_000, help="[default: the study's]")
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
@@ -111,15 +111,15 @@ def check(
     for line in lines:
         (output.print_json_text if as_json else say)(line)
     if problems:
-        raise typer.Exit(2)
+        raise Exit(2)
 
 
 @app.command()
 def track(
     study: options.StudyArgument,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The name of a [[track]].")],
+    name: Annotated[str, Argument(metavar="NAME", help="The name of a [[track]].")],
     answers: Annotated[
-        str, typer.Option(help='In their order, 1 for correct or yes, else 0: "1 1 0".')
+        str, Option(help='In their order, 1 for correct or yes, else 0: "1 1 0".')
     ] = "",
     as_json: options.JsonOption = False,
 ) -> None:
@@ -162,48 +162,45 @@ def track(
 @app.command(cls=options.Choosing)
 def run(
     study: options.StudyArgument,
-    participant: Annotated[str, typer.Option(help="A pseudonym, such as P01.")],
-    session: Annotated[int, typer.Option(min=1, help="Number of the participant's session.")] = 1,
+    participant: Annotated[str, Option(help="A pseudonym, such as P01.")],
+    session: Annotated[int, Option(min=1, help="Number of the participant's session.")] = 1,
     device: options.DeviceOption = None,
     ratings: options.RatingsOption = "window",
     pace: Annotated[
         Pace | None,
-        typer.Option(
+        Option(
             help="wall: real time; stepped: without waiting. "
             "[default: stepped if device and ratings are simulated, else wall]"
         ),
     ] = None,
     rehearsal: Annotated[
-        bool, typer.Option("--rehearsal", help="Take no slot of the design; omit from reports.")
+        bool, Option("--rehearsal", help="Take no slot of the design; omit from reports.")
     ] = False,
     language: options.LanguageOption = None,
     screen: Annotated[
         int | None,
-        typer.Option(
+        Option(
             min=0,
             help="The participant's screen, numbered from 0. [default: asked for once, then kept]",
         ),
     ] = None,
     windowed: Annotated[
-        bool, typer.Option("--windowed", help="Use a small window instead of the full screen.")
+        bool, Option("--windowed", help="Use a small window instead of the full screen.")
     ] = False,
     consent: options.ConsentOption = None,
-    extra: Annotated[
-        bool, typer.Option("--extra", help="Allow a session that is not due.")
-    ] = False,
+    extra: Annotated[bool, Option("--extra", help="Allow a session that is not due.")] = False,
     override: Annotated[
-        str | None,
-        typer.Option(help="Begin before or after the session is due, for this reason."),
+        str | None, Option(help="Begin before or after the session is due, for this reason.")
     ] = None,
     group: Annotated[
         str | None,
-        typer.Option(help="The participant's group. [default: asked for, or as the study says]"),
+        Option(help="The participant's group. [default: asked for, or as the study says]"),
     ] = None,
     new_name: Annotated[
-        bool, typer.Option("--new", help="The participant is new, though a name is nearly alike.")
+        bool, Option("--new", help="The participant is new, though a name is nearly alike.")
     ] = False,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of everything random. [default: the study's]")
+        int | None, Option(min=0, help="Of everything random. [default: the study's]")
     ] = None,
     law: options.SimulatedLawOption = None,
     rung: options.SimulatedRungOption = None,
@@ -211,7 +208,7 @@ def run(
     people: options.PeopleOption = None,
     at_window: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--at-window",
             help="Virtual ratings are given at the participant's window, with its keys.",
         ),
@@ -268,15 +265,15 @@ def register(
     study: options.StudyArgument,
     primary: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help='The hypothesis tested first. ["conditions differ"]'),
+        Option(metavar="NAME", help='The hypothesis tested first. ["conditions differ"]'),
     ] = None,
     hypothesis: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help='A further one, such as "voltage above structure".'),
+        Option(metavar="NAME", help='A further one, such as "voltage above structure".'),
     ] = None,
     power: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE",
             help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
         ),

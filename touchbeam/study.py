@@ -212,10 +212,9 @@ class Study:
         rig = default_rig(counted.lock, counted.kinds, self._rig)
         found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
         named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
-        felt: dict[str, Any] = {
-            "measured_contrast": float("nan"),
-            "measured_contrast_error": float("nan"),
-        }
+        felt: dict[str, Any] = dict.fromkeys(
+            ("measured_contrast", "measured_contrast_error"), float("nan")
+        )
         if counted.forces:
             own = measured_trials(self.file, counted.trials, counted.touches, counted.forces)
             felt = {"measured_contrast": own.value, "measured_contrast_error": own.error}
@@ -420,26 +419,24 @@ class AskedReport:
 
     def _written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         from analysis.loading.study_data import marks
+        from analysis.report import results, table4_text, wording
         from analysis.report.report import FIGURE_FILES, report_files
-        from analysis.report.results import threshold_lines
-        from analysis.report.sections.registration import registered_lines
-        from analysis.report.sections.session_checks import left_out_lines
-        from analysis.report.table4_text import table4_lines
-        from analysis.report.wording import omnibus_line
+        from analysis.report.sections import registration, session_checks
 
         result = self.made(*load())
         scored, main = bool(result.loaded.table.conditions), result.table.main
-        table4 = table4_lines(main.table4, "–", marks(result.loaded.empty)) if scored else []
+        why = marks(result.loaded.empty)
+        table4 = table4_text.table4_lines(main.table4, "–", why) if scored else []
         return Written(
             files=report_files(result, figures=figures),
             figure_files=tuple(sorted(FIGURE_FILES)),
             table4=tuple(map(tuple, table4)),
             lines=(
                 *(result.table_notes if scored else ["No conditions: no table of scores."]),
-                *([omnibus_line(main)] if scored else []),
-                *threshold_lines(result),
-                *registered_lines(result),
-                *left_out_lines(result.loaded),
+                *([wording.omnibus_line(main)] if scored else []),
+                *results.threshold_lines(result),
+                *registration.registered_lines(result),
+                *session_checks.left_out_lines(result.loaded),
             ),
             broken=tuple(result.origin.broken_chains),
         )

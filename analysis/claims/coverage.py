@@ -13,10 +13,8 @@ from device.beam.beam import Beam
 from device.beam.eq15 import WAVELENGTH_M
 from device.beam.modes import FloatArray, natural_frequency_hz
 from device.beam.zones import zones
-from device.friction.changes import PATH_M
+from device.friction import changes, prediction, rungs
 from device.friction.coefficient import friction_coefficient
-from device.friction.prediction import LawChoice
-from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 # Scenes and curves that claims share.
@@ -52,7 +50,7 @@ def local_curve(law: str, scene: Scene, rung: str = "mode") -> FloatArray:
 
 def along_path(law: str, scene: Scene, rung: str = "mode") -> FloatArray:
     """Return μ' along the path of the paper's conditions."""
-    return friction_coefficient(scene, law=law, rung=rung, x_m=np.linspace(*PATH_M, 711))
+    return friction_coefficient(scene, law=law, rung=rung, x_m=np.linspace(*changes.PATH_M, 711))
 
 
 def mu(law: str, scene: Scene, rung: str = "mode") -> float:
@@ -320,7 +318,7 @@ _TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 )
 def _fig12_range(law: str) -> Outcome:
     """Lowest and highest μ' beyond 23.1 mm, each within 0.02."""
-    curve, top = (operating(local_curve(law, Scene(), rung)) for rung in ("mode", TOP_RUNG))
+    curve, top = (operating(local_curve(law, Scene(), rung)) for rung in ("mode", rungs.TOP_RUNG))
     found = from_02_to_06(float(curve.min()), float(curve.max()))
     extremes = {"lowest_on_top_rung": top.min(), "highest_on_top_rung": top.max()}
     return replace(found, computed={**found.computed, **extremes})
@@ -448,7 +446,7 @@ def _swing_grows_as_frequency_falls(law: str) -> Outcome:
 def _fewer_peaks_at_lower_frequency(law: str) -> Outcome:
     """Troughs of μ' at the resonances of modes 6, 5 and 4, with exact mode shapes."""
     # Eq 15 is for mode 6 alone.
-    choice = LawChoice(name=law, ratio="mode")
+    choice = prediction.LawChoice(name=law, ratio="mode")
     counts = {}
     for mode in (6, 5, 4):
         scene = Scene(drive=Drive(mode=mode, voltage_v=200.0))

@@ -314,22 +314,19 @@ class Course:
         self._incident("included again", included, trial)
 
     @property
-    def _who(self) -> str:
-        """The participant, marked in a rehearsal: `load_sessions` takes needless marks off."""
-        mark = records.REHEARSED if self._session.session_kind == "rehearsal" else ""
-        return f"{self._session.participant}{mark}"
+    def _whose(self) -> dict[str, Any]:
+        """Participant and session; `load_sessions` takes needless marks of rehearsals off."""
+        row = self._session
+        mark = records.REHEARSED if row.session_kind == "rehearsal" else ""
+        return {"participant": f"{row.participant}{mark}", "session": row.session}
 
     def _incident(self, what: str, text: str = "", trial: int | None = None) -> None:
-        who, number = self._who, self._session.session
-        self._rows.incidents.append(
-            records.Incident(participant=who, session=number, what=what, text=text, trial=trial)
-        )
+        entry = records.Incident(**self._whose, what=what, text=text, trial=trial)
+        self._rows.incidents.append(entry)
 
     def _exclude(self, why: str, trial: int | None = None) -> None:
-        who, number = self._who, self._session.session
-        self._rows.exclusions.append(
-            records.Exclusion(participant=who, session=number, trial=trial, by="operator", why=why)
-        )
+        entry = records.Exclusion(**self._whose, trial=trial, by="operator", why=why)
+        self._rows.exclusions.append(entry)
 
 
 _HANDLERS = {

@@ -17,7 +17,7 @@ from protocol.study.fields import LONGEST_NAME, require_printable
 from protocol.study.rules import PAPERS_SCALE
 
 # The paper's Table 4 has an average below and a comprehensive score at the right.
-NAMES = frozenset({"average", "comprehensive", "mean", "total"})
+_NAMES_OF_MEANS = frozenset({"average", "comprehensive", "mean", "total"})
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
 MOST_SUBJECTS = 100_000
@@ -27,11 +27,6 @@ MOST_BYTES = 2**25
 # Each may be off by half of the last digit; the rest allows for binary fractions.
 _PRINTED = 0.0101
 """How far two means to two decimals may lie apart that were the same before rounding."""
-
-
-def named_as_mean(name: str) -> bool:
-    """Return whether a column or row is called as means and sums are."""
-    return name.casefold() in NAMES
 
 
 def mean_column(scores: FloatArray) -> int | None:
@@ -156,7 +151,7 @@ def _header(cells: list[str], at_header: str) -> list[str]:
         raise TableError(f"{at_header}: the first column must be 'subject', got {header[0]!r}")
     if not all(header):
         raise TableError(f"{at_header}: every condition must have a name, got {header[1:]!r}")
-    for name in filter(named_as_mean, header):
+    for name in [name for name in header if name.casefold() in _NAMES_OF_MEANS]:
         raise TableError(f"{at_header}, column {name}: holds no scores; remove the column")
     return header
 
@@ -221,7 +216,7 @@ def cell_name(cell: str, where: str) -> str:
 def _subject(cell: str, where: str) -> str:
     if not (name := cell_name(cell, where)):
         raise TableError(f"{where}: a subject must have a name, got {cell!r}")
-    if named_as_mean(name):
+    if name.casefold() in _NAMES_OF_MEANS:
         raise TableError(f"{where}: the row {name!r} holds no scores of a subject; remove the row")
     try:
         return pseudonym(name)  # it becomes the name of a session, which no withdrawal erases

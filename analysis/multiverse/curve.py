@@ -15,9 +15,7 @@ from analysis.estimates import LEVEL, FloatArray, Interval, Json, NotEstimable, 
 from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
 from analysis.multiverse.universes import Choice, Options, Universe, universes
-from analysis.statistics.intervals import mean_interval
-from analysis.statistics.omnibus import Friedman
-from analysis.statistics.summary import Reading
+from analysis.statistics import intervals, omnibus, summary
 from analysis.trials.law_likelihood import law_order
 from device.friction.changes import CONDITIONS
 from device.friction.scenes import NOMINAL, Calibration
@@ -79,7 +77,7 @@ def _differ(universe: Universe) -> Judged | NotEstimable:
     """
     if isinstance(test := universe.reading.omnibus, NotEstimable):
         return test
-    if isinstance(test, Friedman):
+    if isinstance(test, omnibus.Friedman):
         ends = test.kendall_w_interval
         known = None if isinstance(ends, NotEstimable) else ends
         return Judged(effect=test.kendall_w, p=test.best_p, interval=known)
@@ -95,7 +93,7 @@ def _above(pairs: tuple[tuple[str, str], ...], universe: Universe) -> Judged | N
         differences = pair_differences(universe.reading, *pair)
         if not differences.size:
             return NotEstimable(f"nobody scored both {' and '.join(pair)}")
-        found.append((float(differences.mean()), mean_interval(differences)))
+        found.append((float(differences.mean()), intervals.mean_interval(differences)))
     # All pairs must hold, so that the claim is as weak as the weakest.
     effect, ends = min(found, key=lambda each: each[0])
     weakest = max(pair_p(universe.reading, *pair) for pair in pairs)
@@ -103,7 +101,7 @@ def _above(pairs: tuple[tuple[str, str], ...], universe: Universe) -> Judged | N
     return Judged(effect=effect, p=weakest, interval=interval)
 
 
-def pair_differences(reading: Reading, one: str, other: str) -> FloatArray:
+def pair_differences(reading: summary.Reading, one: str, other: str) -> FloatArray:
     """Return the differences of two conditions' scores, of the subjects who have both."""
     table = reading.table4.table
     first, second = (table.scores[:, table.conditions.index(name)] for name in (one, other))
@@ -111,7 +109,7 @@ def pair_differences(reading: Reading, one: str, other: str) -> FloatArray:
     return np.asarray((first - second)[both])
 
 
-def pair_p(reading: Reading, one: str, other: str) -> float:
+def pair_p(reading: summary.Reading, one: str, other: str) -> float:
     """Return p of a pair of conditions after Holm's correction; 1 without any difference."""
     test = next(pair for pair in reading.pairwise if {pair.a, pair.b} == {one, other})
     # Equal scores do not support that one is above the other.

@@ -8,8 +8,7 @@ from scipy.special import stdtrit
 
 from analysis.estimates import UPPER, BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.intervals import NO_WIDTH
-from analysis.statistics.omnibus import SEED
+from analysis.statistics import intervals, omnibus
 from analysis.statistics.two_way import TwoWay, two_way
 
 SHUFFLES = 9_999
@@ -88,7 +87,7 @@ def _around(
 ) -> Mapping[str, Interval]:
     """Return the interval of each effect, but for those whose residuals show no spread."""
     ends = zip((effects - halves).tolist(), (effects + halves).tolist(), strict=True)
-    known = zip(names, ends, (halves > NO_WIDTH).tolist(), strict=True)
+    known = zip(names, ends, (halves > intervals.NO_WIDTH).tolist(), strict=True)
     return {name: interval for name, interval, wide in known if wide}
 
 
@@ -209,7 +208,7 @@ def _shuffled_p(fit: TwoWay, most: int) -> float:
     """Return the p of unequal slopes, of scores or of residuals shuffled, whichever is larger."""
     given = fit.table.given
     shuffles = int(np.clip(MOST_CELLS // given.size, LEAST_SHUFFLES, most))
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(omnibus.SEED)
     order = np.tile(np.arange(given.shape[1], dtype=np.int16), (shuffles, len(given), 1))
     for row, cells in enumerate(given):
         own = np.flatnonzero(cells)

@@ -14,11 +14,8 @@ from scipy.optimize import brentq
 from scipy.special import chdtrc, fdtrc, ncfdtr, stdtrit
 
 from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.statistics import ordinal
-from analysis.statistics.corrections import holm_of
-from analysis.statistics.intervals import mean_interval
+from analysis.statistics import corrections, intervals, ordinal, signed_rank
 from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
-from analysis.statistics.signed_rank import DECIMALS
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""
@@ -140,7 +137,7 @@ def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Fact
     return Factorial(
         effects=tuple(
             TestedEffect(factors=of, effect=it, p_holm=p)
-            for of, it, p in zip(names, found, holm_of(found), strict=True)
+            for of, it, p in zip(names, found, corrections.holm_of(found), strict=True)
         ),
         levels=tuple(
             mean
@@ -268,7 +265,7 @@ def exact_p(own: FloatArray) -> float | None:
     # The same rearrangement of everybody changes nothing, so that the first person's scores stay.
     sums = own[:1].reshape(1, -1)
     for person in own[1:]:
-        images = np.round([person[order].ravel() for order in orders], DECIMALS)
+        images = np.round([person[order].ravel() for order in orders], signed_rank.DECIMALS)
         # Each different image comes of equally many arrangements.
         images = np.unique(images, axis=0)
         if len(sums) * len(images) > MOST_ARRANGEMENTS:
@@ -336,7 +333,7 @@ def _level_means(crossed: Crossed, name: str) -> list[LevelMean]:
             level=level,
             mean=float(by_level[:, place].mean()),
             difference=float(own[:, place].mean()),
-            difference_interval=mean_interval(own[:, place]),
+            difference_interval=intervals.mean_interval(own[:, place]),
         )
         for place, level in enumerate(crossed.factors[name])
     ]

@@ -11,8 +11,7 @@ from scipy.special import chdtrc
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.corrections import holm_of_rows
-from analysis.statistics.omnibus import exact_p, skillings_mack_p
+from analysis.statistics import corrections, omnibus
 from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, p_of_ranks
 
 MOST_CONDITIONS_EXACT = 3
@@ -51,7 +50,7 @@ def pairwise_of_tables(scores: FloatArray) -> ManyPairs:
     squares = (np.where(given, differences - mean[..., None], 0.0) ** 2).sum(axis=2)
     return ManyPairs(
         p=p,
-        p_holm=holm_of_rows(p),
+        p_holm=corrections.holm_of_rows(p),
         mean=mean,
         standard_error=np.sqrt(squares / np.where(subjects > 1, subjects - 1, np.nan) / count),
         subjects=subjects.astype(np.int64),
@@ -69,7 +68,7 @@ def omnibus_p(scores: FloatArray) -> FloatArray:
     p = np.full(len(scores), np.nan)
     p[complete] = _friedman_p(scores[complete])
     for number in np.flatnonzero(~complete):
-        p[number] = skillings_mack_p(unnamed_table(scores[number]))
+        p[number] = omnibus.skillings_mack_p(unnamed_table(scores[number]))
     return p
 
 
@@ -101,7 +100,7 @@ def _exact_of_tables(ranks: IntArray, between: IntArray, otherwise: FloatArray) 
         rows = np.sort(table, axis=1)
         key = rows[np.lexsort(rows.T)].tobytes(), int(between[number])
         if key not in known:
-            found = exact_p(table)
+            found = omnibus.exact_p(table)
             known[key] = otherwise[number] if isinstance(found, NotEstimable) else found
         p[number] = known[key]
     return p

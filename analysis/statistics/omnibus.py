@@ -14,9 +14,7 @@ from scipy.special import chdtrc
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
 from analysis.loading.score_table import ScoreTable
-from analysis.statistics.intervals import concordance_interval
-from analysis.statistics.signed_rank import doubled_midranks
-from analysis.statistics.two_way import disconnected, without_empty
+from analysis.statistics import intervals, signed_rank, two_way
 
 # Permutation p from random shufflings within subjects, where there are too many to list.
 
@@ -177,7 +175,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     """
     if refusal := _refusal(table):
         return refusal
-    ranks = doubled_midranks(table.scores)
+    ranks = signed_rank.doubled_midranks(table.scores)
     subjects, conditions = ranks.shape
     # In doubled ranks the mean rank is `conditions + 1`, so the sums of squares are integers.
     middle = conditions + 1
@@ -196,7 +194,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
         p_exact=exact,
         monte_carlo=shuffled,
         kendall_w=chi2 / (subjects * (conditions - 1)),
-        kendall_w_interval=concordance_interval((ranks - middle) / 2),
+        kendall_w_interval=intervals.concordance_interval((ranks - middle) / 2),
         rank_sums=tuple(float(total) / 2 for total in ranks.sum(axis=0)),
     )
 
@@ -286,19 +284,19 @@ class _TiedRanks:
 
 
 def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
-    if isinstance(kept := without_empty(table), NotEstimable):
+    if isinstance(kept := two_way.without_empty(table), NotEstimable):
         return kept
     scores = kept.scores[kept.given.sum(axis=1) >= 2]
     if not len(scores):
         return NotEstimable("no subject scored two conditions")
     if len(scores) < 2:
         return NotEstimable("at least 2 subjects must score two conditions, got 1")
-    if refusal := disconnected(~np.isnan(scores), kept.conditions):
+    if refusal := two_way.disconnected(~np.isnan(scores), kept.conditions):
         return refusal
     # (13): centred ranks, weighted by √(12/(k_i+1)).
     given = ~np.isnan(scores)
     counts = given.sum(axis=1).astype(np.float64)
-    ranks = doubled_midranks(scores) / 2 - (counts[:, None] + 1) / 2
+    ranks = signed_rank.doubled_midranks(scores) / 2 - (counts[:, None] + 1) / 2
     deviations = np.where(given, ranks, 0.0) * np.sqrt(12 / (counts + 1))[:, None]
     variances = (deviations**2).sum(axis=1) / (counts - 1)
     if not variances.any():

@@ -19,6 +19,7 @@ from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.two_stage_model import AnsweredTrials
 from device.beam.beam import Beam
+from device.friction import laws, rungs
 from device.friction.changes import (
     AT_A_PLACE,
     CONDITIONS,
@@ -30,8 +31,6 @@ from device.friction.changes import (
     predicted_contrast,
     trial_change,
 )
-from device.friction.laws import LAWS
-from device.friction.rungs import SEGMENTED_RUNGS
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS, Question
@@ -108,7 +107,7 @@ def contrasts_by_law(felt: tuple[FeltChange, ...], rung: str) -> dict[str, Float
             for change, rig in felt
         ]
 
-    return {law: np.array(contrasts(law), float) for law in LAWS}
+    return {law: np.array(contrasts(law), float) for law in laws.LAWS}
 
 
 _ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]
@@ -325,7 +324,7 @@ def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -
 
 # The range of each condition's contrast over rungs, laws, and what the paper leaves open.
 
-BEAM_MODELS = ("mode", *SEGMENTED_RUNGS)
+BEAM_MODELS = ("mode", *rungs.SEGMENTED_RUNGS)
 """The models of the beam; the cheaper rungs approximate the first of them."""
 FACTORS = (0.5, 0.5**0.5, 1.0, 2**0.5, 2.0)
 """Multiples of the damping ratio and of the finger's speed, neither of which the paper gives."""
@@ -377,7 +376,7 @@ def contrast_range(condition: str, change: Change, rig: Calibration = NOMINAL) -
         kind=change.kind,
         value=predicted_contrast(change, rig=rig),
         by_rung={rung: predicted_contrast(change, rung=rung, rig=rig) for rung in BEAM_MODELS},
-        by_law={law: predicted_contrast(change, law, rig=rig) for law in LAWS},
+        by_law={law: predicted_contrast(change, law, rig=rig) for law in laws.LAWS},
         by_damping={f"{it:.4g}": found for it, found in zip(ratios, damped, strict=True)},
         by_speed={
             f"{it * speed:.4g}": predicted_contrast(_faster(change, it), rig=rig) for it in FACTORS

@@ -14,13 +14,11 @@ from analysis.kept import Kept
 from analysis.loading.published import SCALE
 from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity import predictive_checks
-from analysis.sensitivity.laplace import LARGE
-from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
+from analysis.sensitivity import laplace, linear_model, predictive_checks
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
-from analysis.statistics.corrections import holm
+from analysis.statistics import corrections, summary
 from analysis.statistics.detection import Detection, detection
 from analysis.statistics.factorial import (
     SESSION,
@@ -31,7 +29,6 @@ from analysis.statistics.factorial import (
     latent_factorial,
 )
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
-from analysis.statistics.summary import table4
 from analysis.trials import contrasts as trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
 from analysis.trials.trial_checks import Discrimination, discrimination
@@ -185,9 +182,9 @@ class SensitivityModels(ABC):
         return trial_contrasts.scored_trials(self.data, self.contrasts)
 
     @cached_property
-    def m1(self) -> LinearSensitivity | NotEstimable:
+    def m1(self) -> linear_model.LinearSensitivity | NotEstimable:
         """The simple comparison."""
-        return self.keep(linear_sensitivity, self.scored.ratings)
+        return self.keep(linear_model.linear_sensitivity, self.scored.ratings)
 
     @cached_property
     def m2(self) -> OrdinalSensitivity | NotEstimable:
@@ -281,7 +278,7 @@ class TrialStatistics(SensitivityModels):
         to start processes would take longer.
         """
         ratings = self.scored.ratings
-        if len(ratings.rating) < LARGE:
+        if len(ratings.rating) < laplace.LARGE:
             return
         calls: dict[str, partial[Any]] = {
             "M2": partial(predictive_checks.checked_ordinal, ratings),
@@ -323,7 +320,7 @@ class TrialStatistics(SensitivityModels):
         names = [name for name in self.data.table.conditions if name in by_name]
         found = [by_name[name] for name in names]
         p = [at.p if isinstance(at := each.found, Detection) else np.nan for each in found]
-        corrected = zip(found, holm(p), strict=True)
+        corrected = zip(found, corrections.holm(p), strict=True)
         return (
             *(replace(each, p_holm=None if np.isnan(p) else p) for each, p in corrected),
             *detected_by(trials),
@@ -443,7 +440,7 @@ def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:
     known = ~np.isnan(predicted)
     names = tuple(name for name, has in zip(data.table.conditions, known, strict=True) if has)
     # The means of Table 4 itself, so that two parts of a page cannot contradict each other.
-    return MeanContrasts(names, predicted[known], table4(data.table).column_means[known])
+    return MeanContrasts(names, predicted[known], summary.table4(data.table).column_means[known])
 
 
 def _papers_ranking(data: StudyData) -> MeanContrasts | None:

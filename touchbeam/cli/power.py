@@ -82,8 +82,7 @@ def power(
     from analysis.power.job import Design, Job, asked, designed, designs, tasks
     from analysis.power.track_diagnosands import held_of_tracks, track_findings
     from protocol.study_file.loading import text_digest
-    from runner.study.calibration import fitted_calibration
-    from runner.study.files import short_text
+    from runner.study import calibration, files
     from runner.study.folder import StudyFolder
     from runner.study.kept_files import PowerFolder, own_key
     from runner.study.registered import checked_registration
@@ -107,8 +106,8 @@ def power(
         study=folder.text(),
         version=version("touchbeam"),
         seed=seed,
-        rig=fitted_calibration(folder.path),
-        people="" if people is None else short_text(people),
+        rig=calibration.fitted_calibration(folder.path),
+        people="" if people is None else files.short_text(people),
     )
     kind: Kind = "tested" if tests_only else "fitted"
     to_do = {

@@ -415,8 +415,7 @@ def _voltage_strengthens(law: str) -> Outcome:
 )
 def _voltage_felt_at_every_step(law: str) -> Outcome:
     """μ' at the smooth place at 0, 50, 100, 200 V: steps above 0.01, all downward."""
-    voltages = (0.0, 50.0, 100.0, 200.0)
-    scenes = [replace(REFERENCE_SCENE, drive=Drive(voltage_v=v)) for v in voltages]
+    scenes = [replace(REFERENCE_SCENE, drive=Drive(voltage_v=v)) for v in (0.0, 50.0, 100.0, 200.0)]
     values = [mu(law, scene, TOP_RUNG) for scene in scenes]
     steps = np.diff(values)
     return human_outcome(

@@ -114,8 +114,7 @@ class HumanScores:
 
     def compared(self, one: str, others: Iterable[str]) -> str:
         """Return Holm's p of a condition against others in words."""
-        found = self.p_holm(one, others)
-        against = ", ".join(f"{name} {short(p)}" for name, p in found.items())
+        against = ", ".join(f"{name} {short(p)}" for name, p in self.p_holm(one, others).items())
         return f"Holm p of {one} against {against}"
 
     def mean_in_words(self, condition: str) -> str:

@@ -201,8 +201,7 @@ def _contrasts(
         for (law, rung), values in own.items():
             yield {Choice.CONTRAST: name, Choice.LAW: law, Choice.RUNG: rung}, values
     if whole.forces:
-        found = measured_trials(*data, whole.forces)
-        yield {Choice.CONTRAST: MEASURED}, found.value
+        yield {Choice.CONTRAST: MEASURED}, measured_trials(*data, whole.forces).value
 
 
 def _where_all(by_law: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

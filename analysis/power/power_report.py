@@ -232,8 +232,7 @@ def _percent(value: float) -> str:
 
 def left_out(found: Findings) -> set[str]:
     """Return the pairs that are not shown on a terminal: of many those that have least power."""
-    of_groups = [test for test in found.tests if BY_GROUP in test.after]
-    many = (_pairs(found), of_groups)
+    many = (_pairs(found), [test for test in found.tests if BY_GROUP in test.after])
     by_power = (sorted(each, key=lambda test: -test.power.value) for each in many)
     hidden = {test.name for each in by_power for test in each[_MOST_PAIRS:]}
     # What was registered is shown, however little power it has.

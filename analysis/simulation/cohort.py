@@ -231,8 +231,7 @@ def _feel(
     for (frequency, direction), own in asked.items():
         parts = [vars(fingers) for _, fingers in own]
         every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        model_hz = frequency * world.resonance_hz
-        found = felt_friction(world, Fingers(**every), model_hz, direction)
+        found = felt_friction(world, Fingers(**every), frequency * world.resonance_hz, direction)
         ends = np.cumsum([fingers.place_m.size for _, fingers in own])
         for ((key, which), _), felt in zip(own, np.split(found, ends[:-1]), strict=True):
             friction[key][:, which] = felt.reshape(-1, len(which))

@@ -133,8 +133,7 @@ class SlidingFindings:
             numbers = (found.value, *found.interval)
             value, low, high = (f"{factor * number:.5g}" for number in numbers)
             rows.append([label, value + unit, f"{low} to {high}{unit}"])
-        unknown = ALWAYS_UNKNOWN.values()
-        return [*rows, *([label, "not determined", why] for label, why in unknown)]
+        return [*rows, *([label, "not determined", why] for label, why in ALWAYS_UNKNOWN.values())]
 
     def extreme_lines(self) -> list[list[str]]:
         """Return a header and a row per trough and peak."""

@@ -108,8 +108,7 @@ def _spread(each: IntArray, counts: FloatArray) -> tuple[FloatArray, FloatArray,
     # (2): people differ, so that their trials together are worth less than as many of one person.
     off = (each[:, :, 0] - share[:, None] * each[:, :, 1]) / trials[:, None]
     variance = off @ off.T * people / (people - 1)
-    alone = share * (1 - share) / trials
-    own = np.where(np.diag(variance) > 0, np.diag(variance), alone)
+    own = np.where(np.diag(variance) > 0, np.diag(variance), share * (1 - share) / trials)
     known = own > 0
     effective = np.divide(share * (1 - share), own, out=trials.copy(), where=known)
     # Rounding can take a perfect correlation beyond 1.

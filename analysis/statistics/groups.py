@@ -37,8 +37,7 @@ def _ways(sizes: tuple[int, ...]) -> tuple[IntArray, bool]:
             ways, left = np.column_stack([ways[row], group]), left[row]
             left[np.arange(len(row)), group] -= 1
         return ways, True
-    shuffles = shuffles_of(people)
-    ordered = np.tile(np.repeat(np.arange(len(sizes)), sizes), (shuffles, 1))
+    ordered = np.tile(np.repeat(np.arange(len(sizes)), sizes), (shuffles_of(people), 1))
     return np.random.default_rng(SEED).permuted(ordered, axis=1), False
 
 

@@ -368,6 +368,5 @@ def curve_of(track: Track, found: PersonThreshold, distance: FloatArray) -> Floa
     at, threshold = distance, fit.threshold
     if track.shape == "weibull":
         at, threshold = np.log(distance), np.log(threshold)
-    log_width = np.log(curve.width / fit.slope)
-    parts = (threshold, log_width, fit.lapse, fit.guess)
+    parts = (threshold, np.log(curve.width / fit.slope), fit.lapse, fit.guess)
     return curve.share_correct(at, [np.array(part) for part in parts])

@@ -126,8 +126,7 @@ def export(
         texts = EXPORTS[as_format](data)
         if as_format in WITH_SOURCE:
             # Read a second time, because all events of a large study do not fit the memory at once.
-            again = readable_chains(journal, [], participant)
-            texts |= source_files(data, again, source.text())
+            texts |= source_files(data, readable_chains(journal, [], participant), source.text())
     warn_of_broken(broken, study)
     # One by one, because texts and bytes of all would need twice the memory.
     files = {name: texts.pop(name).encode() for name in tuple(texts)} | RECORDINGS[as_format](data)

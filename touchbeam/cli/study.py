@@ -104,8 +104,7 @@ def check(
     output.collect_rarely()
     from runner.study.check import checked
 
-    folder = options.study_folder(study)
-    lines, problems = checked(folder, participants, as_json=as_json)
+    lines, problems = checked(options.study_folder(study), participants, as_json=as_json)
     for problem in problems:
         complain(f"touchbeam: {problem}")
     for line in lines:

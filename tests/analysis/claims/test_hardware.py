@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.claims import hardware
+from analysis.claims import coverage, hardware
 from device.beam.beam import Beam
 from device.friction.laws import LAWS
 from tests.analysis.claims.conftest import Find
@@ -77,7 +77,7 @@ def test_errors_at_troughs_and_peaks_need_a_theory_that_has_them(
         assert found.computed["troughs_m"].size == 4
         assert found.computed["peaks_m"].size == 3
 
-    monkeypatch.setattr(hardware, "local_curve", lambda *_: np.full(2001, 0.4))
+    monkeypatch.setattr(coverage, "local_curve", lambda *_: np.full(2001, 0.4))
     assert find("sliding-errors-at-peaks", "consistent").verdict == "fails"
 
 

@@ -117,14 +117,12 @@ def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
 def _distribution_problems(
     path: Path, value: Mapping[str, Any], limits: people.Parameter
 ) -> Iterator[Problem]:
-    low, high = limits.low, limits.high
     if "values" in value:
         yield from _choice_problems(path, value, limits)
         return
     for key, given in value.items():
         # A spread is not one of the parameter's own values: its limits do not apply.
-        spread = key in {"sd", "log_sd"}
-        ends = (0.0, math.inf) if spread else (low, high)
+        ends = (0.0, math.inf) if key in {"sd", "log_sd"} else (limits.low, limits.high)
         yield from _number_problems((*path, key), given, *ends, above=key == "median")
     if all(_is_number(value.get(end)) for end in ("low", "high")) and value["low"] > value["high"]:
         yield _problem((*path, "high"), f"must be at least low = {value['low']}", value["high"])

@@ -18,11 +18,9 @@ from device.simulator.models.gauge_model import GaugeModel
 from device.simulator.models.generator_model import GeneratorDialect
 from device.simulator.models.scpi import ScpiError
 
-# The control side-channel: one line in, one JSON line out. It moves what a wire cannot.
-
 
 class Control:
-    """Moves the finger, swaps the beam, lets time pass, breaks things, tells the true state."""
+    """Moves what no wire can, such as the finger, the beam and time: by lines, answered in JSON."""
 
     def __init__(self, broken: Broken, clock: DeviceClock) -> None:
         self._broken = broken

@@ -178,8 +178,7 @@ class Wire:
     def _line_end(self) -> bytes:
         if "line-end-mixed" in self._active:
             return next(self._mixed)
-        ends = (end for name, end in _LINE_ENDS.items() if name in self._active)
-        return next(ends, b"\n")
+        return next((end for name, end in _LINE_ENDS.items() if name in self._active), b"\n")
 
     def _taken(self, name: str) -> bool:
         """Whether a fault is on; one that comes once is used up by being asked for."""

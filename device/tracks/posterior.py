@@ -47,8 +47,7 @@ class Lattice:
         counted = np.zeros(self.logs.shape[:2])
         for answer in answers:
             counted[int(answer.correct), answer.level] += 1
-        found: FloatArray = self.posterior(counted[np.newaxis])[0]
-        return found
+        return np.asarray(self.posterior(counted[np.newaxis])[0])
 
     def posterior(self, counted: FloatArray) -> FloatArray:
         """Return the posterior of each observer, (observers, sets), from counts of answers.
@@ -85,8 +84,7 @@ class Lattice:
 
 def _negative_entropy(right: FloatArray) -> FloatArray:
     wrong = 1 - right
-    found: FloatArray = right * np.log(right) + wrong * np.log(wrong)
-    return found
+    return np.asarray(right * np.log(right) + wrong * np.log(wrong))
 
 
 def correct_share(
@@ -112,8 +110,7 @@ def correct_share(
 
         curve = ndtr(slope * (distance - threshold) + ndtri(at))
     guess = by_chance or false_alarms
-    found: FloatArray = guess + (1 - guess - lapse) * curve
-    return found
+    return np.asarray(guess + (1 - guess - lapse) * curve)
 
 
 def slopes(track: Track) -> tuple[float, float]:
@@ -149,8 +146,7 @@ def choices(track: Track, weights: FloatArray, hardest: FloatArray | int = 0) ->
     """
     told = lattice(track).expected_entropy(weights).round(_DIGITS)
     below = np.arange(told.shape[1]) < np.reshape(hardest, (-1, 1))
-    found: FloatArray = np.where(below, np.inf, told).argmin(axis=1)
-    return found
+    return np.asarray(np.where(below, np.inf, told).argmin(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True)

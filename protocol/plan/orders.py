@@ -331,14 +331,12 @@ class BeamGroup:
 
     def swaps(self, trials: int) -> int:
         """Return the most swaps in `trials` consecutive trials once the first beam is mounted."""
-        within = swap_count(self.beams)
         between = self.beams[0] != self.beams[-1]
-        return trials * within + (trials - 1) * between
+        return trials * swap_count(self.beams) + (trials - 1) * between
 
     def entry(self, mounted: str | None) -> int:
         """Return the most swaps needed to begin the group with the beam `mounted`."""
-        turned = self.turns and self.beams[-1] != mounted
-        return int(self.beams[0] != mounted or turned)
+        return int(self.beams[0] != mounted or (self.turns and self.beams[-1] != mounted))
 
     @property
     def last(self) -> str | None:

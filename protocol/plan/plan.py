@@ -138,8 +138,6 @@ def _trial(
     )
 
 
-# Trials that come again because a touch was not as instructed: where in their block they stand.
-
 Deferral = tuple[int, int]
 """Numbers of a trial, and of the one after which it comes again; its own if it comes at once."""
 

@@ -302,8 +302,7 @@ def _breaks(study: Study, plan: Plan) -> Violations:
     every, wanted_s = study.design.break_every_blocks, study.design.break_s
     block_before = 1
     for trial in plan.trials:
-        opens = trial.block > block_before
-        due = opens and every > 0 and (trial.block - 1) % every == 0
+        due = trial.block > block_before and every > 0 and (trial.block - 1) % every == 0
         if trial.break_s != (wanted_s if due else 0.0):
             rule = f"breaks must come every {every} blocks and nowhere else"
             yield rule, f"{trial.break_s:g} s before trial {trial.index}"

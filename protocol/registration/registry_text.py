@@ -105,8 +105,7 @@ def _design(study: Study) -> Iterator[str]:
         )
         yield _ORDERS[design.order]
     if study.track:
-        many = len(study.track) > 1
-        order = f"s, {design.tracks}" * many
+        order = f"s, {design.tracks}" * (len(study.track) > 1)
         yield f"Thresholds by {len(study.track)} track{order}, {sessions}"
     if design.catch_trials:
         yield f"{design.catch_trials} catch trials (0 V) per session."

@@ -68,8 +68,7 @@ def stepped_rig(
     device = InProcessDevice(seed, settings.dialect, delay_s=lambda: 0.0, **friction)
     device.unbroken = stops_deferred
     gauge = gauges()[channel.gauge_dialect] if gauge_address(channel, SIMULATED) else None
-    limits = device_limits(settings)
-    rig = in_process_rig(device, limits, settings.dialect, calibration, gauge)
+    rig = in_process_rig(device, device_limits(settings), settings.dialect, calibration, gauge)
     try:
         hand = InProcessHand(device, rig)
         clock = SteppedClock(WallClock().utc(), hand.pass_time, hand.now_s)

@@ -108,8 +108,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     new = chain not in journal.sessions()
     before = journal.events(chain)
     earlier = touchbeam_versions(before)[-1:]
-    known = states(journal)
-    had = Arrival(known, options.participant, request.kind, chain).known_group
+    had = Arrival(states(journal), options.participant, request.kind, chain).known_group
     if request.rehearsal and (number := lacking_before(request, journal)):
         say(f"WARNING: session {number} of {options.participant} is not completed.")
     session = opened_session(request, journal, clock)

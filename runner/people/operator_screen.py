@@ -197,8 +197,7 @@ def _title(view: OperatorView, moment: Instant, width: int) -> Text:
 
 def _output(view: OperatorView, moment: Instant, width: int) -> Text:
     state, style = _output_state(view, moment.reading)
-    place = view.place.removeprefix(view.session)
-    left = Text.assemble((f" {state} ", style), visible(place))
+    left = Text.assemble((f" {state} ", style), visible(view.place.removeprefix(view.session)))
     if moment.reading is None:
         return left
     age = Text(f"read {moment.age_s:.1f} s ago ")

@@ -61,8 +61,7 @@ def as_made(session: Session, state: SessionState, trial: Trial) -> Trial:
     planned, track = trial.track, session.study.track_of(trial.track.name)
     solved_v = session.volts.get(track.name, ())
     comparison = track.at(level, solved_v[level] if solved_v else None)
-    touches = touches_of(track, planned.role, planned.interval, comparison)
-    return replace(trial, touches=touches)
+    return replace(trial, touches=touches_of(track, planned.role, planned.interval, comparison))
 
 
 def answered(

@@ -110,9 +110,9 @@ class SiglentDialect(GeneratorDialect):
 
     def _output(self, number: int) -> str:
         channel = self.channels[number - 1]
-        on = self.is_on(number)
+        on = "ON" if self.is_on(number) else "OFF"
         load = "HZ" if math.isinf(channel.load_ohm) else f"{channel.load_ohm:g}"
-        return f"{'ON' if on else 'OFF'},LOAD,{load},PLRT,{channel.settings['PLRT']}"
+        return f"{on},LOAD,{load},PLRT,{channel.settings['PLRT']}"
 
     def _set_output(self, number: int, words: list[str]) -> None:
         channel = self.channels[number - 1]

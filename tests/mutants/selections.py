@@ -39,7 +39,8 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
     "tests/protocol/study_file", "tests/protocol/study/test_group.py",
-    "tests/protocol/study/test_factor.py", "tests/protocol/plan/test_feasibility.py",
+    "tests/protocol/study/test_factor.py", "tests/protocol/study/test_touch.py",
+    "tests/protocol/plan/test_feasibility.py", "tests/runner/launch/test_groups.py",
 )  # fmt: skip
 _SESSION = (
     "tests/runner/session/test_measured.py",

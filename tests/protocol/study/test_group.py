@@ -89,9 +89,28 @@ def by_age(young: str, old: str, question: str = AGE) -> str:
     return STUDY.replace("[design]", f"[design]\n{design}") + "".join(groups) + question
 
 
+BY_LABELS = """
+[[question]]
+name = "age"
+kind = "choice"
+when = "desk"
+text = { en = "Age?", zh = "\u5e74\u9f84\uff1f" }
+labels = [
+  { value = "less", en = "less", zh = "\u5c11" },
+  { value = "same", en = "same", zh = "\u540c" },
+  { value = "more", en = "more", zh = "\u591a" },
+]
+"""
+
+
 @pytest.mark.parametrize(
     ("rules", "question", "told"),
     [
+        (
+            ("is = ['less', 'same']", "is = ['more', 'same']"),
+            BY_LABELS,
+            "group old, when: must not be met by an answer that leads to young, got 'same'",
+        ),
         (("at_most = 30", "at_least = 20"), AGE, "that leads to young, got 20 to 30"),
         (("at_most = 30", "at_most = 9"), AGE, "that leads to young, got 9"),
         (("at_most = 30", "at_least = 30.5, at_most = 30.9"), AGE, "at_most, within the numbers"),

@@ -31,6 +31,7 @@ of its nominal value; no interval goes further."""
 LIMITS, _REACH = ({name: both[which] for name, both in _BOUNDS.items()} for which in (0, 1))
 _NOISES = 2
 _EVALUATIONS = 30
+_MOVES, _SETTLED_M = 10, 0.2e-3  # of the patches, whose place is known to 1.5 mm at worst
 _RIDGE = 1e-13  # of scaled information, so that what the passes do not see has a large error
 _NEAR = 0.02  # of the root of the rise, at an end of an interval
 _TRADED = 0.9
@@ -69,8 +70,12 @@ def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigPro
         fit = fit.kept(given_up).best()
         means = problem.split(fit.friction(fit.found))
         fit = replace(fit, noise=rig_model.fitted_noise(problem.binned, means), means=means)
-    # Once more, so that the patches' slope is that at the best place.
-    fit = fit.kept(given_up).best().best()
+    fit = fit.kept(given_up).best()
+    # Until the patches' slope is that at the best place.
+    for _ in range(_MOVES):
+        fit, before = fit.best(), fit
+        if abs(fit.found[_PATCH] - before.found[_PATCH]) < _SETTLED_M:
+            break
     return RigFit(
         rig=rig_model.rig_at(fit.found),
         estimates={name: given_up.get(name) or fit.estimate(name) for name in rig_model.PROPERTIES},
@@ -168,6 +173,8 @@ class _Fit:
 
     def best(self) -> "_Fit":
         """Return the fit at the least-squares coordinates."""
+        if not self.free:
+            return self
         middle = rig_model.coordinates(self.problem.nominal)[self.which]
         reach = np.array([_REACH[name] for name in self.free])
 
@@ -191,6 +198,8 @@ class _Fit:
 
     def kept(self, given_up: dict[str, NotEstimable]) -> "_Fit":
         """Return the fit of what the passes determine; put the other reasons into `given_up`."""
+        if not self.free:
+            return self
         fit, slope = self, self.slopes(self.found)
         nominal = rig_model.coordinates(self.problem.nominal)
         while fit.free:

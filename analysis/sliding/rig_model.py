@@ -354,8 +354,11 @@ def slopes(places: Places, found: FloatArray, names: Sequence[str]) -> FloatArra
     if rigs:
         together = friction_along(places, [rig for both in rigs.values() for rig in both])
         along |= zip(rigs, together.reshape(len(rigs), 2, -1), strict=True)
-    of = ((step[name], *along[name]) for name in names)
-    return np.stack([(above - below) / (2 * size) for size, above, below in of], axis=-1)
+    found = np.empty((places.x_m.size, len(names)))
+    for place, name in enumerate(names):
+        above, below = along[name]
+        found[:, place] = (above - below) / (2 * step[name])
+    return found
 
 
 # The noise of friction along a pass: jitter that is correlated in time, sensor noise, and drift.

@@ -393,10 +393,8 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]
     if sessions.empty:
         none = "no sessions here; record one with touchbeam run"
-        left_out = (
-            "nothing but rehearsals here; include them: --rehearsals, rehearsals=True in Python"
-        )
-        raise NothingToReport(left_out if rehearsal.any() else none)
+        how = "add --rehearsals (in Python rehearsals=True) to include them"
+        raise NothingToReport(f"nothing but rehearsals here; {how}" if rehearsal.any() else none)
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")

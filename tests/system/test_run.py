@@ -38,7 +38,7 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
     assert "p1 resembles P01, who has a session here" in (said := capsys.readouterr().err)
     assert said.endswith("give --participant P01 if that is meant, else add --new\n")
     assert typed("report", "study") == 2
-    assert "nothing but rehearsals here; include them: --rehearsals" in capsys.readouterr().err
+    assert "nothing but rehearsals here; add --rehearsals (in Python" in capsys.readouterr().err
 
 
 def test_the_end_of_a_session_says_how_many_touches_had_no_finger(

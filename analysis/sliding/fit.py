@@ -5,7 +5,7 @@ test is Fisher's information under the noise of these passes; of properties that
 each other, the one known worst is given up first.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,6 +33,7 @@ _NOISES = 2
 _EVALUATIONS = 30
 _MOVES, _SETTLED_M = 10, 0.2e-3  # of the patches, whose place is known to 1.5 mm at worst
 _RIDGE = 1e-13  # of scaled information, so that what the passes do not see has a large error
+_AT_THE_END = 0.999  # of the reach: the search stays within it
 _NEAR = 0.02  # of the root of the rise, at an end of an interval
 _TRADED = 0.9
 """Correlation of two estimates from which on one is said to trade off against the other."""
@@ -76,6 +77,9 @@ def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigPro
         fit, before = fit.best(), fit
         if abs(fit.found[_PATCH] - before.found[_PATCH]) < _SETTLED_M:
             break
+    while beyond := fit.beyond():
+        given_up |= beyond
+        fit = fit.without(beyond).best()
     return RigFit(
         rig=rig_model.rig_at(fit.found),
         estimates={name: given_up.get(name) or fit.estimate(name) for name in rig_model.PROPERTIES},
@@ -201,7 +205,6 @@ class _Fit:
         if not self.free:
             return self
         fit, slope = self, self.slopes(self.found)
-        nominal = rig_model.coordinates(self.problem.nominal)
         while fit.free:
             # (7), mathematics/sliding
             size = np.linalg.norm(slope, axis=0)
@@ -212,12 +215,28 @@ class _Fit:
             worst = int(np.argmax(excess))
             if excess[worst] <= 1:
                 break
-            name, number, found = fit.free[worst], fit.which[worst], fit.found.copy()
+            name = fit.free[worst]
             given_up[name] = fit.reason(name, float(error[worst]), inverse)
-            found[number] = nominal[number]
-            free = tuple(each for each in fit.free if each != name)
-            fit, slope = replace(fit, found=found, free=free), np.delete(slope, worst, axis=1)
+            fit, slope = fit.without([name]), np.delete(slope, worst, axis=1)
         return fit
+
+    def without(self, names: Collection[str]) -> "_Fit":
+        """Return the fit in which these properties have their nominal values."""
+        given_up = [rig_model.PROPERTIES.index(name) for name in names]
+        found = self.found.copy()
+        found[given_up] = rig_model.coordinates(self.problem.nominal)[given_up]
+        free = tuple(name for name in self.free if name not in names)
+        return replace(self, found=found, free=free)
+
+    def beyond(self) -> dict[str, NotEstimable]:
+        """Return why the properties are not determined whose best value ends the search."""
+        away = self.found - rig_model.coordinates(self.problem.nominal)
+        best, beyond = rig_model.rig_at(self.found), dict[str, NotEstimable]()
+        for name, number in zip(self.free, self.which, strict=True):
+            if abs(away[number]) > _AT_THE_END * _REACH[name]:
+                end = f"the passes fit best where its search ends, at {getattr(best, name):.3g}"
+                beyond[name] = NotEstimable(f"{end}: no such rig explains them")
+        return beyond
 
     def reason(self, name: str, error: float, inverse: FloatArray) -> NotEstimable:
         """Return why a property with that standard error is not determined."""

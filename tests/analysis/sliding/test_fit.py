@@ -66,6 +66,19 @@ def test_passes_that_determine_nothing_give_reasons_for_all() -> None:
     assert all(isinstance(found, NotEstimable) for found in fit.estimates.values())
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_a_property_at_the_end_of_the_search_is_not_determined(mu: float) -> None:
+    """Friction that no drive changes is that of no beam."""
+    own = paper_rig()
+    made = passes(own, default_plan(own.measured_hz, references=1), 1)
+    binned = [replace(one, mu=0 * one.mu + mu) for one in map(binned_pass, made)]
+    fit = fitted_rig(binned, nominal(own))
+    lost = {name: it.reason for name, it in fit.estimates.items() if isinstance(it, NotEstimable)}
+    assert "where its search ends" in " ".join(lost.values())
+    for name in lost:
+        assert getattr(fit.rig, name) == pytest.approx(getattr(nominal(own), name))
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_default_plan_determines_every_property(seed: int) -> None:
     fit, true = noisy_fit(seed), rig(seed).true

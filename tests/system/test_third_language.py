@@ -116,7 +116,7 @@ def test_mistakes_in_a_language_are_listed_with_the_studys_own(
     shown = capsys.readouterr()
     found = [(p["line"], p.get("file")) for p in json.loads(shown.out)["problems"]]
     assert found == [(79, None), (32, "texts/fr.toml")]
-    assert "study/texts/fr.toml:32: texts.touch.now: a text must fit its place" in shown.err
+    assert 'study/texts/fr.toml:32: texts."touch.now": a text must fit its place' in shown.err
 
 
 def test_a_language_begins_with_the_texts_that_are_built_in(

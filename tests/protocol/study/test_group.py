@@ -111,6 +111,11 @@ labels = [
             BY_LABELS,
             "group old, when: must not be met by an answer that leads to young, got 'same'",
         ),
+        (
+            ("at_most = 30", "at_least = 31"),
+            AGE.replace('"age"', '"years"'),
+            "must name a question of the operator's desk, got 'age'; known: years",
+        ),
         (("at_most = 30", "at_least = 20"), AGE, "that leads to young, got 20 to 30"),
         (("at_most = 30", "at_most = 9"), AGE, "that leads to young, got 9"),
         (("at_most = 30", "at_least = 30.5, at_most = 30.9"), AGE, "at_most, within the numbers"),

@@ -1,10 +1,8 @@
 """Errors that are not bugs, distinguished by their exit codes, and problems of a study file."""
 
-import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import PurePath
 
 
@@ -29,6 +27,9 @@ def dotted(path: Path) -> str:
     >>> dotted(("beams", "1.5 mm", 0)), dotted(())
     ('beams."1.5 mm".0', 'file')
     """
+    # Here, because nothing but a mistake needs it.
+    import json
+
     # A name with a point in it would read as two keys.
     bare = (re.fullmatch(r"[\w-]+", str(part)) for part in path)
     parts = zip(map(str, path), bare, strict=True)
@@ -45,6 +46,8 @@ def shown(value: object) -> str:
 
 def meant(name: object, known: Iterable[str], more: Iterable[str] = ()) -> str:
     """Return a hint that names what was probably meant, `more` of it possible; else all `known`."""
+    from difflib import get_close_matches
+
     known = tuple(known)
     close = get_close_matches(str(name), [*known, *more], n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"

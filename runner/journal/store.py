@@ -22,7 +22,7 @@ from pydantic_core import from_json
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import Event, StoredEvent
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, folded
+from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, damage, folded
 from runner.journal import database
 from runner.journal.database import RESTORE
 from runner.signals import raise_if_stopped
@@ -255,7 +255,7 @@ class Journal:
                 try:
                     record = event.record
                 except IMPOSSIBLE as error:
-                    raise DamagedError(event.damage()) from error
+                    raise DamagedError(damage([event])) from error
                 if isinstance(record, kinds):
                     records.append((event.utc, record))
         return records

@@ -52,6 +52,8 @@ def test_the_examples_of_a_page_do_what_it_shows(
         ("a\n...\nc\n", "a\nb\nb\nc\n", True),
         ("a\n...\nc\n", "a\nb\n", False),
         ("at 14:03:22 on 2026-01-31\n", "at 09:00 on 2027-12-01\n", True),
+        ("0.2507290012020655\n", "0.2507290012020656\n", True),
+        ("0.2507290012020655\n", "0.2507290012120655\n", False),
         ("", "a\n", False),
     ],
 )

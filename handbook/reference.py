@@ -56,7 +56,7 @@ _STATISTICS = {
     "Thresholds": (
         "thresholds.psychometric.fitted",
         "thresholds.curve_posterior.posterior",
-        "thresholds.person_effects.mixed",
+        "thresholds.psychometric.mixed",
     ),
     "Sensitivity of each person": (
         "sensitivity.linear_model.linear_sensitivity",

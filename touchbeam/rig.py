@@ -27,10 +27,9 @@ from protocol.journal.records import Identity, ReadBack
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import Clock
-from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chains_of, parsed_name, session_name
-from runner.journal.opening import journal_if_used
-from runner.journal.session_log import SessionLog
+from runner.journal.opening import checked_place, journal_if_used, mounts_of_this_machine
+from runner.journal.store import SessionLog
 from runner.launch import device_access
 from runner.launch.locks import session_lock
 from runner.session.session import versions

@@ -83,8 +83,13 @@ def track_of(
 def _estimate(track: "Track", told: "Sequence[Answer]") -> dict[str, Any]:
     """Return the threshold as a session tells it, and the mean of a staircase's reversals."""
     from device.tracks.posterior import estimate
-    from protocol.tracks.convergence import converges_at
-    from protocol.tracks.procedure import in_mean, place_after, reversal_mean, staircase
+    from protocol.tracks.procedure import (
+        converges_at,
+        in_mean,
+        place_after,
+        reversal_mean,
+        staircase,
+    )
 
     made = estimate(track, told) if told else None
     found: dict[str, Any] = {

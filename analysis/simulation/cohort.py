@@ -12,8 +12,7 @@ from analysis.estimates import BoolArray, FloatArray, IntArray
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
 from device.people import answering as answers
 from device.people.person import BODY_HEIGHT_M, Fingers, People, World, felt_friction, uniforms_of
-from protocol.plan.arrivals import arrivals
-from protocol.plan.plan import plan
+from protocol.plan.plan import arrivals, plan
 from protocol.plan.trials import Plan, Trial
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS

@@ -14,8 +14,7 @@ from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.statistics.detection import Detection, detection
 from analysis.thresholds.curve_posterior import Curve
-from analysis.thresholds.person_effects import Mixed, mixed
-from analysis.thresholds.psychometric import Threshold, fitted
+from analysis.thresholds.psychometric import Mixed, Threshold, fitted, mixed
 from analysis.trials import track_readings
 from device.friction.changes import friction_difference
 from device.friction.scenes import Calibration

@@ -1,4 +1,4 @@
-"""Checks of the ratings: drift, carry-over, order effects, and answers to catch trials."""
+"""Checks of the ratings: drift, carry-over, order effects, catch trials, and the order as run."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,13 @@ import numpy as np
 from scipy.special import betaincinv, fdtrc, ndtri, stdtr, stdtrit
 
 from analysis.estimates import LOWER, UPPER, FloatArray, IntArray, Interval, NotEstimable
+from analysis.loading.study_data import SessionOrder, StudyData
 from analysis.sensitivity.lines import Ratings
+from protocol.plan.plan import plan
+from protocol.plan.trials import Plan
+from protocol.proof import trial_checks as proof
+from protocol.registration.registration import locked
+from protocol.study.study import Study
 
 _POOLED = NotEstimable(
     "trials of several subjects are pooled, and trials of one subject are not independent"
@@ -227,3 +233,51 @@ def _residual(trials: Ratings, design: FloatArray) -> tuple[float, int, int]:
     residual = y - columns @ solution
     # Each subject's level, taken off before the fit, was estimated, too.
     return float(residual @ residual), int(rank), len(y) - int(rank) - len(np.unique(person))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderAsRun:
+    """The trials of all sessions in the order of their answers.
+
+    `attempts_repeated` counts the attempts that ended because a touch was not as instructed.
+    `problems` lists the rules of the plan that the order breaks.
+    """
+
+    attempts_repeated: int
+    carry_over: proof.CarryOver
+    problems: tuple[str, ...]
+
+
+def order_as_run(data: StudyData, study: Study) -> OrderAsRun | NotEstimable:
+    """Return the order in which the trials of all sessions were answered."""
+    if not data.orders:
+        return NotEstimable("the order of published scores is not known")
+    if data.lock is not None:
+        # A registration's digest seeds the plan, which is drawn again here.
+        study = locked(study, data.lock.registration.digest)
+    planned = [plan(study.of_group(it.group), it.slot, it.session) for it in data.orders]
+    # Rules of the present file say nothing about a plan that another one made.
+    if not all(map(_is_planned, data.orders, planned)):
+        return NotEstimable("some sessions ran under another version of the study file")
+    as_run = [
+        replace(planned, trials=tuple(planned.trials[index] for index in order.trials))
+        for order, planned in zip(data.orders, planned, strict=True)
+    ]
+    problems = [
+        problem
+        for order, own in zip(data.orders, planned, strict=True)
+        for problem in proof.order_problems(study, own, order.trials)
+    ]
+    return OrderAsRun(
+        attempts_repeated=sum(it.what == "trial repeated" for it in data.incidents),
+        carry_over=proof.carry_over(study, as_run),
+        problems=tuple(map(str, problems)),
+    )
+
+
+def _is_planned(order: SessionOrder, planned: Plan) -> bool:
+    conditions = [trial.condition for trial in planned.trials]
+    return all(
+        index < len(conditions) and conditions[index] == condition
+        for index, condition in zip(order.trials, order.conditions, strict=True)
+    )

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, islice, pairwise, product
-from typing import NamedTuple
+from itertools import count, groupby, islice, pairwise, product
+from math import gcd
+from typing import Literal, NamedTuple
 
 from protocol.plan import orders
-from protocol.plan.arrivals import arrivals
 from protocol.plan.track_trials import track_trials
 from protocol.plan.trials import Plan, Trial, beams_of, swaps
 from protocol.study.study import Condition, Study
@@ -79,6 +79,38 @@ def plan(study: Study, slot: int, session: int = 1) -> Plan:
         sequence=tuple(study.conditions[number] for _, number in order),
         trials=tuple(replace(trial, index=index) for index, trial in enumerate(trials)),
     )
+
+
+SlotState = Literal["free", "running", "done", "dropped"]
+
+
+def next_slot(states: Sequence[SlotState]) -> int:
+    """Return the slot, from 0, of the next participant: the first neither running nor done.
+
+    The slot of a participant who dropped out is used again, so that the orders stay balanced over
+    the participants who finish. An interrupted session that may be resumed is still `running`.
+
+    >>> next_slot(["done", "dropped", "running"])
+    1
+    >>> next_slot(["done", "running"])
+    2
+    """
+    free = (slot for slot, state in enumerate(states) if state not in {"running", "done"})
+    return next(free, len(states))
+
+
+def arrivals(study: Study, kind: str) -> Iterator[tuple[str, int]]:
+    """Yield group and slot of each participant of a `kind` of session, in the order of arrival.
+
+    Groups are shuffled in blocks that hold each of them in proportion to its size, so that the
+    seed and the place in the order of arrival decide, and all groups grow alike.
+    """
+    least = gcd(*(group.size for group in study.group))
+    block = [group.name for group in study.group for _ in range(group.size // least)]
+    slots = {name: count() for name in study.groups}
+    for number in count():
+        for name in orders.Stream(study.study.seed, "arrival", kind, number).shuffled(block):
+            yield name, next(slots[name])
 
 
 def cohort_plans(study: Study, participants: int) -> tuple[Plan, ...]:

@@ -8,8 +8,7 @@ from typing import Any
 from protocol.errors import Problem
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, GUESS_RATE, Track, decibels
-from protocol.tracks.convergence import converges_at
-from protocol.tracks.procedure import WHOLE, most_reversals, nearest, staircase
+from protocol.tracks.procedure import WHOLE, converges_at, most_reversals, nearest, staircase
 
 _ROUNDED = 1e-4
 """How far a level may be from what it stands for, relative to it: nobody types all its digits."""

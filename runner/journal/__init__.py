@@ -1,5 +1,5 @@
 """The journal file: appending, reading, verifying, backing up and amending a study's events.
 
-Public face: `store.Journal`, `opening.open_journal`, `session_log.SessionLog`,
-`verification.verdicts`, `backup.backed_up`.
+Public face: `store.Journal`, `store.SessionLog`, `opening.open_journal`,
+`verification.verdicts`, `verification.backed_up`.
 """

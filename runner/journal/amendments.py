@@ -12,8 +12,7 @@ from protocol.journal.state import NotAllowed, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.names import STUDY_CHAIN, chains_of
-from runner.journal.session_log import SessionLog, close_interrupted
-from runner.journal.store import Journal, state_of
+from runner.journal.store import Journal, SessionLog, close_interrupted, state_of
 from runner.journal.verification import in_force
 
 

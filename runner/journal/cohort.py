@@ -10,7 +10,7 @@ from protocol.errors import BadInput
 from protocol.journal.events import Opening, terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState
-from protocol.plan.arrivals import SlotState, arrivals, next_slot
+from protocol.plan.plan import SlotState, arrivals, next_slot
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name

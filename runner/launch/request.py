@@ -28,9 +28,8 @@ from protocol.study_file.loading import StudyError, located
 from protocol.study_file.toml import in_toml
 from runner.clock import Pace
 from runner.journal.cohort import Arrival, due_between, due_in_words, states
-from runner.journal.location import checked_place, mounts_of_this_machine
 from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_name, session_name
-from runner.journal.opening import read_journal
+from runner.journal.opening import checked_place, mounts_of_this_machine, read_journal
 from runner.journal.store import Journal, JournalError
 from runner.people.participant_console import require_typist
 from runner.people.terminal import typed_answer

@@ -27,8 +27,7 @@ from runner.clock import Clock, WallClock
 from runner.journal.cohort import Arrival, states
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import Journal, JournalError, SessionLog
 from runner.journal.verification import touchbeam_versions
 from runner.launch import device_access
 from runner.launch.locks import session_lock

@@ -16,8 +16,7 @@ from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.cohort import cannot_go_on
 from runner.journal.names import chain_name, chains_of, parsed_name, session_name
-from runner.journal.session_log import abort_trial, close_interrupted
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import Journal, JournalError, abort_trial, close_interrupted
 from runner.journal.verification import chain_is_unbroken
 from runner.screens import Notice
 from runner.session.session import Session, SessionContext

@@ -16,7 +16,7 @@ from protocol.study.study import Study
 from protocol.study.study_question import Answer
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.screens import Device, Operator, Participant, PlanUnit
 
 SessionKind = Literal["participant", "rehearsal", "slide"]

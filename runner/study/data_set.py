@@ -16,7 +16,7 @@ from protocol.study_file.toml import LONGEST_TEXT
 from runner.clock import WallClock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, session_name
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.study.files import bytes_of, text_of, write_whole
 from runner.study.folder import DIALECTS, StudyFolder, named_after, new_study
 

@@ -28,8 +28,7 @@ from runner.clock import Clock
 from runner.journal.amendments import accepted_digests
 from runner.journal.names import STUDY_CHAIN, real_sessions
 from runner.journal.opening import journal_if_used, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from runner.journal.verification import in_force
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration

@@ -9,8 +9,7 @@ from protocol.errors import BadInput, Problem
 from protocol.study.study import Study
 from protocol.study.touch import Touch, current_ma
 from protocol.study.track import Track
-from protocol.tracks.convergence import converges_at
-from protocol.tracks.procedure import staircase
+from protocol.tracks.procedure import converges_at, staircase
 
 if TYPE_CHECKING:
     from device.tracks.expected import Expected

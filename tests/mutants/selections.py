@@ -18,21 +18,24 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         _AMENDED, "tests/runner/journal/test_accepted.py", "tests/runner/journal/test_guessing.py",
         "tests/touchbeam/cli/test_withdraw.py", "tests/runner/session/test_resume.py",
     ),
-    "backup": ("tests/runner/journal/test_backup.py",),
     "cohort": ("tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/launch"),
     "database": (
         _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
         "tests/runner/journal/test_backup.py",
     ),
-    "location": ("tests/runner/journal/test_location.py",),
-    "session_log": ("tests/runner/journal/test_session_log.py", _AMENDED, "tests/runner/session"),
+    "opening": (
+        "tests/runner/journal/test_location.py", _STORE, "tests/runner/journal/test_database.py",
+        "tests/runner/journal/test_log.py", "tests/runner/journal/test_foreign_files.py",
+    ),
     "store": (
         _STORE, _AMENDED, "tests/runner/journal/test_chain.py",
+        "tests/runner/journal/test_session_log.py",
         "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
         "tests/runner/journal/test_backup.py", "tests/runner/journal/test_guessing.py",
     ),
     "verification": (
         "tests/runner/journal/test_verification.py", _STORE, _AMENDED,
+        "tests/runner/journal/test_backup.py",
         "tests/runner/study/test_registered.py",
     ),
 }  # fmt: skip

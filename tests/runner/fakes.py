@@ -17,8 +17,7 @@ from protocol.plan.plan import plan
 from protocol.study.study_question import SCORE
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.names import chain_name
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from runner.screens import (
     Ask,
     Instruction,

@@ -8,7 +8,7 @@ from protocol.journal.events import StoredEvent
 from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import template
 from runner.journal.opening import journal_if_used, read_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.launch.request import Request, SessionOptions
 from runner.launch.run_session import opened_session
 from runner.session.loop import run

@@ -16,8 +16,7 @@ from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study
 from runner.journal.opening import journal_if_used
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from runner.launch.request import Request, SessionOptions
 from runner.launch.run_session import opened_session
 from runner.people.operator_console import OperatorConsole, PlainDisplay

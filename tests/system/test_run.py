@@ -11,7 +11,7 @@ import pytest
 from device.simulator.client import ControlClient, simulator_process
 from protocol.journal.events import Event, SessionOpened, SessionResumed, TouchStarted
 from runner.journal.opening import read_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, typed
 

@@ -27,7 +27,7 @@ from protocol.study_file.loading import template
 from runner.journal.cohort import Arrival, states
 from runner.journal.names import real_sessions
 from runner.journal.opening import read_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.journal.verification import readable_chains, verdicts
 from tests.runner.command_line import typed
 

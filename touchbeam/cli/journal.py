@@ -108,7 +108,7 @@ def backup(
 
     The copy is one new file, and is verified.
     """
-    from runner.journal.backup import backed_up
+    from runner.journal.verification import backed_up
 
     result = _verification(*backed_up(options.study_folder(study).existing_journal(), file))
     if as_json:

@@ -288,7 +288,7 @@ def register(
     from analysis.report.hypotheses import for_registry, how_tested
     from analysis.report.sections.registration import analysis_settings
     from protocol.registration.registration import FILE
-    from runner.journal.location import checked_place, mounts_of_this_machine
+    from runner.journal.opening import checked_place, mounts_of_this_machine
     from runner.study.check import validated_study
     from runner.study.registered import REGISTRY_FILE, new_registration
     from runner.study.registered import register as write

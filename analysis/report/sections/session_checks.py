@@ -16,7 +16,7 @@ from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
 from analysis.trials import trial_checks
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
-from analysis.trials.order_as_run import OrderAsRun, order_as_run
+from analysis.trials.trial_checks import OrderAsRun, order_as_run
 from analysis.trials.trial_statistics import CatchAnswers, catch_answers
 
 FIGURES = ("course", "reaction-times", "forces", "places")

@@ -12,8 +12,7 @@ from analysis.loading.published import published_table
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.simulation.simulation import Simulation
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
-from protocol.plan.arrivals import arrivals
-from protocol.plan.plan import plan
+from protocol.plan.plan import arrivals, plan
 from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
-from analysis.thresholds.person_effects import mixed
+from analysis.thresholds.psychometric import mixed
 
 GRID = np.geomspace(1, 100, 161)
 

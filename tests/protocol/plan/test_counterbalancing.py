@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.plan.arrivals import SlotState, next_slot
 from protocol.plan.orders import williams_sequences
+from protocol.plan.plan import SlotState, next_slot
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))

@@ -9,8 +9,7 @@ import pytest
 
 from protocol.study.track import Track
 from protocol.tracks import procedure
-from protocol.tracks.convergence import converges_at
-from protocol.tracks.procedure import Answer, Staircase
+from protocol.tracks.procedure import Answer, Staircase, converges_at
 
 
 def track(**keys: Any) -> Track:

@@ -8,7 +8,7 @@ from runner.clock import WallClock
 from runner.journal.amendments import accepted_digests, amend, withdraw
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 CLOCK = WallClock()

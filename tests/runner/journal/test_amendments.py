@@ -29,8 +29,7 @@ from runner.journal.amendments import (
 )
 from runner.journal.cohort import Arrival, session_summaries, states
 from runner.journal.opening import open_journal, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import Journal, JournalError, SessionLog
 from runner.journal.verification import verdicts
 from runner.session.loop import require_resumable, run
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context

@@ -12,11 +12,9 @@ import pytest
 from protocol.errors import BadInput
 from protocol.journal.events import NoteTaken
 from runner.clock import WallClock
-from runner.journal.backup import backed_up
 from runner.journal.opening import open_journal, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
-from runner.journal.verification import SessionVerdict, verdicts
+from runner.journal.store import Journal, SessionLog
+from runner.journal.verification import SessionVerdict, backed_up, verdicts
 from tests.runner.command_line import typed
 from tests.runner.journal.tampering import tampering
 from tests.runner.journal.test_store import room_for
@@ -104,7 +102,7 @@ def test_a_name_that_is_taken_meanwhile_is_refused_too(
         copy.write_text("precious")
         return verdicts(journal)
 
-    monkeypatch.setattr("runner.journal.backup.verdicts", taken_meanwhile)
+    monkeypatch.setattr("runner.journal.verification.verdicts", taken_meanwhile)
     with pytest.raises(BadInput, match="exists and is not overwritten"):
         backed_up(study / "study.db", copy)
     assert copy.read_text() == "precious"

@@ -9,8 +9,7 @@ from protocol.journal.events import SessionOpened, StudyAmended, Withdrawn
 from protocol.journal.state import EXCLUDED, SessionState
 from runner.journal.cohort import Arrival, planned_trials, session_summaries, states
 from runner.journal.names import STUDY_CHAIN
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 
 

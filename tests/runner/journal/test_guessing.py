@@ -22,8 +22,7 @@ from protocol.journal.events import (
 from runner.clock import WallClock
 from runner.journal.amendments import withdraw
 from runner.journal.opening import open_journal, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import SALT_BYTES
+from runner.journal.store import SALT_BYTES, SessionLog
 from runner.journal.verification import verdicts
 from tests.runner.journal.tampering import tampering
 from tests.runner.journal.unsalted import make_unsalted

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from protocol.errors import BadInput
-from runner.journal.location import checked_place, mounts_of_this_machine
+from runner.journal.opening import checked_place, mounts_of_this_machine
 
 MOUNTS = [("/", "ext4"), ("/net/lab", "nfs4"), ("/net/lab/local", "xfs"), ("/media/share", "cifs")]
 

@@ -23,8 +23,7 @@ from runner.journal.database import (
     log_of,
 )
 from runner.journal.opening import open_journal, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import Journal, JournalError, SessionLog
 
 
 def noted(journal: Journal, text: str) -> None:

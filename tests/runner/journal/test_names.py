@@ -3,8 +3,7 @@
 from runner.clock import WallClock
 from runner.journal.amendments import withdraw
 from runner.journal.names import chain_name, chains_of, existing_chain, is_rehearsal, spoken_name
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from tests.analysis.chains import opened
 
 

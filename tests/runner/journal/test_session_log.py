@@ -4,8 +4,7 @@ import pytest
 
 from protocol.journal.events import DeviceArmed, DeviceOff, NoteTaken, Paused, TrialStarted
 from protocol.journal.state import NotAllowed
-from runner.journal.session_log import SessionLog, abort_trial, close_interrupted
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog, abort_trial, close_interrupted
 from tests.runner.fakes import FakeClock, FakeDevice, FakeParticipant, context
 
 ARMED = DeviceArmed(idn="fake", boot=1, device_time_s=0.0)

@@ -23,8 +23,7 @@ from runner.journal.amendments import exclude
 from runner.journal.database import RESTORE
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import ChainLink, Journal, JournalError
+from runner.journal.store import ChainLink, Journal, JournalError, SessionLog
 from runner.journal.verification import (
     SessionVerdict,
     chain_is_unbroken,

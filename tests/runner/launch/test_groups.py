@@ -12,11 +12,10 @@ import pytest
 import touchbeam
 from analysis.export.trial_table import plan_frame
 from analysis.loading.study_data import load_study_data
-from analysis.trials.order_as_run import OrderAsRun, order_as_run
+from analysis.trials.trial_checks import OrderAsRun, order_as_run
 from protocol.errors import BadInput
 from protocol.journal.events import QuestionAnswered, RigDescribed, SessionOpened
-from protocol.plan.arrivals import arrivals
-from protocol.plan.plan import plan
+from protocol.plan.plan import arrivals, plan
 from protocol.registration.registration import FILE, order_problem, registration_in
 from protocol.study_file.loading import parsed_study
 from runner.journal.cohort import states

@@ -12,8 +12,7 @@ from protocol.journal.records import ReadBack
 from protocol.plan.trials import session_s
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal, JournalError
+from runner.journal.store import Journal, JournalError, SessionLog
 from runner.screens import (
     Ask,
     Instruction,

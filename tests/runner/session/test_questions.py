@@ -10,8 +10,7 @@ from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from runner.screens import Ask, Instruction
 from runner.session.loop import run
 from runner.session.session import Session, answer_order

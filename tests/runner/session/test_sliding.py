@@ -13,8 +13,7 @@ from protocol.plan.plan import slide_plan, slide_study
 from protocol.study.touch import SlidePass
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from runner.journal.verification import verdicts
 from runner.people.sliding_block import SlidePlot, SlidingBlock
 from runner.screens import Note, Order

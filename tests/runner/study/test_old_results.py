@@ -14,7 +14,7 @@ from runner.clock import WallClock
 from runner.journal.amendments import withdraw
 from runner.journal.database import log_of
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.study import old_results as search
 from runner.study.old_results import old_results
 

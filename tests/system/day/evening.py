@@ -26,8 +26,7 @@ from runner.clock import WallClock
 from runner.journal.database import leave
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.opening import open_journal, read_journal
-from runner.journal.session_log import SessionLog
-from runner.journal.store import Journal
+from runner.journal.store import Journal, SessionLog
 from tests.runner.journal.tampering import tampering
 from tests.system.day.invariants import require
 from touchbeam.cli import journal as commands

@@ -31,7 +31,7 @@ from runner import signals
 from runner.clock import Clock
 from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from runner.launch.locks import session_lock
 from runner.launch.request import Request, SessionOptions
 from runner.launch.run_session import checkpointed, opened_session

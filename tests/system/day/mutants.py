@@ -22,7 +22,7 @@ SOURCES = (
     "device/drivers/board.py",
     "device/drivers/limits.py",
     "runner/journal/store.py",
-    "runner/journal/session_log.py",
+    "runner/journal/store.py",
     "runner/journal/database.py",
     "runner/journal/store.py",
     "runner/journal/amendments.py",

@@ -9,7 +9,7 @@ from protocol.journal.events import ScoresImported
 from protocol.study_file.loading import template
 from runner.clock import WallClock
 from runner.journal.opening import open_journal
-from runner.journal.session_log import SessionLog
+from runner.journal.store import SessionLog
 from tests.runner.command_line import typed
 from tests.runner.journal.unsalted import make_unsalted
 

@@ -22,7 +22,7 @@ from analysis.report.sections.registration import (
     named_results,
     registered_lines,
 )
-from analysis.trials.order_as_run import order_as_run
+from analysis.trials.trial_checks import order_as_run
 from device.friction.changes import LAW, RUNG
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (

@@ -72,6 +72,19 @@ def csv_quoted(text: str) -> str:
     return f'"{doubled}"'
 
 
+def csv_fault(error: csv.Error) -> str:
+    """Return in words why a table cannot be read, and what to do."""
+    # The csv module tells the causes apart by its text alone.
+    if "end of data" in str(error):
+        return "a quotation mark is opened and never closed; close it"
+    if "field limit" in str(error):
+        return (
+            f"a cell must have at most {csv.field_size_limit()} characters, got more; "
+            "if a quotation mark is opened there and never closed, close it"
+        )
+    return f"cannot be read as CSV ({error})"
+
+
 def tsv_text(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
     r"""Return a table as BIDS has it: a tab between cells, `n/a` for a missing value.
 

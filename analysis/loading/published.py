@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.cells import unguarded
+from analysis.cells import csv_fault, unguarded
 from analysis.estimates import FloatArray
 from analysis.loading.score_table import ScoreTable
 from device.friction.changes import CONDITIONS
@@ -178,12 +178,7 @@ def csv_rows(
                     )
             line = reader.line_num + 1
     except csv.Error as error:
-        # The csv module tells this cause from others by its text alone.
-        if reader.line_num >= line and "end of data" in str(error):
-            raise TableError(
-                f"{source}, line {line}: a quotation mark is opened and never closed; close it"
-            ) from error
-        raise TableError(f"{source}, line {line}: cannot be read as CSV ({error})") from error
+        raise TableError(f"{source}, line {line}: {csv_fault(error)}") from error
     if not rows:
         raise TableError(f"{source}: must have a header and at least one row, got nothing")
     return rows

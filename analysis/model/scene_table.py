@@ -9,12 +9,14 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.cells import csv_fault
 from analysis.estimates import BoolArray
+from analysis.loading.published import require_commas
 from device.beam.modes import FloatArray
 from device.friction.prediction import Ratio
 from device.friction.rungs import HIGHEST_MODE
 from device.friction.scenes import Scene
-from protocol.errors import BadInput, meant
+from protocol.errors import BadInput, meant, shown
 from protocol.study.touch import Coverage, Direction
 
 Cells = Sequence[str] | NDArray[Any]
@@ -114,14 +116,16 @@ class SceneTable:
 
 def bad_cell(source: str, line: int, column: str, rule: str, value: object) -> BadInput:
     """Return the error for one cell."""
-    return BadInput(f"{source}, line {line}, column {column}: {rule}, got {value!r}")
+    return BadInput(f"{source}, line {line}, column {column}: {rule}, got {shown(value)}")
 
 
 def _checked_header(source: str, header: Sequence[str]) -> None:
     """Refuse unknown and repeated columns."""
     for name in header:
         if name not in COLUMNS:
-            raise BadInput(f"{source}, line 1: unknown column {name!r}; {meant(name, COLUMNS)}")
+            raise BadInput(
+                f"{source}, line 1: unknown column {shown(name)}; {meant(name, COLUMNS)}"
+            )
         if list(header).count(name) > 1:
             raise BadInput(f"{source}, line 1: column {name!r} stands twice")
 
@@ -130,18 +134,22 @@ def _rows(source: str, text: str) -> tuple[list[str], list[list[str]], list[int]
     """Return header, rows of cells and their lines; blank lines are skipped."""
     # Spreadsheets put a byte order mark before UTF-8; a stray quotation mark must not join cells.
     reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
+    begins = 1
     try:
         header = [name.strip() for name in next(reader, [])]
         if not header:
             raise BadInput(f"{source}, line 1: a line of column names is due, got none")
+        require_commas(header, f"{source}, line 1")
         _checked_header(source, header)
         rows, lines = [], []
+        begins = reader.line_num + 1
         for row in reader:
+            begins = reader.line_num + 1
             if row:
                 rows.append(row)
                 lines.append(reader.line_num)
     except csv.Error as error:
-        raise BadInput(f"{source}, line {reader.line_num}: {error}") from None
+        raise BadInput(f"{source}, line {begins}: {csv_fault(error)}") from None
     for row, line in zip(rows, lines, strict=True):
         if len(row) != len(header):
             raise BadInput(f"{source}, line {line}: {len(header)} cells are due, got {len(row)}")

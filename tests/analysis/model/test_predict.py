@@ -112,6 +112,11 @@ def test_a_table_without_scenes_gives_a_table_without_predictions() -> None:
         ("x_m,x_m\n0,0\n", "s.csv, line 1: column 'x_m' stands twice"),
         ("x_m,mode\n0.01\n", "s.csv, line 2: 2 cells are due, got 1"),
         ("", "s.csv, line 1: a line of column names is due, got none"),
+        ("x_m;mode\n0.01;6\n", "s.csv, line 1: the cells are separated by semicolons; save the"),
+        ('x_m,mode\n0,"6\n0,6\n', "s.csv, line 2: a quotation mark is opened and never closed; cl"),
+        ("x_m\n0\n" + "9" * 200_000, "line 3: a cell must have at most 131072 characters, got mo"),
+        ("x_m\n" + "9" * 200, f"line 2, column x_m: must lie in [0, 0.1], got '{'9' * 76}..."),
+        ("x" * 200, f"s.csv, line 1: unknown column '{'x' * 76}...; known: voltage_v, "),
     ],
 )
 def test_a_bad_cell_is_named(text: str, message: str) -> None:

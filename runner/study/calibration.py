@@ -78,10 +78,11 @@ def kept_calibration(folder: Path) -> "Resonance | None":
     kept = _kept(path)
     if kept is None:
         return None
-    hz, tip_m_per_v = (_number(path, kept, key) for key in ("frequency_hz", "tip_m_per_v"))
-    if hz <= 0:
-        raise BadInput(f"{path}: frequency_hz must be above 0, got {hz}")
-    return Resonance(frequency_hz=hz, tip_m_per_v=tip_m_per_v)
+    found = {key: _number(path, kept, key) for key in ("frequency_hz", "tip_m_per_v")}
+    for key, value in found.items():
+        if value <= 0:
+            raise BadInput(f"{path}: {key} must be above 0, got {value}; measure it again")
+    return Resonance(frequency_hz=found["frequency_hz"], tip_m_per_v=found["tip_m_per_v"])
 
 
 def fitted_calibration(folder: Path) -> Calibration:

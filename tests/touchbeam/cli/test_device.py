@@ -171,6 +171,14 @@ def test_an_invalid_calibration_is_refused(tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_text('{"frequency_hz": -1, "tip_m_per_v": 1}')
     with pytest.raises(BadInput, match=r"frequency_hz must be above 0, got -1\.0"):
         kept_calibration(tmp_path)
+    for tip in (0, -1e-8):
+        (tmp_path / "calibration.json").write_text(
+            json.dumps({"frequency_hz": 24221, "tip_m_per_v": tip})
+        )
+        with pytest.raises(
+            BadInput, match=rf"tip_m_per_v must be above 0, got {float(tip)}; measure"
+        ):
+            kept_calibration(tmp_path)
 
 
 def test_ports_are_listed_without_opening_any() -> None:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 from pydantic_core import from_json
 
 from protocol.errors import WorkFailed
-from protocol.journal.events import DeviceOff, Event, StoredEvent, TrialAborted
+from protocol.journal.events import DeviceOff, Event, SessionOpened, StoredEvent, TrialAborted
 from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, damage, folded, next_state
 from runner.clock import Clock
 from runner.journal import database
@@ -257,6 +257,9 @@ class Journal:
                     record = event.record
                 except IMPOSSIBLE as error:
                     raise DamagedError(damage([event])) from error
+                # A session's plan is long, and judged where it is used.
+                if not isinstance(record, SessionOpened) and (wrong := event.damage()):
+                    raise DamagedError(wrong)
                 if isinstance(record, kinds):
                     records.append((event.utc, record))
         return records

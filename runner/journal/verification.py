@@ -185,6 +185,9 @@ def _require_readable(session: str, events: list[kinds.StoredEvent]) -> None:
     if not (withdrawn or session == STUDY_CHAIN or begins):
         raise store.damaged(session, "it has no opening event")
     store.state_of(session, events)
+    # No state follows from the values of decisions, so that nothing else looks at them.
+    if session == STUDY_CHAIN and any(event.damage() for event in events):
+        raise store.damaged(session, damage(events))
 
 
 def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:
@@ -233,7 +236,7 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
     """Return why a readable session does not follow from the `known` registrations, or ''."""
     events = journal.events(chain)
     if chain == STUDY_CHAIN:
-        return _registered_problem(known)
+        return next(filter(None, (it.damage() for it in events)), "") or _registered_problem(known)
     opened = events[0].record if events and not events[0].erased else None
     # Imported scores have no plan, and a withdrawn session tells none.
     if not isinstance(opened, kinds.SessionOpened):

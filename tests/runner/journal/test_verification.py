@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,7 @@ from protocol.journal.events import (
     SessionResumed,
     StoredEvent,
     StudyAmended,
+    StudyRegistered,
     Withdrawn,
 )
 from runner.journal import store
@@ -27,6 +29,7 @@ from runner.journal.store import ChainLink, Journal, JournalError, SessionLog
 from runner.journal.verification import (
     SessionVerdict,
     chain_is_unbroken,
+    in_force,
     readable_chains,
     readable_events,
     session_verdict,
@@ -37,6 +40,8 @@ from runner.session.loop import run
 from tests.protocol.studies import TRACKS
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 from tests.runner.journal.tampering import tampering
+
+DAMAGED, CANNOT = "is damaged: study-", "has a value that it cannot have"
 
 GOOD = SessionVerdict(
     participant="P01",
@@ -335,6 +340,24 @@ def test_readable_are_sessions_imported_scores_the_study_and_the_withdrawn(
         other.execute("UPDATE event SET hash = 'x' WHERE session = 'P01/1' AND seq = 1")
     assert len(list(readable_chains(journal, broken))) == 4
     assert broken == ["P01/1"]
+
+
+@pytest.mark.parametrize("wrong", [None, 5, [], {}])
+def test_a_decision_on_the_study_of_another_type_is_named_under_an_unbroken_chain(
+    journal: Journal, wrong: Any
+) -> None:
+    logged(journal, STUDY_CHAIN, StudyAmended(study_sha256="x", reason=wrong))
+    assert in_force(journal) is None
+    (verdict,) = verdicts(journal)
+    assert (verdict.chain_ok, verdict.problem) == (
+        True,
+        f"event 0 {DAMAGED}amended, reason {CANNOT}",
+    )
+    logged(journal, STUDY_CHAIN, StudyRegistered(registration="7", study_sha256="8", text=wrong))
+    with pytest.raises(JournalError, match=f"event 1 {DAMAGED}registered, text {CANNOT}"):
+        in_force(journal)
+    with pytest.raises(JournalError, match=f"event 0 {DAMAGED}amended, reason {CANNOT}"):
+        list(readable_chains(journal, []))
 
 
 def begun_elsewhere(folder: Path) -> Event:

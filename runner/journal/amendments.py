@@ -136,7 +136,7 @@ def sessions_of(journal: Journal, participant: str, *, rehearsal: bool) -> list[
 
 def _log(journal: Journal, clock: Clock, session: str) -> SessionLog:
     if session not in journal.sessions():
-        known = ", ".join(journal.sessions()) or "none"
+        known = ", ".join(it for it in journal.sessions() if it != STUDY_CHAIN) or "none"
         raise BadInput(f"there is no session {session} here; known: {known}")
     return SessionLog(journal, session, clock)
 

@@ -162,8 +162,18 @@ StudyOrBackupArgument = Annotated[
 ]
 
 
+def text(given: str | None) -> str | None:
+    """Refuse text that is not valid UTF-8: the journal cannot store it."""
+    try:
+        # Python turns an argument that is not UTF-8 into halves of characters.
+        return given if given is None else given.encode().decode()
+    except UnicodeEncodeError:
+        raise BadInput(f"text must be valid UTF-8, got {given!r}") from None
+
+
 def address(given: str | None) -> str | None:
     """Return the checked address of a device, or None if none is given."""
+    text(given)
     return None if given is None else checked_address(given)
 
 
@@ -183,7 +193,6 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 RehearsalsOption = Annotated[
     bool, typer.Option("--rehearsals", help="Include rehearsals, marked as such.")
 ]
-ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.")]
 SessionOption = Annotated[int, typer.Option(min=1)]
 TrialOption = Annotated[
     int | None, typer.Option(min=0, help="The trial's index. [default: the whole session]")
@@ -196,20 +205,12 @@ OfRehearsalOption = Annotated[
 def _reason(given: str) -> str | None:
     if not given.strip():
         raise BadInput("--reason must not be blank")
-    return _text(given)
+    return text(given)
 
 
-def _text(given: str | None) -> str | None:
-    """Refuse text that is not valid UTF-8: the journal cannot store it."""
-    try:
-        # Python turns an argument that is not UTF-8 into halves of characters.
-        return given if given is None else given.encode().decode()
-    except UnicodeEncodeError:
-        raise BadInput(f"text must be valid UTF-8, got {given!r}") from None
-
-
+ParticipantOption = Annotated[str, typer.Option(help="The pseudonym.", callback=text)]
 ConsentOption = Annotated[
-    str | None, typer.Option(help="Reference of the signed consent form.", callback=_text)
+    str | None, typer.Option(help="Reference of the signed consent form.", callback=text)
 ]
 ReasonOption = Annotated[
     str, typer.Option(help="The reason, recorded in the journal.", callback=_reason)

@@ -189,7 +189,10 @@ def run(
     consent: options.ConsentOption = None,
     extra: Annotated[bool, Option("--extra", help="Allow a session that is not due.")] = False,
     override: Annotated[
-        str | None, Option(help="Begin before or after the session is due, for this reason.")
+        str | None,
+        Option(
+            help="Begin before or after the session is due, for this reason.", callback=options.text
+        ),
     ] = None,
     group: Annotated[
         str | None,

@@ -337,6 +337,8 @@ def test_the_refusal_of_a_trial_tells_which_there_are(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=r"no session P01/1 here; known: none$"):
             exclude(journal, CLOCK, "P01/1", "x")
         amend(journal, CLOCK, "", "nothing was accepted before")
+        with pytest.raises(BadInput, match=r"no session P01/1 here; known: none$"):
+            exclude(journal, CLOCK, "P01/1", "x")
         with pytest.raises(BadInput, match=r"^@study has no trial 0; it has no trials$"):
             exclude(journal, CLOCK, "@study", "x", 0)
 

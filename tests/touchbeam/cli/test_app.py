@@ -21,6 +21,7 @@ from runner.doctor import findings
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
+NOT_UTF8 = r"^touchbeam: text must be valid UTF-8, got '.udcff'\n$"
 RUN = ("run", "study", "--participant", "P01", "--ratings")
 PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
 
@@ -90,6 +91,9 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
     [
         (("run", "nowhere", "--participant", "P01", "--ratings", "virtual"), 2, "no study here"),
         ((*RUN, "console", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
+        ((*RUN, "console", "--device", "\udcff"), 2, NOT_UTF8),
+        ((*RUN, "console", "--override", "\udcff"), 2, NOT_UTF8),
+        (("exclude", "study", "--participant", "\udcff", "--reason", "x"), 2, NOT_UTF8),
         ((*RUN, "console", "--device", "frob://x"), 2, "frob://x: not the address of a device"),
         ((*RUN, "virtual", "--device", "/dev/ttyNOPE"), 1, "/dev/ttyNOPE: no such port"),
         (

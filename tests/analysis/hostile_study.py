@@ -1,12 +1,13 @@
 """A study that spoils what can be spoilt: quotes, tabs, formulas, Chinese; dropouts too."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import cache
 
 from protocol.journal.events import SessionOpened, StoredEvent
-from protocol.journal.state import folded
+from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
@@ -70,6 +71,7 @@ class Written:
     def __post_init__(self) -> None:
         self.study: Study = parsed_study(self.text)
         self.plan = plan(self.study, slot=0)
+        self._state = SessionState()
         session = Session(
             participant=self.participant,
             number=self.number,
@@ -92,7 +94,7 @@ class Written:
                 payload=payload,
             )
         )
-        folded(self.events)
+        self._state.take(self.events[-1])
 
     def arm(self) -> None:
         """Arm the device and measure the resonance."""
@@ -151,37 +153,27 @@ class Written:
         self.add("session-completed")
 
 
-def sessions(text: str) -> Iterator[Written]:
+@cache
+def sessions(text: str) -> list[Written]:
     """Every kind of session there is, under the study `text`."""
     names = parsed_study(text).conditions
 
     def new(participant: str, number: int = 1, kind: SessionKind = "participant") -> Written:
         return Written(participant, number, kind, text)
 
-    first = new("P-01")
+    first, second, again = new("P-01"), new("P01"), new("P01", 2)
     first.whole({names[0]: 10, names[1]: 0}, NOTES)
-    yield first
-    second = new("P01")
     second.whole({names[0]: None, names[1]: 3})
     second.add("trial-excluded", index=3, reason='a "noise",\tthen =1+1')
-    yield second
-    again = new("P01", 2)
     again.whole({names[2]: 1})
-    yield again
-    yield _repeated(new("p_01"))
-    yield _dropped_out(new("D01"))
-    yield new("D02")  # came, and left before the first trial
-    withdrawn = new("W01")
-    withdrawn.whole({})
+    repeated, dropped_out = _repeated(new("p_01")), _dropped_out(new("D01"))
+    left = new("D02")  # before the first trial
+    withdrawn, excluded, rehearsal = new("W01"), new("E01"), new("R01", kind="rehearsal")
+    for played in (withdrawn, excluded, rehearsal):
+        played.whole({})
     withdrawn.add("withdrawn")
-    yield withdrawn
-    excluded = new("E01")
-    excluded.whole({})
     excluded.add("session-excluded", reason="fell asleep")
-    yield excluded
-    rehearsal = new("R01", kind="rehearsal")
-    rehearsal.whole({})
-    yield rehearsal
+    return [first, second, again, repeated, dropped_out, left, withdrawn, excluded, rehearsal]
 
 
 def _repeated(session: Written) -> Written:

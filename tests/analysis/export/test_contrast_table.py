@@ -1,7 +1,7 @@
 """The exported table of contrasts: what the report has for each trial, and the trials it omits."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
@@ -62,8 +62,9 @@ def imported() -> Chains:
     return [published_chain(f"P{who}", {"voltage": 5.0 + who, "pressure": 3.0}) for who in range(3)]
 
 
-@pytest.mark.parametrize("chains", [recorded(), registered(), imported()])
-def test_contrasts_are_those_of_the_report(chains: Chains) -> None:
+@pytest.mark.parametrize("made", [recorded, registered, imported])
+def test_contrasts_are_those_of_the_report(made: Callable[[], Chains]) -> None:
+    chains = made()
     rows = exported(data_set(chains, CALIBRATED))
     found = {
         (row["participant"], row["trial_index"] or row["condition"], row["law"]): row

@@ -2,18 +2,17 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rocrate.rocrate import ROCrate
 
 from analysis.export.dataset import Dataset
 from analysis.export.rocrate import METADATA, crate_metadata, rocrate_export
 from protocol.journal.shared_form import FOLDER
 from protocol.study.columns import COLUMNS
-from tests.analysis.export.crate_validator import complaints
 from tests.analysis.export.data_slips import csv_rows, text_slips
 from tests.analysis.export.test_formats import nasty, published, written
 
@@ -40,6 +39,8 @@ ONLY_THE_AUTHOR_KNOWS = NOBODY_KNOWS | {
 
 @pytest.fixture
 def check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Check:
+    from tests.analysis.export.crate_validator import complaints
+
     return lambda crate: complaints(crate, monkeypatch, tmp_path / "cache")
 
 
@@ -64,16 +65,16 @@ def entities(files: dict[str, str]) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("data", "allowed"),
     [
-        (nasty(rehearsals=True), NOBODY_KNOWS),
-        (nasty(publication=False), ONLY_THE_AUTHOR_KNOWS),
-        (published("1", "受试者", "=cmd()"), NOBODY_KNOWS),
+        (lambda: nasty(rehearsals=True), NOBODY_KNOWS),
+        (lambda: nasty(publication=False), ONLY_THE_AUTHOR_KNOWS),
+        (lambda: published("1", "受试者", "=cmd()"), NOBODY_KNOWS),
     ],
     ids=["nasty", "nasty without facts", "published"],
 )
 def test_the_validator_finds_no_error(
-    data: Dataset, allowed: set[str], check: Check, tmp_path: Path
+    data: Callable[[], Dataset], allowed: set[str], check: Check, tmp_path: Path
 ) -> None:
-    found = check(written(crate(data), tmp_path / "crate"))
+    found = check(written(crate(data()), tmp_path / "crate"))
     assert found["REQUIRED"] == set()
     assert found["RECOMMENDED"] <= allowed
 
@@ -93,6 +94,8 @@ def test_the_validator_would_find_an_error(check: Check, tmp_path: Path) -> None
 
 
 def test_another_program_reads_the_crate(tmp_path: Path) -> None:
+    from rocrate.rocrate import ROCrate
+
     files = crate(nasty())
     read = ROCrate(written(files, tmp_path / "crate"))
     assert {entity.id for entity in read.data_entities} == files.keys() - {METADATA}
@@ -140,7 +143,7 @@ def test_a_licence_may_be_an_address() -> None:
     address = "https://creativecommons.org/publicdomain/zero/1.0/"
     facts = data.facts.model_copy(update={"licence": address})
     study = data.study.model_copy(update={"publication": facts})
-    data = Dataset(**{**vars(data), "study": study})
+    data = replace(data, study=study)
     assert entities(crate(data))["./"]["license"] == {"@id": address}
     assert entities(crate(nasty()))["#licence"]["name"] == "CC0"
 

@@ -1,6 +1,6 @@
 """Tables of a journal that were kept are the tables that were read, to the type of each value."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -23,14 +23,14 @@ DECISIONS = chain(
         StudyAmended(study_sha256="3" * 64, reason="a slip", breaks="1" * 64),
     ]
 )
-JOURNALS: dict[str, list[Sequence[StoredEvent]]] = {
-    "nothing": [],
-    "spoilt, with answers and notes": [one.events for one in sessions(study_text())],
-    "virtual people, measured": list(cohort(EXTENDED, 3)),
-    "recorded touches": [recorded().events],
-    "tracks": [session(TRACKS, "P01"), session(TRACKS, "P02", 1)],
-    "published": [published_chain("1", {"voltage": 7.0, "structure": None})],
-    "a registered study": [DECISIONS, *cohort(EXTENDED, 1)],
+JOURNALS: dict[str, Callable[[], list[Sequence[StoredEvent]]]] = {
+    "nothing": list,
+    "spoilt, with answers and notes": lambda: [one.events for one in sessions(study_text())],
+    "virtual people, measured": lambda: list(cohort(EXTENDED, 3)),
+    "recorded touches": lambda: [recorded().events],
+    "tracks": lambda: [session(TRACKS, "P01"), session(TRACKS, "P02", 1)],
+    "published": lambda: [published_chain("1", {"voltage": 7.0, "structure": None})],
+    "a registered study": lambda: [DECISIONS, *cohort(EXTENDED, 1)],
 }
 
 
@@ -47,7 +47,7 @@ def never() -> KeptSessions:
 
 @pytest.mark.parametrize("name", JOURNALS)
 def test_kept_tables_are_those_that_were_read(name: str) -> None:
-    shelf, found = Shelf(), load_sessions(JOURNALS[name])
+    shelf, found = Shelf(), load_sessions(JOURNALS[name]())
     Kept(shelf).made(lambda: kept_sessions(found, BROKEN), KeptSessions, "digest")
     kept = Kept(shelf).made(never, KeptSessions, "digest")
     again = kept.sessions()

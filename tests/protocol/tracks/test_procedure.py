@@ -60,6 +60,7 @@ def test_plain_staircases_are_those_of_psychopy(first: str) -> None:
             maxVal=top,
             applyInitialRule=first == "1 down 1 up",
             autoLog=False,
+            originPath=-1,  # no search for the experiment's file among all that is called
         )
         ours = track(
             levels={"values": list(range(1, top + 2))},

@@ -74,10 +74,14 @@ clean:
 	rm -rf .venv .uv .mutants dist site
 
 # Compiled here once, so that no command starts slowly where Python may not write beside its modules.
+# What tests and tools import is compiled where it is imported first, but for what every worker does.
 $(READY): pyproject.toml uv.lock | $(UV)
 	@echo "Installing the packages that touchbeam needs into .venv, about 1 GB ..."
-	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --compile-bytecode
-	@$(BIN)/python -m compileall -q protocol device runner analysis touchbeam
+	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet --no-dev --inexact
+	@$(BIN)/python -m compileall -qq -j 0 -x '/tests/' .venv/lib || true # some are templates
+	@[ -t 2 ] || quiet=--quiet; $(UV) sync --frozen $$quiet
+	@$(BIN)/python -m compileall -q -j 0 -x '/test_[^/]*$$' protocol device runner analysis touchbeam tests \
+		$(addprefix .venv/lib/python*/site-packages/,_pytest execnet hypothesis pluggy xdist)
 	@touch $@
 
 # Debian ships Python without venv; the package that brings it is the only thing ever installed here.

@@ -170,7 +170,13 @@ def _opening(
         # Of a full disk SQLite says "disk I/O error", too.
         failed = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_IOERR
         full = failed and path.exists() and disk_usage(path).free < _INDEX_BYTES
-        why = "the disk is full" if full else getattr(error, "strerror", None) or error
+        barred = database.lacks_writing(error) and path.exists() and not database.is_writable(path)
+        if full:
+            why: object = "the disk is full"
+        elif barred and what == "opened":
+            why = "it or its folder is read-only"
+        else:
+            why = getattr(error, "strerror", None) or error
         told = f"{path}: cannot be {what} as a journal ({why}){database.way_out(error)}"
         raise JournalError(told) from error
 

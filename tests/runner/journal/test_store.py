@@ -1,5 +1,6 @@
 """The journal: append-only, chained, private, and never half-written."""
 
+import os
 import resource
 import shutil
 import sqlite3
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
+from runner.journal.database import log_of
 from runner.journal.opening import (
     SCHEMA_VERSION,
     journal_if_used,
@@ -173,6 +175,20 @@ def test_the_journal_is_readable_only_by_its_owner(tmp_path: Path) -> None:
         files = list(tmp_path.glob("study.db*"))
         assert len(files) == 3, "the journal, its log and its index"
         assert all(file.stat().st_mode & 0o077 == 0 for file in files)
+
+
+def test_a_journal_that_cannot_be_written_is_said_to_be_read_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "study.db"
+    open_journal(path).__exit__(None, None, None)
+    log_of(path).mkdir()  # SQLite can open no log, as in a folder that it cannot write
+    with pytest.raises(JournalError, match=r"journal \(unable to open database file\)$"):
+        open_journal(path)
+    # Root may write in every folder but one of a read-only disk.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(JournalError, match=r"journal \(it or its folder is read-only\)$"):
+        open_journal(path)
 
 
 def test_a_file_that_is_not_a_journal_is_left_alone(tmp_path: Path) -> None:

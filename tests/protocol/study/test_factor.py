@@ -135,6 +135,14 @@ def test_a_factor_may_set_what_every_touch_must_give_and_other_touches_than_thos
     assert [touch.ramp_to_v for touch in study.condition[12].touches] == [30, 50]
 
 
+def test_one_factor_may_set_the_first_touch_and_another_the_last() -> None:
+    text = RAMPS.replace(f"frequency_hz{HERTZ}", 'ramp_to_v"\ntouches = "first"\nvalues = [10, 20]')
+    (condition,) = ANOTHER.split("[[condition]]")[1:]
+    study = parsed_study(f"{text.partition('[[condition]]')[0]}[[condition]]{condition}")
+    driven = [tuple(touch.ramp_to_v for touch in each.touches) for each in study.condition]
+    assert driven == [(first, last) for last in (50, 100, 150, 200) for first in (10, 20)]
+
+
 def fixed(**keys: float) -> Touch:
     return Touch.model_validate({"place": "path", "voltage_v": 100, **keys})
 

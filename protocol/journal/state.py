@@ -91,6 +91,8 @@ class SessionState:
 
     name: str = "new"
     opened: Opening | None = None
+    has_begun: bool = False
+    """Whether a trial was begun, whatever became of it."""
     trial: int | None = None
     touch: int | None = None
     windowless: bool = False
@@ -127,11 +129,6 @@ class SessionState:
         """Indices of the trials that are planned and needed; none for published scores."""
         trials = () if self.opened is None else self.opened.trials
         return {trial.index for trial in trials} - self.not_needed
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether a trial was begun."""
-        return bool(self.trial is not None or self.answers or self.aborted or self.deferred)
 
     @property
     def noted(self) -> str:
@@ -185,7 +182,7 @@ class SessionState:
         self.questions[event.name, event.block] = event.answer
 
     def _trial_started(self, event: events.TrialStarted) -> None:
-        self.trial, self.touch = event.index, None
+        self.trial, self.touch, self.has_begun = event.index, None, True
 
     def _touch_started(self, event: events.TouchStarted) -> None:
         self.touch = event.touch

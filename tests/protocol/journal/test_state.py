@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from protocol.journal.events import StoredEvent
-from protocol.journal.state import NotAllowed, SessionState, folded
+from protocol.journal.state import NotAllowed, SessionState, folded, in_words
 
 Happened = tuple[str, dict[str, Any]]
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -82,6 +82,22 @@ def test_a_trial_is_running_until_it_is_answered_or_aborted() -> None:
     assert (state.trial, state.aborted, state.answered) == (None, [], {1})
     assert state.answers == {1: "rougher, score 4"}
     assert state.answered_twice == []
+
+
+@pytest.mark.parametrize(
+    "became",
+    [
+        [],
+        [answer(0)],
+        [("trial-aborted", {"index": 0, "why": "x"})],
+        [("trial-deferred", {"index": 0, "missed": ["force"], "after": 1})],
+        [answer(0), ("device-off", {"confirmed": True}), ("practice-renewed", {"indices": [0]})],
+    ],
+)
+def test_a_session_has_begun_with_its_first_trial(became: list[Happened]) -> None:
+    armed = ("device-armed", ARMED)
+    assert not after(armed).has_begun
+    assert after(armed, started(0), *became).has_begun
 
 
 @pytest.mark.parametrize(
@@ -189,8 +205,11 @@ def test_a_session_excluded_before_its_end_or_after_it_is_shown_as_excluded() ->
     for state in (before, later):
         assert state.is_excluded
         assert state.shown_name == "excluded"
+        assert in_words(state.name, running=False) == "excluded"
     assert not after().is_excluded
     assert after().shown_name == "idle"
+    assert in_words("touching", running=True) == "running"
+    assert in_words("idle", running=False) == "interrupted"
 
 
 def test_of_erased_events_only_the_state_is_left() -> None:
@@ -205,6 +224,22 @@ def test_long_traces_are_not_read_for_the_state() -> None:
     """A payload that nobody can parse does no harm where nothing of it is needed."""
     state = after(("device-armed", {"what": "nobody wrote"}))
     assert state.name == "armed"
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [({"skin": "dry", "room": "", "beam": "clean"}, "skin dry, beam clean"), ({}, "nothing")],
+)
+def test_what_the_operator_noted_is_said_without_what_is_empty(
+    answers: dict[str, str], said: str
+) -> None:
+    described = ("rig-described", {"answers": answers})
+    assert after(("device-armed", ARMED), described).noted == said
+
+
+def test_a_damaged_event_is_told_by_its_key() -> None:
+    with pytest.raises(NotAllowed, match=r"^event 2 is damaged: trial-started, index is missing$"):
+        after(("device-armed", ARMED), ("trial-started", {"kind": "trial"}))
 
 
 def test_an_event_that_is_not_allowed_changes_nothing() -> None:

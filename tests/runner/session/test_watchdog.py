@@ -1,7 +1,9 @@
 """The test of the watchdog before a session: when it is made, who confirms it, what it decides."""
 
+import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +14,11 @@ from protocol.address import SIMULATED
 from protocol.journal.events import WatchdogTested
 from runner.journal.opening import open_journal
 from runner.journal.verification import verdicts
-from runner.screens import Note, OperatorView, Order
+from runner.screens import Note, OperatorView, Order, Response
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.session.waiting import StoppedByOperator
+from runner.signals import Stopped, signals_raise
 from tests.runner.fakes import FakeClock, FakeDevice, FakeOperator, FakeParticipant, context
 
 RIG = "/dev/ttyUSB0"
@@ -103,7 +106,22 @@ def test_the_operator_confirms_that_nobody_touches_a_real_beam(study: Study) -> 
         assert isinstance(made.operator, FakeOperator)
         assert any("nobody may touch the beam" in text for text in made.operator.asked) is asked
         shown = [view.output() for view in made.operator.seen]
-        assert "ON, 0 V, testing the watchdog" in shown
+        assert shown[shown.index("ON, 0 V, testing the watchdog") + 1] == "off"
+
+
+class Gone(Exception):
+    """Nobody is there."""
+
+
+def test_a_real_beam_is_left_alone_until_the_operator_confirms(study: Study) -> None:
+    class Away(FakeOperator):
+        def answered(self) -> str | None:
+            raise Gone
+
+    device = FakeDevice(has_watchdog=True)
+    with open_journal(study.path) as journal, pytest.raises(Gone):
+        run(context(journal, device, FakeParticipant(), operator=Away(device), address=RIG))
+    assert not was_tested(device)
 
 
 def test_a_session_does_not_start_on_a_watchdog_that_does_not_trip(study: Study) -> None:
@@ -154,3 +172,32 @@ def test_the_operator_can_end_the_test(study: Study, order: Order) -> None:
         assert time.monotonic() - begun_s < 1
     assert study.tests() == []
     assert device.calls[-1] == "off"
+
+
+def test_a_window_that_dies_ends_the_test(study: Study) -> None:
+    device = SlowDevice(has_watchdog=True)
+
+    class Dying(FakeParticipant):
+        def poll(self) -> Response | None:
+            if device.on:
+                raise Gone
+            return super().poll()
+
+    with open_journal(study.path) as journal, pytest.raises(Gone):
+        run(context(journal, device, Dying()))
+    assert study.tests() == []
+    assert device.calls[-2:] == ["emergency stop", "off"]
+
+
+def test_a_signal_that_foreign_code_took_ends_the_test(study: Study) -> None:
+    class Foreign(SlowDevice):
+        def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
+            with suppress(Stopped):
+                signal.raise_signal(signal.SIGTERM)
+            return super().watchdog_trips(meanwhile)
+
+    device = Foreign(has_watchdog=True)
+    with open_journal(study.path) as journal, signals_raise(), pytest.raises(Stopped):
+        run(context(journal, device, FakeParticipant()))
+    assert study.tests() == []
+    assert device.calls[-2:] == ["emergency stop", "off"]

@@ -23,6 +23,9 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
         "tests/runner/journal/test_backup.py",
     ),
+    "names": (
+        "tests/runner/journal/test_names.py", "tests/runner/journal/test_cohort.py", _AMENDED,
+    ),
     "opening": (
         "tests/runner/journal/test_location.py", _STORE, "tests/runner/journal/test_database.py",
         "tests/runner/journal/test_log.py", "tests/runner/journal/test_foreign_files.py",
@@ -39,6 +42,10 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         "tests/runner/study/test_registered.py",
     ),
 }  # fmt: skip
+_EVENTS = (
+    "tests/protocol/journal", "tests/runner/study/test_sent_folders.py",
+    "tests/runner/study/test_track_data.py",
+)  # fmt: skip
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",
     "tests/protocol/study_file", "tests/protocol/study/test_group.py",
@@ -74,8 +81,16 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     "runner/session/trial.py": _SESSION,
     "runner/session/waiting.py": _SESSION,
+    "runner/session/watchdog.py": ("tests/runner/session/test_watchdog.py",),
     "protocol/journal/state.py": (
         "tests/protocol/journal/test_transitions.py", "tests/protocol/journal/test_state.py",
+    ),
+    "protocol/journal/json_record.py": _EVENTS,
+    "protocol/journal/records.py": _EVENTS,
+    "protocol/journal/events.py": _EVENTS,
+    "protocol/journal/shared_form.py": (
+        "tests/runner/study/test_sent_folders.py", "tests/runner/study/test_track_data.py",
+        "tests/protocol/journal/test_events.py", "tests/analysis/export/test_csv_tables.py",
     ),
     **{
         f"device/drivers/{name}.py": _DRIVERS

@@ -1,6 +1,7 @@
 """Events of a journal: the same JSON is written and read by this build and by earlier ones."""
 
 import json
+from dataclasses import FrozenInstanceError
 from datetime import UTC, datetime
 from pathlib import Path
 from types import NoneType, UnionType
@@ -346,6 +347,12 @@ def test_a_stored_event_gives_its_record() -> None:
     )
     assert isinstance(stored.record, Answered)
     assert stored.record.score == 7
+
+
+def test_nobody_changes_what_was_recorded() -> None:
+    answered = Answered.from_json(PAYLOADS["answered"])
+    with pytest.raises(FrozenInstanceError):
+        answered.score = 8  # type: ignore[misc]
 
 
 ROOT = Path(__file__).parents[3]

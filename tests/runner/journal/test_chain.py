@@ -64,6 +64,12 @@ def test_a_payload_that_is_no_object_is_damage(payload: str) -> None:
         stored_event((*ROW[:4], payload))
 
 
+@pytest.mark.parametrize("text", ['"\\ud800"', f"{'[' * 300}{']' * 300}"])
+def test_half_a_character_and_deep_nesting_are_read(text: str) -> None:
+    payload = f'{{"a": {text}}}'
+    assert stored_event((*ROW[:4], payload)).payload == json.loads(payload)
+
+
 def test_a_time_that_is_none_is_damage() -> None:
     with pytest.raises(DamagedError, match=r"its time must be a date and a time, got 'noon'$"):
         stored_event((3, "note", "noon", 1.5, "{}"))

@@ -368,6 +368,17 @@ def test_a_journal_with_events_or_an_existing_one_is_kept(tmp_path: Path) -> Non
     assert empty.exists()
 
 
+def test_a_journal_that_was_made_and_never_filled_is_read_as_empty(tmp_path: Path) -> None:
+    """Its process was killed; what stands for its tables is closed like any other journal."""
+    path = tmp_path / "study.db"
+    path.touch()
+    with read_journal(path) as journal:
+        assert journal.sessions() == []
+    with pytest.raises(JournalError, match="closed database"):
+        journal.sessions()
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_appending_to_a_journal_that_was_removed_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "study.db"
     others: list[Journal] = []

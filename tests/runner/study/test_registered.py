@@ -379,6 +379,15 @@ def test_a_plan_of_another_seed_fails_verification(
     assert "its registration is none that the journal holds" in capsys.readouterr().out
 
 
+def test_a_registration_of_another_digest_fails_verification(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    registered_in(tmp_path)
+    _rewrite(tmp_path, "@study", lambda payload: payload.update(study_sha256="0" * 64))
+    assert typed("verify", tmp_path) == 1
+    assert "a registration in the journal does not have its digest" in capsys.readouterr().out
+
+
 def _rewrite(place: Path, chain: str, change: object) -> None:
     """Change a session's first payload without its digest; a forger would make new digests."""
     from collections.abc import Callable

@@ -46,6 +46,19 @@ def test_a_reader_that_leaves_last_merges_the_log(study: Path) -> None:
     assert sorted(file.name for file in study.iterdir()) == ["study.db", "study.toml"]
 
 
+def test_sqlite_makes_no_checkpoint_of_its_own_when_a_reader_leaves_last(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = study / "study.db"
+    before = events_in_main_file(path)
+    monkeypatch.setattr("runner.journal.database._merged", lambda _: True)
+    with read_journal(path), open_journal(path) as journal:
+        noted(journal, "one more")
+    assert events_in_main_file(path) == before
+    with read_journal(path) as reader:
+        assert len(reader.events("P01/1")) == before + 1
+
+
 def test_who_leaves_waits_for_a_reader_who_leaves_too(study: Path) -> None:
     path = study / "study.db"
     before, reads, leaves = events_in_main_file(path), threading.Event(), threading.Event()

@@ -365,10 +365,10 @@ def test_a_blind_operator_learns_conditions_and_answers_at_the_end(tmp_path: Pat
     assert "score 7" in str(last.plan)
 
 
-def test_repeating_twice_aborts_once(tmp_path: Path) -> None:
+def test_a_second_press_aborts_no_repeated_trial(tmp_path: Path) -> None:
     """A second press comes before the repeated trial has begun, and means the same."""
     device = FakeDevice()
-    orders: list[tuple[str, Order | Note]] = [("touching", "repeat"), ("trial", "repeat")]
+    orders: list[tuple[str, Order | Note]] = 2 * [("touching", "repeat"), ("trial", "repeat")]
     operator = FakeOperator(device, orders)
 
     class Slow(FakeParticipant):
@@ -381,8 +381,8 @@ def test_repeating_twice_aborts_once(tmp_path: Path) -> None:
     with open_journal(tmp_path / "study.db") as journal:
         made = context(journal, device, Slow(), TEXT, operator)
         run(made)
-    assert made.log.state.aborted == [0]
-    assert operator.notices == [
+    assert made.log.state.aborted == [0, 0]
+    assert operator.notices == 2 * [
         "the trial is broken off and will be repeated",
         "this trial is being repeated already",
     ]

@@ -217,17 +217,16 @@ def _log_ahead(connection: sqlite3.Connection) -> None:
     If two processes do so at once, SQLite refuses one of them without waiting for its timeout. It
     does wait for BEGIN, which therefore comes before the next attempt.
     """
-    for _ in range(10):
+    for left in reversed(range(10)):
         try:
             connection.execute("PRAGMA journal_mode = WAL")
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
+        except sqlite3.OperationalError:
+            if not left:
                 raise
             connection.execute("BEGIN IMMEDIATE")
             connection.execute("ROLLBACK")
         else:
             return
-    raise sqlite3.OperationalError("database is locked")
 
 
 def _ensured_schema(connection: sqlite3.Connection) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,6 +22,7 @@ from runner.journal.opening import (
     journal_if_used,
     open_journal,
     read_journal,
+    unused,
 )
 from runner.journal.store import FIRST_HASH, SALT_BYTES, Journal, JournalError, chain_hash
 from runner.journal.verification import verdicts
@@ -340,6 +342,48 @@ def test_a_journal_that_does_not_fit_on_the_disk_is_removed(tmp_path: Path, size
     ):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("free", "why"), [(32_767, r"\(the disk is full\)"), (32_768, r"\(disk I/O error\)")]
+)
+def test_a_full_disk_is_told_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int, why: str
+) -> None:
+    monkeypatch.setattr("runner.journal.opening.disk_usage", lambda _: SimpleNamespace(free=free))
+    with room_for(4096), pytest.raises(JournalError, match=why):
+        open_journal(tmp_path / "study.db")
+
+
+def test_the_log_is_turned_on_at_the_tenth_attempt_or_sqlite_says_why_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusals = 10 * [sqlite3.OperationalError("locking protocol")]
+
+    class Refusing(sqlite3.Connection):
+        def execute(self, statement: str, *given: Any) -> sqlite3.Cursor:
+            if "journal_mode" in statement and refusals:
+                raise refusals.pop()
+            return super().execute(statement, *given)
+
+    connect = sqlite3.connect
+    monkeypatch.setattr(
+        sqlite3, "connect", lambda *given, **more: connect(*given, **more, factory=Refusing)
+    )
+    with pytest.raises(JournalError, match=r"cannot be opened as a journal \(locking protocol\)"):
+        open_journal(tmp_path / "study.db")
+    refusals += 9 * [sqlite3.OperationalError("database is locked")]
+    open_journal(tmp_path / "study.db").__exit__(None, None, None)
+    assert refusals == []
+
+
+@pytest.mark.parametrize(("size", "empty"), [(4096, True), (4097, False)])
+def test_what_cannot_be_read_is_unused_if_it_has_no_room_for_a_table(
+    tmp_path: Path, size: int, empty: bool
+) -> None:
+    path = tmp_path / "study.db"
+    path.write_bytes(size * b"x")
+    assert unused(path) is empty
 
 
 def test_an_unused_journal_is_removed(tmp_path: Path) -> None:

@@ -382,6 +382,7 @@ def test_what_cannot_be_read_is_unused_if_it_has_no_room_for_a_table(
     tmp_path: Path, size: int, empty: bool
 ) -> None:
     path = tmp_path / "study.db"
+    assert unused(path)
     path.write_bytes(size * b"x")
     assert unused(path) is empty
 

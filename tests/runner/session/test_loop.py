@@ -368,8 +368,8 @@ def test_a_blind_operator_learns_conditions_and_answers_at_the_end(tmp_path: Pat
 def test_a_second_press_aborts_no_repeated_trial(tmp_path: Path) -> None:
     """A second press comes before the repeated trial has begun, and means the same."""
     device = FakeDevice()
-    orders: list[tuple[str, Order | Note]] = 2 * [("touching", "repeat"), ("trial", "repeat")]
-    operator = FakeOperator(device, orders)
+    twice: list[tuple[str, Order | Note]] = [("touching", "repeat"), ("trial", "repeat")]
+    operator = FakeOperator(device, 2 * twice)
 
     class Slow(FakeParticipant):
         thought_over = 0

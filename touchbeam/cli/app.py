@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -100,6 +101,9 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     # With one thread, sums are in the same order on every computer: the same input, same bytes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # An old code page, as of a pipe on Windows, lacks letters, which must not end a session.
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     # Taken out here, so that it works at any place and also if the command line itself is wrong.
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     debug = len(arguments) < len(sys.argv) - 1

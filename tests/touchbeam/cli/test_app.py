@@ -60,6 +60,12 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
     assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]
 
 
+def test_a_letter_that_a_pipes_code_page_lacks_ends_no_command() -> None:
+    old = {**os.environ, "PYTHONUTF8": "0", "PYTHONIOENCODING": "cp1252"}  # of a pipe on Windows
+    made = subprocess.check_output([TOUCHBEAM, "new", "\u03c7"], env=old, text=True)
+    assert made.startswith(r"Edit \u03c7/study.toml; ")
+
+
 def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[str]) -> None:
     typed("new", "study")
     assert typed(*RUN, "virtual") == 0

@@ -9,6 +9,7 @@ from analysis.estimates import FloatArray
 from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
 from analysis.report import report
+from analysis.trials import trial_statistics
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,
@@ -23,8 +24,12 @@ LEVELS = np.array([0.25, 0.6, 1.2, 2.0])
 
 @pytest.fixture(autouse=True)
 def fitted_once(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Let no report fit again what was fitted in this run, unless the test changes the program."""
+    """Let no report fit again what was fitted in this run, unless the test changes the program.
+
+    It starts no processes for its fits, because other tests have the other cores.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trial_statistics, "PROCESSES", 1)
         if "monkeypatch" not in request.fixturenames:
             patch.setattr(report, "Kept", lambda: Kept(Pooled.pool))
         yield

@@ -4,6 +4,7 @@ from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any, cast
 
 from device.drivers.limits import Setpoint
@@ -14,6 +15,8 @@ from protocol.address import SIMULATED
 from protocol.journal.events import ScoresImported, SessionOpened
 from protocol.journal.records import Identity, ReadBack
 from protocol.plan.plan import plan
+from protocol.plan.trials import Plan
+from protocol.study.study import Study
 from protocol.study.study_question import SCORE
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.names import chain_name
@@ -237,6 +240,12 @@ class FakeOperator:
         self.notices.append("pausing" if wanted else "not pausing")
 
 
+@cache
+def _planned(text: str) -> tuple[Study, Plan]:
+    study = parsed_study(text)
+    return study, plan(study, slot=0)
+
+
 def context(
     journal: Journal,
     device: FakeDevice,
@@ -252,14 +261,9 @@ def context(
     log = SessionLog(journal, chain_name(journal, "P01", 1, rehearsal=kind == "rehearsal"), clock)
     if log.state.opened:
         clock.passed_s = 3600.0
-    study = parsed_study(text)
+    study, made = _planned(text)
     session = Session(
-        participant="P01",
-        number=1,
-        kind=kind,
-        study=study,
-        study_text=text,
-        plan=plan(study, slot=0),
+        participant="P01", number=1, kind=kind, study=study, study_text=text, plan=made
     )
     new = log.state.name == "new"
     if new:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from protocol.errors import shown
 from protocol.study import rules
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, cells, combinations
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
@@ -41,7 +42,7 @@ class Item(Record):
         if self.expected not in allowed:
             raise ValueError(
                 f"expected must be one of {', '.join(map(str, allowed))} "
-                f"for the question {self.question}, got {self.expected!r}"
+                f"for the question {self.question}, got {shown(self.expected)}"
             )
         return self
 

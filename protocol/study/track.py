@@ -1,7 +1,7 @@
 """A track: a question that is asked again and again, at levels that a method chooses."""
 
 import re
-from math import log10
+from math import inf, log10
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -72,7 +72,7 @@ class Levels(Record):
         shares = [number / (count - 1) for number in range(1, count - 1)]
         if self.spaced == "equal steps":
             inner = [first + share * (last - first) for share in shares]
-        elif first and last:
+        elif first and last / first < inf:
             inner = [first * (last / first) ** share for share in shares]
         else:
             return ()

@@ -45,6 +45,11 @@ GRID = "to = 158.11, count = 31"
             'begin above 0, or write spaced = "equal steps"',
         ),
         (
+            [(LEVELS, LEVELS.replace("from = 4", "from = 5e-324"))],  # 160 times over is no number
+            "track smallest amplitude, levels: must be at least 2, and differ, got 1 level: "
+            "4.94066e-324; give more levels, each once",
+        ),
+        (
             [(COMPARISON, IN_HZ)],
             "track smallest amplitude, comparison: must hold one drive relative to the resonance, "
             "got sweep_to_hz; leave ramp_to_v, sweep_to, sweep_to_hz and frequency_hz out",

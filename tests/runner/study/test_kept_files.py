@@ -33,6 +33,8 @@ from tests.runner.command_line import typed
 from touchbeam.study import load
 
 PUBLISHED = Path(__file__).parents[2] / "data" / "published_scores.csv"
+SHORT = ("--sections", "table4,sensitivity")
+"""Of a report that has fits to keep, and takes no longer than a test of what is kept needs."""
 FELT = tuple((change, NOMINAL) for change in CONDITIONS.values())
 
 
@@ -197,13 +199,13 @@ def test_a_study_keeps_its_results_apart_and_a_withdrawal_removes_them(
     cache, study = tmp_path / "cache", tmp_path / "study"
     monkeypatch.setenv(kept_files.VARIABLE, str(cache))
     assert typed("import", PUBLISHED, study) == 0
-    assert typed("report", study) == 0
+    assert typed("report", study, *SHORT) == 0
     pages = [zlib.decompress(path.read_bytes()[32:]) for path in cache.glob("*/*")]
     assert any(b'"3"' in page for page in pages)
     assert typed("withdraw", study, "--participant", "3", "--yes") == 0
     assert [path.suffix for path in cache.rglob("*")] == [".withdrawn"]
     monkeypatch.setenv(kept_files.VARIABLE, kept_files.OFF)
-    assert typed("report", study) == 0
+    assert typed("report", study, *SHORT) == 0
     with open_journal(study / "study.db") as journal:
         assert kept_of(journal) is None
         monkeypatch.setenv(kept_files.VARIABLE, str(cache))
@@ -233,7 +235,7 @@ def test_a_journal_as_it_was_is_not_read_again_and_another_is(
     opened: list[int] = []
     assert typed("import", PUBLISHED, study) == 0
     capsys.readouterr()
-    assert typed("report", study, "--out", tmp_path / "a") == 0
+    assert typed("report", study, *SHORT, "--out", tmp_path / "a") == 0
     said = capsys.readouterr().out
     load = sessions.load_sessions
 
@@ -242,21 +244,21 @@ def test_a_journal_as_it_was_is_not_read_again_and_another_is(
         return load(chains)
 
     monkeypatch.setattr(sessions, "load_sessions", loaded)
-    assert typed("report", study, "--out", tmp_path / "b") == 0
+    assert typed("report", study, *SHORT, "--out", tmp_path / "b") == 0
     assert capsys.readouterr().out == said.replace(str(tmp_path / "a"), str(tmp_path / "b"))
     assert opened == []
     assert (tmp_path / "a" / "report.html").read_bytes() == (
         tmp_path / "b" / "report.html"
     ).read_bytes()
     assert typed("exclude", study, "--participant", "3", "--reason", "late") == 0
-    assert typed("report", study, "--out", tmp_path / "b") == 0
+    assert typed("report", study, *SHORT, "--out", tmp_path / "b") == 0
     assert opened == [1]
     assert "Left out: 3" in capsys.readouterr().out
     with sqlite3.connect(study / "study.db") as journal:
         journal.execute("DROP TRIGGER event_is_erased_at_most")
         journal.execute("UPDATE event SET utc = replace(utc, '20', '19')")
     journal.close()
-    assert typed("report", study, "--out", tmp_path / "b") != 0
+    assert typed("report", study, *SHORT, "--out", tmp_path / "b") != 0
 
 
 def test_a_journal_that_was_read_is_not_read_again_by_another_command(
@@ -274,7 +276,7 @@ def test_a_journal_that_was_read_is_not_read_again_by_another_command(
     import_module("analysis.export.dataset")  # a first import below would keep what replaces it
     monkeypatch.setattr(sessions, "load_sessions", never_loaded)
     assert load(study).trials.equals(first.trials)
-    assert typed("report", study) == 0
+    assert typed("report", study, *SHORT) == 0
     assert typed("export", study, tmp_path / "kept", "--format", "csv") == 0
     assert typed("exclude", study, "--participant", "3", "--reason", "late") == 0
     with pytest.raises(Never):
@@ -328,12 +330,12 @@ def test_nobody_who_withdraws_meanwhile_is_in_a_report_or_in_what_is_kept_of_it(
         return make(*args, **named)
 
     monkeypatch.setattr(reports, "report", withdrawn)
-    assert typed("report", study) != 0
+    assert typed("report", study, *SHORT) != 0
     assert "somebody withdrew meanwhile" in capsys.readouterr().err
     assert not (study / "report").exists()
     assert [path for path in cache.glob("*/*") if path.is_file()] == []
     monkeypatch.setattr(reports, "report", make)
-    assert typed("report", study) == 0
+    assert typed("report", study, *SHORT) == 0
     assert list(cache.glob("*/*"))
 
 

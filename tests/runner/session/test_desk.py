@@ -134,6 +134,8 @@ def test_an_answer_is_corrected_freely_until_the_session_begins_and_later_with_a
         events = journal.events("P01/1")
     records = [event.record for event in events]
     assert given(records)[3:] == [("glove_mm", 0.9, None), ("glove_mm", 1.1, "read wrongly")]
+    corrections = [it for it in records if isinstance(it, QuestionAnswered)][3:]
+    assert [it.reaction_time_s for it in corrections] == [0.0, 0.0], "nobody was timed"
     begun = next(at for at, it in enumerate(records) if isinstance(it, TrialStarted))
     notes = [at for at, it in enumerate(records) if getattr(it, "note", None)]
     assert notes[0] > begun

@@ -18,7 +18,10 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
         _AMENDED, "tests/runner/journal/test_accepted.py", "tests/runner/journal/test_guessing.py",
         "tests/touchbeam/cli/test_withdraw.py", "tests/runner/session/test_resume.py",
     ),
-    "cohort": ("tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/launch"),
+    "cohort": (
+        "tests/runner/journal/test_cohort.py", _AMENDED, "tests/runner/session/test_resume.py",
+        "tests/runner/launch",
+    ),
     "database": (
         _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
         "tests/runner/journal/test_backup.py",

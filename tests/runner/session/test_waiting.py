@@ -3,12 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from protocol.journal.events import DeviceArmed
 from runner.journal.opening import open_journal
 from runner.screens import Instruction, Notice, Response, Screen, Welcome
+from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
 from runner.session.waiting import (
@@ -17,6 +19,7 @@ from runner.session.waiting import (
     pause_if_wanted,
     response,
     tick,
+    update_view,
     wait,
 )
 from runner.window.client import WindowGone
@@ -205,3 +208,37 @@ def test_the_participant_is_served_while_the_session_pauses(scene: Scene) -> Non
     assert len([at_s for at_s in scene.participant.polled_s if at_s > paused_s]) == 4
     assert [view.state for view in scene.operator.seen] == ["paused"]
     assert made.log.state.name == "armed"
+
+
+@pytest.mark.parametrize(
+    ("changes", "label"),
+    [
+        ({}, "voltage"),
+        ({"kind": "catch"}, "voltage, catch"),
+        ({"kind": "pass"}, "voltage"),
+        ({"level": 0.5}, "voltage, level 0.5"),
+        ({"opposite": True}, "voltage, opposite order"),
+        ({"condition": None, "kind": "baseline"}, "baseline"),
+    ],
+)
+def test_the_operator_reads_what_a_trial_is(
+    scene: Scene, changes: dict[str, Any], label: str
+) -> None:
+    session = scene.made.session
+    (planned,) = (trial for trial in session.plan.trials if trial.condition == "voltage")
+    trial = replace(planned, **changes)
+    scene.made.session = replace(session, plan=replace(session.plan, trials=(trial,)))
+    update_view(scene.made)
+    assert [line.label for line in scene.operator.seen[-1].plan] == [label]
+
+
+def test_the_operator_sees_what_a_touch_should_be(scene: Scene) -> None:
+    scene.made.participant = FakeParticipant()
+    run(scene.made)
+    aims = [view.aim for view in scene.operator.seen if view.aim]
+    # Half of the force is the default; one condition presses harder.
+    assert {(aim.force_n, aim.force_range_n) for aim in aims} == {
+        (0.5, (0.25, 0.75)), (0.75, (0.375, 1.125))
+    }  # fmt: skip
+    # 1.01 of the nominal resonance is measured; one condition drives 2 % below it.
+    assert {round(aim.frequency_hz) for aim in aims} == {24_463, 23_974}

@@ -22,7 +22,7 @@ def slips(seed: int, share: float = 1 / 3) -> Callable[[], bool]:
 
 def test_all_trials_are_answered_as_asked_in_the_end(tmp_path: Path) -> None:
     text = template("extended") + RETRIES
-    found = rehearsed(tmp_path, text, 2, seed=1, slips=slips(4), shown=("checks",))
+    found = rehearsed(tmp_path, text, 1, seed=1, slips=slips(4), shown=("checks",))
     with read_journal(tmp_path / "study.db") as journal:
         assert all(verdict.ok for verdict in verdicts(journal))
         chains = [journal.events(session) for session in journal.sessions()]

@@ -1,8 +1,18 @@
 """The names of chains, also in journals of versions that did not keep rehearsals apart."""
 
+from protocol.journal.events import StudyAmended
 from runner.clock import WallClock
 from runner.journal.amendments import withdraw
-from runner.journal.names import chain_name, chains_of, existing_chain, is_rehearsal, spoken_name
+from runner.journal.names import (
+    STUDY_CHAIN,
+    chain_name,
+    chains_of,
+    existing_chain,
+    is_rehearsal,
+    parsed_name,
+    real_sessions,
+    spoken_name,
+)
 from runner.journal.store import Journal, SessionLog
 from tests.analysis.chains import opened
 
@@ -52,3 +62,18 @@ def test_an_erased_rehearsal_is_still_one(journal: Journal) -> None:
     withdraw(journal, WallClock(), "P01")
     assert is_rehearsal(journal, "P01/1 (rehearsal)")
     assert names(journal)[0] == "P01/1"
+
+
+def test_real_are_the_sessions_that_participants_had(journal: Journal) -> None:
+    SessionLog(journal, STUDY_CHAIN, WallClock()).append(StudyAmended(study_sha256="0", reason="x"))
+    begin(journal, "slide/1", "slide")
+    begin(journal, "script/1", "script")
+    begin(journal, "P02/1 (rehearsal)", "rehearsal")
+    begin(journal, "P01/1", "participant")
+    begin(journal, "P01/2", "participant")
+    assert real_sessions(journal) == ["P01/1", "P01/2"]
+
+
+def test_a_name_that_touchbeam_has_not_written_is_a_participants() -> None:
+    assert parsed_name("P01/first") == ("P01", 0, "")
+    assert parsed_name(STUDY_CHAIN) == (STUDY_CHAIN, 0, "")

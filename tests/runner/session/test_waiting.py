@@ -240,5 +240,6 @@ def test_the_operator_sees_what_a_touch_should_be(scene: Scene) -> None:
     assert {(aim.force_n, aim.force_range_n) for aim in aims} == {
         (0.5, (0.25, 0.75)), (0.75, (0.375, 1.125))
     }  # fmt: skip
+    assert not any(view.records for view in scene.operator.seen)
     # 1.01 of the nominal resonance is measured; one condition drives 2 % below it.
     assert {round(aim.frequency_hz) for aim in aims} == {24_463, 23_974}

@@ -83,7 +83,12 @@ def friction(
     from analysis.model.predict import PredictOptions, predicted_table
     from analysis.model.scene_table import column_table
 
-    columns = {name: np.asarray(values) for name, values in scene.items()}
+    columns = {
+        name: np.ma.filled(values.astype(object), np.nan)  # what is masked is missing
+        if isinstance(values, np.ma.MaskedArray)
+        else np.asarray(values)
+        for name, values in scene.items()
+    }
     shape = np.broadcast_shapes(*(values.shape for values in columns.values()))
     # One value is not repeated, so that what depends on it alone is computed once.
     cells = {

@@ -51,8 +51,8 @@ def track_of(
     if name not in names:
         known = ", ".join(map(repr, names)) or "none; [[track]] declares one"
         raise BadInput(f"no track is called {name!r}; known: {known}")
-    if wrong := next((answer for answer in answers if answer not in {0, 1}), None):
-        raise BadInput(f"an answer must be 1 (correct, or yes) or 0, got {wrong!r}")
+    if wrong := [answer for answer in answers if answer not in {0, 1}]:
+        raise BadInput(f"an answer must be 1 (correct, or yes) or 0, got {wrong[0]!r}")
     number = names.index(name)
     chosen = study.track[number]
     volts, problems = volts_of(study, number, rig)

@@ -246,8 +246,14 @@ def _cells_of(column: NDArray[Any]) -> Cells:
     if column.dtype == np.float64 or column.dtype.kind in "iu":
         return column
     cells = column.tolist() if column.dtype == np.object_ else column
-    # NaN alone differs from itself.
-    return ["" if cell is None or cell != cell else str(cell).strip() for cell in cells]  # noqa: PLR0124
+    return ["" if _is_missing(cell) else str(cell).strip() for cell in cells]
+
+
+def _is_missing(cell: Any) -> bool:
+    try:
+        return cell is None or bool(cell != cell)  # NaN alone differs from itself  # noqa: PLR0124
+    except TypeError:  # the NA of pandas neither does nor does not
+        return True
 
 
 def _table(

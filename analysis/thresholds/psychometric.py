@@ -71,9 +71,11 @@ def curve_share(threshold_at: float | None, task: Task, lapse: float | None = No
     (0.5, 0.5)
 
     Raises:
-        BadInput: the share is not above chance and below what lapses leave of 1, or the lapse rate
-            does not lie in [0, 0.5).
+        BadInput: the share is not above chance and below what lapses leave of 1, the lapse rate
+            does not lie in [0, 0.5), or there is no such task.
     """
+    if task not in GUESS_RATE:
+        raise BadInput(f"task must be one of {', '.join(GUESS_RATE)}, got {task!r}")
     if lapse is not None and not 0 <= lapse < 0.5:
         raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
     chance, most = GUESS_RATE[task], 1 - (lapse or 0)
@@ -122,12 +124,8 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     Raises:
         BadInput: an array or a word is wrong.
     """
-    for what, given, known in (
-        ("task", task, tuple(GUESS_RATE)),
-        ("shape", shape, get_args(Shape)),
-    ):
-        if given not in known:
-            raise BadInput(f"{what} must be one of {', '.join(known)}, got {given!r}")
+    if shape not in get_args(Shape):
+        raise BadInput(f"shape must be one of {', '.join(get_args(Shape))}, got {shape!r}")
     share = curve_share(threshold_at, task, lapse)
     asked, number, right = _pooled(levels, trials, correct)
     if shape == "weibull" and asked[0] < 0:

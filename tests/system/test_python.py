@@ -263,6 +263,22 @@ def test_friction_has_the_shape_of_its_arguments(study: touchbeam.Study) -> None
     assert study.predict(scenes).finger_load_n.eq(study.file.touch.force_n).all()
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        [0.03, None],
+        [0.03, np.nan],
+        [0.03, pd.NA],
+        pd.array([0.03, None], dtype="Float64"),
+        np.ma.masked_greater([0.03, 0.05], 0.04),  # type: ignore[no-untyped-call]
+    ],
+    ids=["None", "NaN", "NA", "nullable", "masked"],
+)
+def test_what_is_missing_in_any_way_is_the_papers(given: Any) -> None:
+    expected = touchbeam.friction(x_m=[0.03, 0.0414])
+    np.testing.assert_array_equal(touchbeam.friction(x_m=given), expected)
+
+
 def test_a_calibrated_rig_is_taken(folder: Path, study: touchbeam.Study, tmp_path: Path) -> None:
     calibrated = shutil.copytree(folder, tmp_path / "calibrated")
     measured = ResonanceMeasured(frequency_hz=24_140.0, tip_m_per_v=1e-8)

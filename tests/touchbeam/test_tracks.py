@@ -70,6 +70,14 @@ def test_a_name_or_an_answer_that_is_not_there_is_refused(folder: Path) -> None:
         touchbeam.track(folder, "smallest amplitude", [1, 2])
 
 
+@pytest.mark.parametrize("missing", [None, "", float("nan")])
+def test_a_missing_answer_is_refused_and_not_taken_for_a_wrong_one(
+    folder: Path, missing: Any
+) -> None:
+    with pytest.raises(ValueError, match=f"must be 1 .correct, or yes. or 0, got {missing!r}$"):
+        touchbeam.track(folder, "smallest amplitude", [1, missing])
+
+
 def test_check_shows_each_track(folder: Path) -> None:
     printed = CliRunner().invoke(app, ["check", str(folder), "--json"])
     first, second = json.loads(printed.stdout)["tracks"]

@@ -104,3 +104,8 @@ def test_one_level_alone_gives_no_threshold() -> None:
     (record,) = touchbeam.fit(table).to_dict("records")
     assert np.isnan([record["threshold"], *record["threshold_ci"]]).all()
     assert record["flags"] == ("all answers at one level",)
+
+
+def test_a_task_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^task must be one of yes or no, .*, got 'four'$"):
+        touchbeam.fit(pd.read_csv(DATA), task="four")  # type: ignore[arg-type]

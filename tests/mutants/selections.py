@@ -24,7 +24,7 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
     ),
     "database": (
         _STORE, "tests/runner/journal/test_database.py", "tests/runner/journal/test_log.py",
-        "tests/runner/journal/test_backup.py",
+        "tests/runner/journal/test_backup.py", "tests/runner/journal/test_foreign_files.py",
     ),
     "names": (
         "tests/runner/journal/test_names.py", "tests/runner/journal/test_cohort.py", _AMENDED,

@@ -2,12 +2,14 @@
 
 import os
 import shutil
+import sqlite3
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from runner.journal.database import connected
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.store import JournalError
 from tests.runner.command_line import typed
@@ -102,6 +104,13 @@ def test_a_rollback_journal_must_be_a_file(study: Path, make: Callable[[Path], o
     for opened in (open_journal, read_journal):
         with pytest.raises(JournalError, match=r"beside it is study\.db-journal"):
             opened(study / "study.db")
+
+
+def test_where_a_rollback_journal_cannot_be_looked_at_the_system_says_why(tmp_path: Path) -> None:
+    path = tmp_path / ("x" * 250)
+    path.touch()
+    with pytest.raises(sqlite3.OperationalError, match="File name too long"):
+        connected(path)
 
 
 def test_a_rollback_journal_that_names_no_file_is_recovered(study: Path) -> None:

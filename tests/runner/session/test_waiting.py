@@ -236,6 +236,9 @@ def test_the_operator_sees_what_a_touch_should_be(scene: Scene) -> None:
     scene.made.participant = FakeParticipant()
     run(scene.made)
     aims = [view.aim for view in scene.operator.seen if view.aim]
+    during = [view for view in scene.operator.seen if view.aim]
+    assert {view.state for view in during} == {"touching"}
+    assert {sum(line.running for line in view.plan) for view in during} == {1}
     # Half of the force is the default; one condition presses harder.
     assert {(aim.force_n, aim.force_range_n) for aim in aims} == {
         (0.5, (0.25, 0.75)), (0.75, (0.375, 1.125))

@@ -431,6 +431,11 @@ def people_figure(
     size = "medium" if count <= FEW_NAMES else "x-small"
     for axes in grid:
         axes.set_xticks(places, names, rotation=90, fontsize=size)
+    # Where the last row is not full, the names stand in its gap, which is not made wider for them.
+    for axes in grid[max(0, len(scores) - columns) : columns * (rows - 1)]:
+        axes.tick_params(labelbottom=True)
+        for label in axes.get_xticklabels():
+            label.set_in_layout(False)
 
 
 # Figures of trials and touches as made: reaction times, and force and place against the plan.

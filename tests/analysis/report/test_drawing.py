@@ -96,6 +96,18 @@ def test_the_names_of_many_conditions_have_room_below_each_subject(count: int) -
     assert min(np.diff(places)) > 9  # pt
 
 
+@pytest.mark.parametrize(("subjects", "panels"), [(6, 6), (9, 6), (12, 6), (2, 2)])
+def test_the_last_subject_of_each_column_has_the_names_of_the_conditions(
+    subjects: int, panels: int
+) -> None:
+    names = ("one", "two")
+    scores = {f"P{who}": tuple(np.array([5.0]) for _ in names) for who in range(subjects)}
+    words = Words(name="people", title="", description="")
+    means = np.array([5.0, 6.0])
+    svg = drawing(partial(people_figure, names, scores, means, Scale(0, 10)), words).svg
+    assert [svg.count(f">{name}<") for name in names] == [panels, panels]
+
+
 def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
     """A layout without room would be a warning, which is an error here."""
     name = "begins as all of them, and goes on"

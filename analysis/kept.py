@@ -9,7 +9,7 @@ import typing
 import zlib
 from base64 import b64decode, b64encode
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from hashlib import sha256
@@ -96,8 +96,18 @@ class Kept:
         found: Result = self._memory[name][0]
         return found
 
-    def ahead(self, calls: Iterable["partial[Any]"], processes: int) -> None:
-        """Make several calls at a time, for later; not those that are known or cannot be kept."""
+    def ahead(self, groups: Iterable[Sequence["partial[Any]"]], processes: int) -> None:
+        """Make several calls at a time, for later; not those that are known or cannot be kept.
+
+        Those of a group are made one after the other in the same process.
+        """
+        work = [partial(_named, wanted) for calls in groups if (wanted := self._unknown(calls))]
+        for made in done(work, processes) if work else ():
+            for name, value in made.items():
+                self._remember(name, self._written(name, value))
+
+    def _unknown(self, calls: Iterable["partial[Any]"]) -> dict[str, "partial[Any]"]:
+        """Return those of the calls that are to be made, by name; what is known is remembered."""
         wanted = {}
         for call in calls:
             # The name that `__call__` gives the same call, so that it finds what is made here.
@@ -110,9 +120,7 @@ class Kept:
                 wanted[name] = call
             else:
                 self._remember(name, known)
-        work = [partial(_named, name, call) for name, call in wanted.items()]
-        for name, value in done(work, processes) if work else ():
-            self._remember(name, self._written(name, value))
+        return wanted
 
     def _name(self, function: Callable[..., Any], *of: object) -> str:
         return sha256(_text([self._version, _form(function), _form(of)])).hexdigest()
@@ -141,8 +149,8 @@ class Kept:
         return (value,)
 
 
-def _named(name: str, call: Callable[[], Result]) -> tuple[str, Result]:
-    return name, call()
+def _named(calls: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
+    return {name: call() for name, call in calls.items()}
 
 
 def _text(form: object) -> bytes:

@@ -136,7 +136,7 @@ def report(
     )
     needed = (fit for name in result.needed for fit in SECTIONS[name].fits)
     # Before any section asks for them, because sections ask one after another.
-    trials.fit_ahead(dict.fromkeys(("M2", *needed)))
+    trials.fit_ahead(dict.fromkeys(needed))
     return result
 
 

@@ -181,11 +181,15 @@ class DerivativeSums:
         rows = np.tile(2 * subjects + numbers, (self._trials, 1))
         rows[:, self._line] = trials.subject[:, None] + np.arange(2) * subjects
         height = 2 * subjects + size
+        of_line = (numbers >= self._line.start) & (numbers < self._line.stop)
 
         def products(edge: FloatArray, sign: float) -> Iterable[tuple[FloatArray, SmallInts]]:
             for one in range(size):
+                # `of` copies the other half, which is equal.
+                wanted = numbers >= one
+                wanted = wanted | ~of_line if of_line[one] else wanted & ~of_line
                 by = rows[:, [one]] * size + numbers
-                yield sign * weight * edge[:, [one]] * edge, by
+                yield sign * weight * edge[:, [one]] * (edge * wanted), by
 
         self._first = _sparse([[(weight * edge, rows)] for edge in (upper, lower)], height)
         self._second = _sparse(
@@ -211,9 +215,13 @@ class DerivativeSums:
         own_gradient = first[:own].reshape(lines, subjects, points)
         cross = second[: own * size].reshape(lines, subjects, size, points)
         shared_gradient, whole = first[own:], second[own * size :].reshape(size, size, points)
+        level, slope = range(size)[self._line]
+        cross[1, :, level] = cross[0, :, slope]
         shared_gradient[self._line] = own_gradient.sum(axis=1)
         whole[self._line] = cross.sum(axis=1)
         whole[:, self._line] = np.swapaxes(whole[self._line], 0, 1)
+        below = np.tril_indices(size, -1)
+        whole[below] = whole[below[::-1]]
         return Slopes(shared_gradient, own_gradient, cross, whole)
 
 
@@ -375,17 +383,14 @@ class Curvature:
             root=root,
         )
 
+    @property
+    def parts(self) -> dict[str, FloatArray]:
+        """The derivatives by their names."""
+        return {part.name: getattr(self, part.name) for part in fields(self)}
+
     def at(self, points: BoolArray | IntArray | slice) -> "Curvature":
         """Return the curvature at some of the points."""
-        parts = {part.name: getattr(self, part.name)[..., points] for part in fields(self)}
-        return Curvature(**parts)
-
-    @classmethod
-    def joined(cls, parts: "list[Curvature]", points: IntArray) -> "Curvature":
-        """Return the curvature at some of the points of all parts, one part after the other."""
-        names = [part.name for part in fields(cls)]
-        every = {name: [getattr(part, name) for part in parts] for name in names}
-        return cls(**{name: np.concatenate(of, axis=-1)[..., points] for name, of in every.items()})
+        return Curvature(**{name: values[..., points] for name, values in self.parts.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

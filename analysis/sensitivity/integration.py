@@ -373,8 +373,8 @@ class Marginals:
 
     def interval_95(self, weights: FloatArray) -> list[Interval]:
         """Return the central 95% interval of each quantity over all points."""
-        low, high = (self.quantile(weights, probability).tolist() for probability in ENDS)
-        return list(zip(low, high, strict=True))
+        low, high = self.quantiles(weights, *ENDS)
+        return list(zip(low.tolist(), high.tolist(), strict=True))
 
     def disagreement(self, halves: FloatArray, intervals: Sequence[Interval]) -> float:
         """Return how far halves of the points differ on a limit, at most, in widths of intervals.
@@ -395,20 +395,19 @@ class Marginals:
         score, _ = self._normal_scores(np.zeros(1))
         return np.asarray(weights @ ndtr(-score))
 
-    def quantile(self, weights: FloatArray, probability: float) -> FloatArray:
-        """Return the quantile of each quantity over all points: of the mixture of its normals.
+    def quantiles(self, weights: FloatArray, *probabilities: float) -> list[FloatArray]:
+        """Return quantiles of each quantity over all points: of the mixture of its normals.
 
-        With skewness, it mixes shifted log-normal distributions. It is found by Newton's method,
+        With skewness, it mixes shifted log-normal distributions. They are found by Newton's method,
         within an interval that shrinks by bisection where that fails. `weights` (points,) sum to 1.
         """
-        parts = [part._quantile(weights, probability) for part in self._parts]
-        return np.concatenate([np.zeros(0), *parts])
-
-    @cached_property
-    def _parts(self) -> "list[Marginals]":
-        """A few quantities each, which keep what the search of any quantile needs."""
-        count = self.means.shape[1]
-        return [self.part(slice(first, first + AT_ONCE)) for first in range(0, count, AT_ONCE)]
+        found: list[list[FloatArray]] = [[np.zeros(0)] for _ in probabilities]
+        for first in range(0, self.means.shape[1], AT_ONCE):
+            # It keeps what the search of each quantile needs.
+            part = self.part(slice(first, first + AT_ONCE))
+            for parts, probability in zip(found, probabilities, strict=True):
+                parts.append(part._quantile(weights, probability))
+        return list(map(np.concatenate, found))
 
     @cached_property
     def _few(self) -> "Marginals":

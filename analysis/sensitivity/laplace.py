@@ -3,6 +3,7 @@
 Numbers of equations are those of docs/mathematics/sensitivity.md.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -26,8 +27,9 @@ SHORT, LEAST_RISE = 0.03, 1e-8
 SHORTEST = 1e-9
 # From so many different trials on a study is large.
 LARGE = 8_000
-# Trials times points whose derivatives are in memory at once.
-CELLS, LEAST_POINTS = 30_000, 32
+# Trials times points whose derivatives are in memory at once: of many trials as many as make
+# MOST_CELLS, up to LEAST_POINTS.
+CELLS, LEAST_POINTS, MOST_CELLS = 30_000, 32, 300_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,20 +67,20 @@ class LatentModes:
         return LatentModes(**parts, curvature=self.curvature.at(points))
 
     @classmethod
-    def joined(cls, parts: list[tuple[IntArray, "LatentModes"]]) -> "LatentModes":
-        """Return the modes of all parts, each with the numbers of its points; later ones count."""
-        every = [part for _, part in parts]
-        order = np.concatenate([points for points, _ in parts])
-        if len(every) == 1 and (np.diff(order) == 1).all():
-            return every[0]
-        # The last place of each point.
-        _, last = np.unique(order[::-1], return_index=True)
-        chosen = len(order) - 1 - last
-        found = {
-            name: np.concatenate([getattr(part, name) for part in every])[chosen]
-            for name in _OF_POINTS
-        }
-        return cls(**found, curvature=Curvature.joined([part.curvature for part in every], chosen))
+    def joined(cls, count: int, parts: Iterable[tuple[IntArray, "LatentModes"]]) -> "LatentModes":
+        """Return `count` modes of parts, each with the numbers of its points; later ones count."""
+        found: dict[str, FloatArray] = {}
+        # Part by part, because a list of them and what is made of it would take twice the memory.
+        for points, part in parts:
+            for name in _OF_POINTS:
+                values = getattr(part, name)
+                found.setdefault(name, np.empty((count, *values.shape[1:])))[points] = values
+            for name, values in part.curvature.parts.items():
+                # A point's values lie together in memory, as `at` leaves them, too.
+                room = np.moveaxis(np.empty((count, *values.shape[:-1])), 0, -1)
+                found.setdefault(name, room)[..., points] = values
+        of_points = {name: found.pop(name) for name in _OF_POINTS}
+        return cls(**of_points, curvature=Curvature(**found))
 
     @property
     def own(self) -> FloatArray:
@@ -119,14 +121,15 @@ class LatentField:
 
     def modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         """Return the mode at each of the given components by Newton's method from `start`."""
-        at_once = max(CELLS // len(self.trials.x), LEAST_POINTS)
-        every = np.arange(len(start[0]))
+        trials, every = len(self.trials.x), np.arange(len(start[0]))
+        at_once = max(CELLS // trials, min(LEAST_POINTS, MOST_CELLS // trials + 1))
         parts = (every[first : first + at_once] for first in every[::at_once])
         return LatentModes.joined(
-            [
+            len(every),
+            (
                 (part, self._modes(components.at(part), (start[0][part], start[1][part])))
                 for part in parts
-            ]
+            ),
         )
 
     def _modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
@@ -134,7 +137,7 @@ class LatentField:
         lost = np.flatnonzero(np.isinf(current.value))
         if lost.size:  # edges that were foreseen out of order
             again = self.evaluated(*self.start(len(lost)), components.at(lost))
-            current = LatentModes.joined([(points, current), (lost, again)])
+            current = LatentModes.joined(len(points), [(points, current), (lost, again)])
         found, length = [], np.ones(len(points))
         shared, z, rise = _newton(current)
         for left in reversed(range(STEPS + 1)):
@@ -160,9 +163,9 @@ class LatentField:
                 current = moved
             elif risen.any():
                 every, up = np.arange(len(points)), np.flatnonzero(risen)
-                current = LatentModes.joined([(every, current), (up, moved.at(up))])
+                current = LatentModes.joined(len(points), [(every, current), (up, moved.at(up))])
             shared, z, rise = _newton(current)
-        return LatentModes.joined(found)
+        return LatentModes.joined(len(start[0]), found)
 
     def _near(
         self, shared: FloatArray, z: FloatArray, rise: FloatArray, components: Components

@@ -27,6 +27,8 @@ LARGE_EFFECTIVE = 100.0
 MODE_TRIALS = 2_000
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5
+# So many points are drawn from together.
+AT_ONCE = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,19 +78,20 @@ class LatentPosterior:
         """Return draws of the normal approximation about the modes."""
         chosen = np.sort(rng.choice(len(self.residual_sds), size=count, p=self.points.weights))
         points, of_point = np.unique(chosen, return_inverse=True)
-        modes = self.modes.at(np.isin(np.arange(len(self.residual_sds)), points))
-        root = np.linalg.cholesky(modes.curvature.shared_covariance)[of_point]
-        away = (root @ rng.standard_normal((count, root.shape[-1], 1)))[..., 0]
-        own_root, centre = np.linalg.cholesky(modes.curvature.own_covariance), modes.own
-        own = rng.standard_normal((count, *own_root.shape[1:3]))
-        for draw, point in enumerate(of_point):  # all at once take too much memory
-            own[draw] = centre[point] + (own_root[point] @ own[draw][..., None])[..., 0]
-            own[draw] -= modes.curvature.response[point] @ away[draw]
-        return LatentDraws(
-            residual_sd=self.residual_sds[chosen],
-            shared=modes.shared[of_point] + away,
-            own=own,
-        )
+        shared = rng.standard_normal((count, self.modes.shared.shape[1]))
+        own = rng.standard_normal((count, self.trials.subjects, 2))
+        for first in range(0, len(points), AT_ONCE):  # all at once take too much memory
+            modes = self.modes.at(points[first : first + AT_ONCE])
+            curvature, centre = modes.curvature, modes.own
+            root = np.linalg.cholesky(curvature.shared_covariance)
+            own_root = np.linalg.cholesky(curvature.own_covariance)
+            for draw in np.flatnonzero(of_point // AT_ONCE == first // AT_ONCE):
+                point = of_point[draw] - first
+                away = root[point] @ shared[draw]
+                own[draw] = centre[point] + (own_root[point] @ own[draw][..., None])[..., 0]
+                own[draw] -= curvature.response[point] @ away
+                shared[draw] = modes.shared[point] + away
+        return LatentDraws(residual_sd=self.residual_sds[chosen], shared=shared, own=own)
 
 
 class _Density:

@@ -261,7 +261,7 @@ def medians(known: LineMixture) -> tuple[Medians, Medians, Medians]:
     """Return bias, gain and relative gain of each subject; the population's bias and gain last."""
     weights = known.points.weights
     bias, gain = (
-        (part.quantile(weights, 0.5), intervals)
+        (part.quantiles(weights, 0.5)[0], intervals)
         for part, intervals in zip((known.bias, known.gain), known.intervals, strict=True)
     )
     relative = gain[0][:-1] - gain[0][:-1][known.counts > 0].mean()
@@ -337,8 +337,8 @@ def _jnd(known: LineMixture) -> Medians:
     """Return the JNDs, infinite without a positive gain; the steepest line has the smallest."""
     in_noise, weights = known.gain.over(known.residual_sd), known.points.weights
     low, middle, high = (
-        [1 / gain if gain > 0 else math.inf for gain in in_noise.quantile(weights, p).tolist()]
-        for p in (ENDS[1], 0.5, ENDS[0])
+        [1 / gain if gain > 0 else math.inf for gain in limits.tolist()]
+        for limits in in_noise.quantiles(weights, ENDS[1], 0.5, ENDS[0])
     )
     return np.array(middle), list(zip(low, high, strict=True))
 

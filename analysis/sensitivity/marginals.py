@@ -22,7 +22,7 @@ MOST_SHIFT, MOST_SKEW = 1.0, 1.5
 LEAST_VARIANCE = 1e-12
 # Points times quantities, and trials, whose arrays are in memory at once: those of the former fit
 # into the cache.
-CELLS, TRIALS_AT_ONCE = 5_000, 4_000
+CELLS, TRIALS_AT_ONCE = 5_000, 500
 # So many trials times quantities, of all points at once, have a number each.
 MOST_NUMBERS = 100_000
 
@@ -141,10 +141,7 @@ def skewness(
 
     These are the shift of the mean, in SDs, and the skewness: (6) with (7), as (11) to (15).
     """
-    slopes = edge_slopes(*trials.bounds(modes.shared, modes.own, residual_sd))
-    thirds = third_derivatives(slopes) * (trials.weight[:, None] / residual_sd**3)
-    thirds = np.ascontiguousarray(np.moveaxis(thirds, 2, 1))
-    curvature, common = modes.curvature, combinations.common
+    curvature, common, departures = modes.curvature, combinations.common, modes.own
     sds, reach = standard_deviations(curvature, combinations), _reach(curvature, combinations)
     own_quantities, own_trials = _own_pairs(trials, combinations)
     mean, own = combinations.mean[trials.subject, None], combinations.own[own_quantities]
@@ -153,6 +150,10 @@ def skewness(
     at_once = max(MOST_NUMBERS // cells, 1)
     for first in range(0, len(sds), at_once):
         part = slice(first, first + at_once)
+        noise = residual_sd[part]
+        slopes = edge_slopes(*trials.bounds(modes.shared[part], departures[part], noise))
+        thirds = third_derivatives(slopes) * (trials.weight[:, None] / noise**3)
+        third = np.ascontiguousarray(np.moveaxis(thirds, 2, 1))
         covariance = curvature.shared_covariance[part]
         by_own = curvature.own_covariance[part, trials.subject]
         response = curvature.response[part, trials.subject]
@@ -174,7 +175,7 @@ def skewness(
             + np.einsum("pti,ti->pt", departs[one], pairs[other][1])
             for one, other in ((0, 0), (0, 1), (1, 1))
         )
-        uuu, uul, ull, lll = third = thirds[:, part]
+        uuu, uul, ull, lll = third
         # (13)
         pulls = (
             uuu * var_upper + 2 * uul * cov_edges + ull * var_lower,
@@ -244,19 +245,23 @@ def _cube(thirds: FloatArray, up: FloatArray, down: FloatArray) -> FloatArray:
 def _all_cubes(along: list[FloatArray], thirds: FloatArray, by_shared: FloatArray) -> FloatArray:
     """Return the sum of `_cube` over all trials, for each combination."""
     size = by_shared.shape[1]
-    sums = np.zeros((size * size, size))
+    sums = np.zeros((size * (size + 1) // 2, size))
     for first in range(0, len(along[0]), TRIALS_AT_ONCE):
         part = slice(first, first + TRIALS_AT_ONCE)
         up, down = (each[part] for each in along)
         uuu, uul, ull, lll = thirds[:, part, None]
-        sums += _squares(up).T @ (uuu * up + 3 * uul * down)
-        sums += _squares(down).T @ (3 * ull * up + lll * down)
-    return np.asarray(((_squares(by_shared) @ sums) * by_shared).sum(axis=1))
+        sums += _products(up) @ (uuu * up + 3 * uul * down)
+        sums += _products(down) @ (3 * ull * up + lll * down)
+    one, other = np.triu_indices(size)
+    sums[one != other] *= 2
+    return np.asarray(((_products(by_shared).T @ sums) * by_shared).sum(axis=1))
 
 
-def _squares(rows: FloatArray) -> FloatArray:
-    """Return the products of the values of each row, (rows, columns²)."""
-    return (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+def _products(rows: FloatArray) -> FloatArray:
+    """Return the products of two values of each row, each pair once, (pairs, rows)."""
+    one, other = np.triu_indices(rows.shape[1])
+    columns = np.ascontiguousarray(rows.T)
+    return np.asarray(columns[one] * columns[other])
 
 
 def third_derivatives(slopes: EdgeSlopes) -> FloatArray:

@@ -139,7 +139,7 @@ class Noticing:
     def detection(self) -> tuple[ChangeDetection, ...]:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
-        medians, intervals = found.quantile(weights, 0.5), self._intervals
+        (medians,), intervals = found.quantiles(weights, 0.5), self._intervals
         draws = posterior.draws(RATE_DRAWS, np.random.default_rng(0))
         own, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
         # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.

@@ -1,7 +1,7 @@
 """M2: ordinal mixed model of ratings, with thresholds, a ceiling and condition effects."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -61,6 +61,18 @@ class PreparedTrials:
     def field(self) -> LatentField:
         """The log posterior of the trials' latent parameters."""
         return LatentField(self.trials)
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        of_trials = (getattr(self.trials, part.name) for part in fields(self.trials))
+        values = (each.tobytes() if isinstance(each, np.ndarray) else each for each in of_trials)
+        return self.subjects, self.conditions, self.categories, self.axes, *values
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PreparedTrials) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
 
 def ordinal_sensitivity(ratings: of_lines.Ratings) -> OrdinalSensitivity | NotEstimable:

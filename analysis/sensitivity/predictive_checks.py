@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -82,12 +83,16 @@ class Checked(Generic[Fit]):
     check: PredictiveCheck | NotEstimable
 
 
+# M3 asks for that of M2 again, where every change that was scored was noticed.
+fitted = lru_cache(maxsize=1)(ordinal_model.posterior_of)
+
+
 def checked_ordinal(ratings: Ratings) -> Checked[ordinal_model.OrdinalSensitivity]:
     """Return M2 with its check of scores by condition and by subject."""
     ready = ordinal_model.prepared_ratings(ratings)
     if isinstance(ready, NotEstimable):
         return Checked(fit=ready, check=ready)
-    posterior = ordinal_model.posterior_of(ready)
+    posterior = fitted(ready)
     fit = posterior.fit
     if isinstance(fit, NotEstimable):
         return Checked(fit=fit, check=fit)
@@ -100,7 +105,7 @@ def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
 
     The scores are those of the changes that were noticed in the study.
     """
-    found = two_stage_posterior(trials)
+    found = two_stage_posterior(trials, fitted)
     if isinstance(found, NotEstimable):
         return Checked(fit=found, check=found)
     summary = found.summary

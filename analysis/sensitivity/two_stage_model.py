@@ -1,9 +1,10 @@
 """M3: changes are noticed first, and rated if they were noticed."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.special import expit
@@ -62,6 +63,7 @@ class AnsweredTrials:
         )
 
 
+Fitting: TypeAlias = Callable[[ordinal_model.PreparedTrials], ordinal_model.OrdinalPosterior]
 Kind = Literal["the change", "what was felt"]
 """What people score: the change, with other noise, or what they felt when they noticed it."""
 
@@ -115,7 +117,9 @@ class TwoStagePosterior:
         """The estimates, or why a stage tells none."""
         if refusal := self.noticing.refusal:
             return refusal
-        fit, other = self.rating.posterior.fit, self.other.posterior.fit
+        fit, other = self.rating.posterior.fit, self.other.posterior
+        unknown = other.refusal or other.lines.alone
+        (gains,) = other.lines.gain.quantiles(other.latent.points.weights, 0.5)
         if isinstance(fit, NotEstimable):
             return fit
         return TwoStageSensitivity(
@@ -124,11 +128,13 @@ class TwoStagePosterior:
             reference_contrast=self.noticing.reference,
             scored=self.rating.kind,
             scored_p=float(expit(self.rating.log_evidence - self.other.log_evidence)),
-            other_gain=math.nan if isinstance(other, NotEstimable) else other.lines.gain,
+            other_gain=math.nan if unknown else float(gains[-1]),
         )
 
 
-def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstimable:
+def two_stage_posterior(
+    trials: AnsweredTrials, fitted: Fitting = ordinal_model.posterior_of
+) -> TwoStagePosterior | NotEstimable:
     """Return noticing and rating of changes, or why they are not estimable.
 
     The likelihood of a trial is that of the answer (`noticing`), times that of the score (M2) if
@@ -137,6 +143,7 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
     What was scored without a change, or after the wrong answer, tells nothing about the gain and is
     left out of the second stage. That is fitted twice: to the sizes of the changes, and to what
     those who notice feel of them (`felt_if_noticed`). The kind with the higher evidence is taken.
+    `fitted` returns the posterior of prepared ratings.
     """
     if refusal := _refusal(trials):
         return refusal
@@ -145,17 +152,17 @@ def two_stage_posterior(trials: AnsweredTrials) -> TwoStagePosterior | NotEstima
         return NotEstimable(f"of the changes that were noticed, {ready.reason}")
     first = noticing(trials.ratings, trials.answer, trials.two_sided)
     stages = [
-        _stage("the change", trials.noticed),
-        _stage("what was felt", felt_if_noticed(trials.noticed, first)),
+        _stage("the change", trials.noticed, fitted),
+        _stage("what was felt", felt_if_noticed(trials.noticed, first), fitted),
     ]
     other, rating = sorted(stages, key=lambda stage: stage.log_evidence)
     return TwoStagePosterior(noticing=first, rating=rating, other=other)
 
 
-def _stage(kind: Kind, ratings: Ratings) -> RatingStage:
+def _stage(kind: Kind, ratings: Ratings, fitted: Fitting) -> RatingStage:
     ready = ordinal_model.prepared_ratings(ratings)
     assert isinstance(ready, ordinal_model.PreparedTrials)
-    return RatingStage(kind=kind, ratings=ratings, posterior=ordinal_model.posterior_of(ready))
+    return RatingStage(kind=kind, ratings=ratings, posterior=fitted(ready))
 
 
 def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:

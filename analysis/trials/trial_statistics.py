@@ -272,7 +272,7 @@ class TrialStatistics(SensitivityModels):
         return self.keep(latent_factorial, *cell_scores(self.study, self.data, wide))
 
     def fit_ahead(self, models: Iterable[str]) -> None:
-        """Fit those of `models`, named `M2`, `M3`, `M2 at places` or as in `LINKS`, two at a time.
+        """Fit M2 and those of `models`, named `M3`, `M2 at places` or as in `LINKS`, two at a time.
 
         The numbers do not depend on where they are computed. Below `LARGE` trials nothing is done:
         to start processes would take longer.
@@ -280,13 +280,15 @@ class TrialStatistics(SensitivityModels):
         ratings = self.scored.ratings
         if len(ratings.rating) < laplace.LARGE:
             return
-        calls: dict[str, partial[Any]] = {
-            "M2": partial(predictive_checks.checked_ordinal, ratings),
-            "M3": partial(predictive_checks.checked_two_stage, self._answered),
-            **{link: partial(ordinal_effects, self.scored.every.given, link) for link in LINKS},
-            "M2 at places": partial(_place_m2, ratings, self._changes),
+        m2 = partial(predictive_checks.checked_ordinal, ratings)
+        calls: dict[str, list[partial[Any]]] = {
+            # Where both rest on the same trials M3 takes the posterior of M2.
+            "M3": [m2, partial(predictive_checks.checked_two_stage, self._answered)],
+            **{link: [partial(ordinal_effects, self.scored.every.given, link)] for link in LINKS},
+            "M2 at places": [partial(_place_m2, ratings, self._changes)],
         }
-        self.keep.ahead([calls[model] for model in models], PROCESSES)
+        groups = [calls[model] for model in models]
+        self.keep.ahead(groups if calls["M3"] in groups else [[m2], *groups], PROCESSES)
 
     @cached_property
     def laws(self) -> tuple[LawScore, ...]:

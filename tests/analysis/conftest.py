@@ -9,6 +9,7 @@ from analysis.estimates import FloatArray
 from analysis.kept import Kept
 from analysis.loading.score_table import ScoreTable
 from analysis.report import report
+from analysis.sensitivity import predictive_checks
 from analysis.trials import trial_statistics
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
@@ -32,6 +33,7 @@ def fitted_once(request: pytest.FixtureRequest) -> Iterator[None]:
         patch.setattr(trial_statistics, "PROCESSES", 1)
         if "monkeypatch" not in request.fixturenames:
             patch.setattr(report, "Kept", lambda: Kept(Pooled.pool))
+        predictive_checks.fitted.cache_clear()
         yield
 
 

@@ -21,7 +21,7 @@ def test_what_was_made_ahead_is_not_made_again_and_a_closure_is_left_for_later()
     keep, factor = Kept(), 3.0
     closure = partial(applied, lambda number: factor * number, 5.0)
     _made.clear()
-    keep.ahead([partial(twice, 4.0), closure], 1)
+    keep.ahead([[partial(twice, 4.0), closure]], 1)
     assert keep(twice, 4.0) == 8.0
     assert _made == [4.0]
     assert keep(applied, lambda number: factor * number, 5.0) == 15.0

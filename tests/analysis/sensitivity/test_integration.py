@@ -53,7 +53,7 @@ def test_the_same_density_gives_the_same_points() -> None:
 def test_quantiles_of_a_mixture() -> None:
     weights = np.array([0.3, 0.7])
     means, sds = np.array([[0.0, 5.0], [4.0, 5.0]]), np.array([[1.0, 2.0], [0.5, 2.0]])
-    quantile = Marginals(means=means, sds=sds).quantile(weights, 0.25)
+    (quantile,) = Marginals(means=means, sds=sds).quantiles(weights, 0.25)
     reached = 0.3 * stats.norm.cdf(quantile[0]) + 0.7 * stats.norm.cdf(quantile[0], 4.0, 0.5)
     assert reached == pytest.approx(0.25, abs=1e-8)
     assert Marginals(means=means, sds=sds).interval_95(weights)[1] == pytest.approx(

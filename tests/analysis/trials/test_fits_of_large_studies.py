@@ -21,7 +21,7 @@ from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtu
 
 def test_fits_that_others_made_ahead_are_taken_and_have_the_same_numbers() -> None:
     keep, ratings = Kept(), own_people(np.random.default_rng(1))
-    keep.ahead([partial(linear_sensitivity, ratings)], 2)
+    keep.ahead([[partial(linear_sensitivity, ratings)]], 2)
 
     def never() -> None:
         raise AssertionError("it is known")

@@ -250,7 +250,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     if panel.of_shares:
         axes.set_ylim(0, 1)
     if len(panel.series) > 1:
-        axes.legend(loc="best", frameon=False, fontsize=7)
+        axes.legend(loc="best", framealpha=0.85, edgecolor="none", fontsize=7)
 
 
 def limits(scale: Scale) -> Interval:

@@ -115,7 +115,7 @@ def _drift_line(drift: trial_checks.Drift | NotEstimable) -> str:
         return f"Drift: not estimable ({drift.reason})."
     return (
         f"Drift, mean of the subjects' slopes: {number(drift.points_per_trial)} points per trial, "
-        f"95% interval {interval(drift.interval, 3)}, t({drift.df}), {p_equals(drift.p)}."
+        f"95% interval {interval(drift.interval, 3)}, {p_equals(drift.p)} (t test, {drift.df} df)."
     )
 
 

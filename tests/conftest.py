@@ -10,14 +10,12 @@ os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 import atexit
 import gc
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from _pytest.assertion import rewrite
 from hypothesis import settings
 
 # What commands keep goes to a folder of this run's own, which its workers share.
@@ -63,19 +61,6 @@ settings.load_profile("untimed")
 
 REASON = "takes minutes; run it with `make soak`"
 _DISPLAYS = {"small_display", "large_display"}
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile the tests before there are workers, of which each would do it; lanes share it."""
-    if not config.getoption("numprocesses", None) or hasattr(config, "workerinput"):
-        return
-    state = config.stash[rewrite.assertstate_key]
-    tests = sorted(Path(__file__).parent.rglob("test_*.py"))
-    for path in tests if config.getoption("-m").startswith("not") else reversed(tests):
-        pyc = rewrite.get_cache_dir(path) / (path.stem + rewrite.PYC_TAIL)
-        if not pyc.exists() and not sys.dont_write_bytecode and rewrite.try_makedirs(pyc.parent):
-            digest, code = rewrite._rewrite_test(path, config)
-            rewrite._write_pyc(state, code, digest, pyc)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -22,7 +22,7 @@ def slips(seed: int, share: float = 1 / 3) -> Callable[[], bool]:
 
 def test_all_trials_are_answered_as_asked_in_the_end(tmp_path: Path) -> None:
     text = template("extended") + RETRIES
-    found = rehearsed(tmp_path, text, 1, seed=1, slips=slips(4), shown=("checks",))
+    found = rehearsed(tmp_path, text, 2, seed=1, slips=slips(4), shown=("checks",))
     with read_journal(tmp_path / "study.db") as journal:
         assert all(verdict.ok for verdict in verdicts(journal))
         chains = [journal.events(session) for session in journal.sessions()]
@@ -51,7 +51,7 @@ def test_all_trials_are_answered_as_asked_in_the_end(tmp_path: Path) -> None:
 
 def test_the_last_attempt_counts_however_it_was_made(tmp_path: Path) -> None:
     text = template("paper") + RETRIES.replace("20", "1")
-    rehearsed(tmp_path, text, 1, seed=1, slips=lambda: True, shown=("checks",))
+    rehearsed(tmp_path, text, 2, seed=1, slips=lambda: True, shown=("checks",))
     with read_journal(tmp_path / "study.db") as journal:
         events = [event.record for event in journal.events(journal.sessions()[0])]
     answered = [record for record in events if isinstance(record, Answered)]
@@ -71,7 +71,7 @@ def test_without_retries_the_first_attempt_counts(tmp_path: Path) -> None:
 def test_practice_is_repeated_until_enough_touches_are_as_instructed(tmp_path: Path) -> None:
     text = template("extended") + "\n[as_instructed]\npractise_until = 3\npractise_of = 4\n"
     wrong = iter([True] * 6)
-    rehearsed(tmp_path, text, 1, seed=1, slips=lambda: next(wrong, False), shown=("checks",))
+    rehearsed(tmp_path, text, 2, seed=1, slips=lambda: next(wrong, False), shown=("checks",))
     with read_journal(tmp_path / "study.db") as journal:
         assert verdicts(journal)[0].ok
         state = folded(journal.events(journal.sessions()[0]))
@@ -82,7 +82,7 @@ def test_practice_is_repeated_until_enough_touches_are_as_instructed(tmp_path: P
 
 def test_practice_ends_after_its_rounds(tmp_path: Path) -> None:
     text = template("extended") + "\n[as_instructed]\npractise_until = 3\npractise_of = 4\n"
-    rehearsed(tmp_path, text, 1, seed=1, slips=lambda: True, shown=("checks",))
+    rehearsed(tmp_path, text, 2, seed=1, slips=lambda: True, shown=("checks",))
     with read_journal(tmp_path / "study.db") as journal:
         state = folded(journal.events(journal.sessions()[0]))
     assert (state.practice_rounds, state.name) == (3, "completed")

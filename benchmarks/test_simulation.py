@@ -6,7 +6,7 @@ from time import process_time
 
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from benchmarks.compared import compare
 from protocol.study_file.loading import parsed_study, template
 from tests.system.in_process_sessions import loaded_rehearsals

@@ -15,7 +15,7 @@ from analysis.sensitivity.integration import Marginals
 from analysis.sensitivity.linear_model import linear_lines, own_gains
 from analysis.sensitivity.lines import Ratings, medians
 from analysis.sensitivity.ordinal_model import ordinal_lines
-from analysis.simulation.simulation import Tables
+from analysis.simulation import Tables
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.corrections import holm_of_rows
 from analysis.statistics.detection import noticed_p

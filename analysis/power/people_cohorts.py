@@ -10,8 +10,14 @@ import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.sensitivity.lines import Ratings
-from analysis.simulation.cohort import AlikeTrials, Cohort
-from analysis.simulation.simulation import Simulation, Tables, counted_trials, names_of
+from analysis.simulation import (
+    AlikeTrials,
+    Cohort,
+    Simulation,
+    Tables,
+    counted_trials,
+    names_of,
+)
 from analysis.trials.contrasts import felt_change, planned_change_of
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
 from device.friction.laws import LAWS

@@ -9,12 +9,12 @@ import pytest
 from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.ordinal_model import ordinal_sensitivity
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from analysis.trials.contrasts import scored_trials, trial_contrasts
 from device.people.person import Normal, Person, Population
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 from tests.system.in_process_sessions import loaded_rehearsals
 
 pytestmark = pytest.mark.soak

@@ -7,8 +7,7 @@ import pytest
 from scipy.special import ndtri
 
 from analysis.estimates import FloatArray, IntArray
-from analysis.simulation.cohort import PlannedTrials, cohort
-from analysis.simulation.simulation import noticed_counts
+from analysis.simulation import PlannedTrials, cohort, noticed_counts
 from analysis.statistics.detection import Detection, detection
 from device.people.person import DEFAULT, World, people_of, person_name, session_name
 from protocol.study.rules import Exclusions

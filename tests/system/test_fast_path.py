@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from analysis.loading.study_data import StudyData
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from device.people.person import DEFAULT, Population
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 from tests.system.in_process_sessions import loaded_rehearsals
 
 GIVEN = [

@@ -22,10 +22,10 @@ from analysis.estimates import FloatArray
 from analysis.loading.study_data import StudyData
 from analysis.report.report import report, report_json
 from analysis.report.results import paragraphs
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from device.people.person import SENSITIVE
 from tests.analysis.reports import ORIGIN, PAPER, imported
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 
 NEAR, SMALL = 1e-7, 1e-3
 """Numbers agree within `NEAR` of the larger one, or of `SMALL`."""

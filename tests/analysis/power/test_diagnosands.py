@@ -26,7 +26,7 @@ from analysis.power.power_report import (
     warnings,
 )
 from analysis.report.drawing import Panel, panels_files
-from analysis.simulation.simulation import Tables
+from analysis.simulation import Tables
 from protocol.registration.registration import GAINS
 
 DESIGN = Design(participants=9, repeats=1)

@@ -18,7 +18,7 @@ from analysis.power.diagnosis import (
 from analysis.power.job import Design, designed
 from analysis.power.people_cohorts import PeopleCohorts, RatedCohort, without_effect
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from analysis.statistics.detection import Detection
 from analysis.statistics.factorial import Effect
 from analysis.statistics.groups import Compared, GroupInteraction, group_statistics
@@ -29,7 +29,7 @@ from protocol.registration.registration import NOTICED, OMNIBUS, effect_of
 from protocol.study.factor import Group
 from protocol.study.rules import Exclusions
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 
 
 def simulated(participants: int = 9, repeats: int = 1) -> PeopleCohorts:

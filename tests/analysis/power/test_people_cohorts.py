@@ -8,14 +8,14 @@ import pytest
 from analysis.estimates import FloatArray
 from analysis.loading.study_data import NothingToReport
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from analysis.trials.contrasts import scored_trials, trial_contrasts
 from device.friction.scenes import Calibration
 from device.people.person import DEFAULT, Population, World
 from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 
 NO_RULES = Exclusions()
 RULES = Exclusions(

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from device.people.person import SENSITIVE
 from protocol.study_file.loading import parsed_study, template
 from runner.doctor import findings

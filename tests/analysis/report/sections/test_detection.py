@@ -11,13 +11,13 @@ from analysis.loading.study_lock import StudyLock
 from analysis.report.hypotheses import how_tested
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.sections.registration import NamedResult, named_results
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from protocol.registration.registration import NOTICED
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.report.sections.test_registered import REGISTERED
 from tests.analysis.reports import EXTENDED, ORIGIN, PAPER, plain_report
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 
 STUDIES = {
     "agrees": EXTENDED,

@@ -8,8 +8,7 @@ from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
 from analysis.loading.study_data import StudyData, study_data
-from analysis.simulation.cohort import AlikeTrials, Cohort, PlannedTrials
-from analysis.simulation.simulation import Simulation, names_of
+from analysis.simulation import AlikeTrials, Cohort, PlannedTrials, Simulation, names_of
 from device.people.answering import answer_of
 from device.people.person import World, truth_of
 

@@ -10,13 +10,13 @@ import pytest
 
 from analysis.loading.published import published_table
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.simulation.simulation import Simulation
+from analysis.simulation import Simulation
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
 from protocol.plan.plan import arrivals, plan
 from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulation.simulated_data import simulated_data
+from tests.analysis.simulated_data import simulated_data
 
 PUBLISHED = published_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
 PAPER = parsed_study(template("paper"))

@@ -33,7 +33,6 @@ class AlikeTrials:
 
     @property
     def expected(self) -> int | None:
-        """The meaning of the expected answer."""
         question = self.trial.question
         return None if question is None else answers.meaning(question, self.trial.expected)
 

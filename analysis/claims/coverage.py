@@ -44,7 +44,6 @@ def _drive(voltage_v: float, detuning: float) -> Drive:
 
 @lru_cache(maxsize=256)
 def local_curve(law: str, scene: Scene, rung: str = "mode") -> FloatArray:
-    """Return μ' at `PLACES_M`."""
     return friction_coefficient(scene, law=law, rung=rung, x_m=PLACES_M)
 
 

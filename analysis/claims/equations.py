@@ -36,7 +36,6 @@ def _gaps(form: Callable[[float, float, float, float], float]) -> list[float]:
 
 
 def _bracket(a: float, b: float, f: float, f_p: float) -> float:
-    """Return the bracket of Eqs 4 and 5."""
     return 1.5 - a / (a + b) + f_p / ((a + b) * f)
 
 

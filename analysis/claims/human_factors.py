@@ -158,7 +158,6 @@ def _receptor_sensitivity_differs(law: str) -> Outcome:
     "lowest mean; 4; 7 or 8",
 )
 def _table4_third_subject() -> Outcome:
-    """The row of subject 3."""
     third = SCORES[2]
     elsewhere = np.isin(third[:4], (7, 8)).all()
     lowest = PUBLISHED.subject_means.argmin() == 2

@@ -59,7 +59,6 @@ class HumanScores:
 
     @cached_property
     def means(self) -> dict[str, float]:
-        """Mean score by condition."""
         columns = self.table.scores.mean(axis=0).tolist()
         return dict(zip(self.table.conditions, columns, strict=True))
 
@@ -70,7 +69,6 @@ class HumanScores:
 
     @cached_property
     def effects(self) -> AdditiveEffects:
-        """Effects of conditions and subjects."""
         found = additive_effects(self.table)
         assert isinstance(found, AdditiveEffects)
         return found
@@ -91,7 +89,6 @@ class HumanScores:
 
     @property
     def grand_mean_interval(self) -> Interval:
-        """The 95% interval of the mean of all scores."""
         return _over_subjects(self.subject_means)
 
     def p_holm(self, one: str, others: Iterable[str]) -> dict[str, float]:

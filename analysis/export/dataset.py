@@ -125,7 +125,6 @@ class Dataset:
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
-        """The columns of `trials`."""
         return self.tables.columns
 
     @property
@@ -149,7 +148,6 @@ class Dataset:
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:
-        """The columns of `participants`."""
         known = {column.name: column for column in (*self.columns, *PARTICIPANT_COLUMNS)}
         return tuple(known[str(name)] for name in self.participants)
 
@@ -384,6 +382,5 @@ def _digested(chains: Iterable[Chain], digest: Any) -> Iterator[Chain]:
 
 
 def known(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of `facts` that are known."""
     # What nobody gave is left out, so that a validator can say that it is missing.
     return {name: value for name, value in facts.items() if value}

@@ -248,13 +248,11 @@ class MeasuredStatistics(SensitivityModels):
 
     @cached_property
     def trials(self) -> MeasuredTrials:
-        """The measured contrasts."""
         data = self.data
         return measured_trials(self.study, data.trials, data.touches, data.forces)
 
     @cached_property
     def conditions(self) -> tuple[ConditionContrast, ...]:
-        """The measured contrasts of each condition."""
         found, predicted = self.trials, self.predicted
         scored = is_scored(self.data.trials).to_numpy() & found.known
         names = self.data.trials["condition"].to_numpy()

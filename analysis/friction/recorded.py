@@ -302,7 +302,6 @@ class TouchMeasures:
 
 
 def touch_measures(touch: TouchForces, jitter: Jitter) -> TouchMeasures:
-    """Return the measures of a touch."""
     friction = float(np.exp(touch.friction.mean()))
     steps_s = np.diff(touch.t_s)
     rate = np.mean((np.diff(touch.tangential_n) / steps_s) ** 2)

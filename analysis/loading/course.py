@@ -47,7 +47,6 @@ class Rows:
     study_texts: dict[str, str] = field(default_factory=dict)
 
     def traces(self) -> pd.DataFrame:
-        """Return the samples, each with its touch."""
         values = np.frombuffer(self.samples).reshape(-1, 3)
         traces = pd.DataFrame(values, columns=list(TraceSample._fields))
         return traces.assign(touch_id=self.sampled)

@@ -63,7 +63,6 @@ class KeptSessions:
     broken: tuple[str, ...]
 
     def sessions(self) -> Sessions:
-        """Return the sessions."""
         known: dict[str, Any] = {name: getattr(self, name) for name in _AS_THEY_ARE}
         for table, columns in self.tables.items():
             known[table] = pd.DataFrame({name: _series(name, of) for name, of in columns.items()})

@@ -240,11 +240,9 @@ class Table(Generic[Row]):
 
     @property
     def last_id(self) -> int:
-        """The index of the last row."""
         return self._packed + len(self._rows) - 1
 
     def append(self, row: Row) -> None:
-        """Append a row."""
         self._rows.append(row)
 
     def pack(self) -> None:

@@ -235,7 +235,6 @@ def _texts(values: FloatArray, missing: str = "") -> list[str]:
 
 
 def csv_text(predicted: PredictedTable) -> str:
-    """Return the output table as CSV text."""
     columns = [
         _texts(values, getattr(COLUMNS.get(name), "word", ""))
         if values.dtype == np.float64

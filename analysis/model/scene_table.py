@@ -115,7 +115,6 @@ class SceneTable:
 
 
 def bad_cell(source: str, line: int, column: str, rule: str, value: object) -> BadInput:
-    """Return the error for one cell."""
     return BadInput(f"{source}, line {line}, column {column}: {rule}, got {shown(value)}")
 
 

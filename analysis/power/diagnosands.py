@@ -308,7 +308,6 @@ def _of_difference(table: Table, pair: str) -> EstimateQuality:
 
 
 def root(squares: Measured) -> Measured:
-    """Return the root of a mean square."""
     value = float(np.sqrt(squares.value))
     # The delta method: the derivative of the root is one over twice the root.
     return Measured(value, squares.error / (2 * value) if value > 0 else 0.0)

@@ -179,6 +179,5 @@ async def _kind(address: str) -> str:
 
 
 def cluster_size(scheduler: str) -> int:
-    """Return the number of a cluster's threads."""
     with connected(scheduler) as client:
         return int(sum(client.nthreads().values()))

@@ -152,7 +152,6 @@ class Task:
 
 
 def tasks(design: Design, kind: Kind, studies: int) -> list[Task]:
-    """Return the tasks of a number of studies."""
     size = AT_ONCE[kind]
     return [
         Task(design, kind, first, min(size, studies - first)) for first in range(0, studies, size)

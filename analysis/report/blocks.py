@@ -98,7 +98,6 @@ class Column:
 
 
 def columns(*names: str, kind: ColumnKind = "number") -> list[Column]:
-    """Return columns of the same kind."""
     return [Column(name, kind=kind) for name in names]
 
 

@@ -228,7 +228,6 @@ class Findings:
 
     @property
     def table_notes(self) -> list[str]:
-        """Notes below Table 4."""
         loaded = self.loaded
         return [
             *notes(loaded.table, loaded.empty, self.scale.lowest, self.rating.score_when),

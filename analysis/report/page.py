@@ -86,7 +86,6 @@ class Masthead:
 
 
 def masthead(found: Findings) -> Masthead:
-    """Return the head of the page."""
     publication = found.study.publication
     facts = {
         # A publication's title hides the name under which the operator knows the study.

@@ -44,7 +44,6 @@ class Report(Findings):
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """The names of `sections`."""
         # `report.toml` chooses what the page shows; `report.json` has every number all the same.
         wanted = {*self._shown, *ALWAYS} if self.origin.alone else SECTIONS.keys()
         return tuple(name for name in SECTIONS if name in wanted and self._has(name))

@@ -40,7 +40,6 @@ class LatentDraws:
     own: FloatArray
 
     def part(self, draws: slice) -> "LatentDraws":
-        """Return some of the draws."""
         return LatentDraws(
             residual_sd=self.residual_sd[draws], shared=self.shared[draws], own=self.own[draws]
         )

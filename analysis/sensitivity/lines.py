@@ -232,7 +232,6 @@ class LineMixture:
 
     @cached_property
     def intervals(self) -> tuple[list[Interval], list[Interval]]:
-        """The 95% intervals of bias and gain."""
         weights = self.points.weights
         return self.bias.interval_95(weights), self.gain.interval_95(weights)
 
@@ -269,7 +268,6 @@ def medians(known: LineMixture) -> tuple[Medians, Medians, Medians]:
 
 
 def summary(subjects: tuple[str, ...], known: LineMixture) -> Lines:
-    """Return the lines of a mixture."""
     bias, gain, relative = medians(known)
     quantities = {"bias": bias, "gain": gain, "relative_gain": relative, "jnd": _jnd(known)}
 

@@ -118,10 +118,10 @@ class TwoStagePosterior:
         if refusal := self.noticing.refusal:
             return refusal
         fit, other = self.rating.posterior.fit, self.other.posterior
-        unknown = other.refusal or other.lines.alone
-        (gains,) = other.lines.gain.quantiles(other.latent.points.weights, 0.5)
         if isinstance(fit, NotEstimable):
             return fit
+        unknown = other.refusal or other.lines.alone
+        (gains,) = other.lines.gain.quantiles(other.latent.points.weights, 0.5)
         return TwoStageSensitivity(
             ratings=fit,
             detection=self.noticing.detection,

@@ -152,7 +152,6 @@ class _Fit:
         return here
 
     def friction(self, at: FloatArray) -> FloatArray:
-        """Return friction at some coordinates."""
         rig = rig_model.rig_at(self.here(at))
         friction = rig_model.friction_along(self.problem.places, [rig])[0]
         step = at[_PATCH] - self.found[_PATCH]

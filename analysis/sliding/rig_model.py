@@ -216,14 +216,12 @@ def coordinates(rig: RigProperties) -> FloatArray:
 
 
 def property_at(name: str, coordinate: float) -> float:
-    """Return a property from its coordinate."""
     if name == PATCHES:
         return float(coordinate)
     return float(np.exp(coordinate)) - HALF_THICKNESS_M * (name == "body_height_m")
 
 
 def rig_at(found: FloatArray) -> RigProperties:
-    """Return the rig at some coordinates."""
     values = zip(PROPERTIES, found.tolist(), strict=True)
     return RigProperties(**{name: property_at(name, value) for name, value in values})
 

@@ -84,7 +84,6 @@ class TableStatistics:
 
     @cached_property
     def readings(self) -> tuple[Reading, ...]:
-        """All readings."""
         return tuple(self.keep(reading, *named) for named in self.tables.items())
 
     @property

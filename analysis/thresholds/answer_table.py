@@ -104,7 +104,6 @@ def fits_of(
 
 
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:
-    """Return where each column stands."""
     require_commas(header, where)
     names = [name.casefold() for name in header]
     for name in (*PLACE, LEVEL, CORRECT, TRIALS):

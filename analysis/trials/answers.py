@@ -63,7 +63,6 @@ class Answers:
     said: tuple[tuple[str, int, str, str], ...] = ()
 
     def as_json(self) -> Json:
-        """Return the summary for `report.json`."""
         about = self.question
         return {
             "name": about.name,

@@ -33,7 +33,7 @@ class Control:
             "touch": self._touch,
             "lift": self._beam.lift,
             "sensor": lambda name, value: self._beam.change(name, float(value)),
-            "beam": self._swap_beam,
+            "beam": lambda body_spacing_m: self._beam.swap(float(body_spacing_m)),
             "advance": self._advance,
             "reset": self._reset,
             "fault": self._fault,
@@ -77,9 +77,6 @@ class Control:
             float(force_n), float(position_m), direction, float(speed_m_s), self._instrument.time_s
         )
         return {"friction_coefficient": self._beam.friction_coefficient(self._instrument)}
-
-    def _swap_beam(self, body_spacing_m: str) -> None:
-        self._beam.swap(float(body_spacing_m))
 
     def _advance(self, seconds: str) -> dict[str, object]:
         self._clock.step(float(seconds))

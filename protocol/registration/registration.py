@@ -153,7 +153,6 @@ def _require_form(made: Registration, schema: object) -> None:
 
 
 def registered_event(made: Registration) -> events.StudyRegistered:
-    """Return the event that records a registration."""
     return events.StudyRegistered(
         registration=made.digest, study_sha256=made.study_sha256, text=made.text()
     )

@@ -208,7 +208,6 @@ class Study(Record):
         return tuple(group.name for group in self.group)
 
     def track_of(self, name: str) -> Track:
-        """Return the track of this name."""
         return next(track for track in self.track if track.name == name)
 
     def of_group(self, name: str | None) -> Self:

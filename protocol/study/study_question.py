@@ -286,7 +286,6 @@ class StudyQuestion(Record):
 
     @property
     def is_number(self) -> bool:
-        """Whether its answers are numbers."""
         return float in KINDS[self.kind].answers
 
     def answer(self, given: str) -> Answer:
@@ -304,7 +303,6 @@ class StudyQuestion(Record):
 
 
 def answer_text(answer: Answer) -> str:
-    """Return an answer as people read it."""
     if isinstance(answer, tuple | list):
         return ", ".join(answer)
     return "skipped" if answer is None else str(answer)

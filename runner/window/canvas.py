@@ -76,7 +76,7 @@ class PsychopyCanvas:
             on_mouse_drag=lambda x, y, *_: self._latched(elements.Dragged(**self._on_canvas(x, y))),
             on_mouse_release=lambda *_: self._latched(elements.Released()),
             on_key_press=self._on_key,
-            on_text=self._on_text,
+            on_text=lambda text: not text.isprintable() or self._latched(elements.Typed(text=text)),
             on_close=self._on_close,
         )
 
@@ -208,9 +208,6 @@ class PsychopyCanvas:
         """Latch a key; returning True keeps pyglet from closing the window at Escape."""
         name = _KEYS.get(symbol)
         return True if name is None else self._latched(elements.Key(name=name))
-
-    def _on_text(self, text: str) -> bool:
-        return self._latched(elements.Typed(text=text)) if text.isprintable() else True
 
     def _on_close(self) -> bool:
         # The loop of the server ends, and tells the session before it closes the window.

@@ -75,7 +75,6 @@ class NamedResult:
 
     @property
     def verdict(self) -> str:
-        """Return the verdict in words."""
         if self.supported is None:
             # Nothing is claimed of a single threshold.
             return "estimated" if self.estimated else "not known"

@@ -93,7 +93,6 @@ def _caption(question: StudyQuestion) -> str:
 
 
 def notes(found: Findings) -> blocks.Items:
-    """Return the notes below Table 4."""
     return blocks.Items(name="table4-notes", lines=found.table_notes, front=True)
 
 

@@ -8,8 +8,15 @@ from typing import Any
 import numpy as np
 
 from analysis.claims.claim import Outcome, PaperClaims, human_outcome
-from analysis.estimates import LEVEL, LOWER, BoolArray, FloatArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import (
+    LEVEL,
+    LOWER,
+    BoolArray,
+    FloatArray,
+    Interval,
+    NotEstimable,
+    ScoreTable,
+)
 from analysis.statistics.additive import AdditiveEffects, additive_effects
 from analysis.statistics.intervals import mean_interval
 from analysis.statistics.signed_rank import pairwise_signed_ranks

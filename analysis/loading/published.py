@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.cells import csv_fault, unguarded
-from analysis.estimates import FloatArray
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, ScoreTable
 from device.friction.changes import CONDITIONS
 from protocol.errors import BadInput
 from protocol.pseudonyms import pseudonym

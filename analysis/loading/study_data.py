@@ -11,10 +11,9 @@ from typing import Literal, NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable, ScoreTable
 from analysis.friction.recorded import TouchForces
 from analysis.loading.records import Exclusion, Incident, values
-from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput

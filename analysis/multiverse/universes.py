@@ -7,9 +7,8 @@ from enum import StrEnum
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, ScoreTable
 from analysis.felt.measured_statistics import measured_trials
-from analysis.loading.score_table import ScoreTable
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import NothingToReport, StudyData, study_data
 from analysis.statistics.summary import Reading, reading

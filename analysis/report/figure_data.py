@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable, ScoreTable
 from analysis.report import drawing as plot
 from analysis.report.findings import Findings, Scale
 from analysis.sensitivity.linear_model import LinearSensitivity

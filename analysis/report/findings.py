@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimates import LEVEL, plain
+from analysis.estimates import LEVEL, ScoreTable, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.kept import Kept
 from analysis.loading.records import values
-from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.multiverse.curve import Multiverse

@@ -6,8 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from analysis.estimates import UPPER, BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import (
+    UPPER,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Interval,
+    NotEstimable,
+    ScoreTable,
+)
 from analysis.statistics import intervals, omnibus
 from analysis.statistics.two_way import TwoWay, two_way
 

@@ -9,8 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import chdtrc
 
-from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, IntArray, NotEstimable, ScoreTable
 from analysis.statistics import corrections, omnibus
 from analysis.statistics.signed_rank import DECIMALS, doubled_midranks, p_of_ranks
 

@@ -12,8 +12,7 @@ from typing import Self
 import numpy as np
 from scipy.special import chdtrc
 
-from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
 from analysis.statistics import intervals, signed_rank, two_way
 
 # Permutation p from random shufflings within subjects, where there are too many to list.

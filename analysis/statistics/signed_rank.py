@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
 from analysis.statistics.corrections import holm_of
 from analysis.statistics.intervals import mean_interval, rank_biserial_interval
 

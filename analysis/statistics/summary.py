@@ -7,9 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import FloatArray, NotEstimable, ScoreTable
 from analysis.kept import Kept
-from analysis.loading.score_table import ScoreTable
 from analysis.statistics import additive as effects
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.special import fdtri
 
-from analysis.estimates import UPPER, BoolArray, FloatArray, Interval, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import UPPER, BoolArray, FloatArray, Interval, NotEstimable, ScoreTable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
 from analysis.kept import Kept
 from analysis.loading.published import SCALE
-from analysis.loading.score_table import ScoreTable
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity import laplace, linear_model, predictive_checks
 from analysis.sensitivity.lines import Ratings

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray
+from analysis.estimates import FloatArray, ScoreTable
 from analysis.kept import Kept
-from analysis.loading.score_table import ScoreTable
 from analysis.report import report
 from analysis.sensitivity import predictive_checks
 from analysis.trials import trial_statistics

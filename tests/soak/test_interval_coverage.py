@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, ScoreTable
 from analysis.statistics.additive import AdditiveEffects, additive_effects
 from analysis.statistics.intervals import COVERAGE, concordance_interval
 from analysis.statistics.signed_rank import SignedRank, doubled_midranks, signed_rank

@@ -7,8 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from analysis.estimates import LEVEL, Interval, Json, NotEstimable, or_null, plain, why
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import LEVEL, Interval, Json, NotEstimable, ScoreTable, or_null, plain, why
 from analysis.report import blocks, estimates_json, figure_data
 from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING, counts

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.claims import human_factors, published_scores
 from analysis.claims.published_scores import HumanScores
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import ScoreTable
 from device.friction.changes import CONDITIONS, predicted_contrast
 from device.friction.laws import LAWS
 from tests.analysis.claims.conftest import Find

@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 from analysis.claims.published_scores import PUBLISHED, HumanScores, interval_of_all
-from analysis.estimates import FloatArray
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, ScoreTable
 
 CONDITIONS = ("frequency", "structure", "voltage", "direction", "pressure")
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis.estimates import FloatArray, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, NotEstimable, ScoreTable
 from analysis.report.report import report_html
 from analysis.statistics.additive import AdditiveEffects, additive_effects
 from analysis.statistics.intervals import (

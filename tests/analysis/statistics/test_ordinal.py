@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import integrate, stats
 
-from analysis.estimates import FloatArray, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, NotEstimable, ScoreTable
 from analysis.statistics.ordinal import (
     Link,
     OrdinalEffects,

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from analysis.estimates import FloatArray, NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import FloatArray, NotEstimable, ScoreTable
 from analysis.statistics.corrections import holm
 from analysis.statistics.signed_rank import (
     PairwiseTest,

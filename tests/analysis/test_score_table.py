@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.estimates import NotEstimable
-from analysis.loading.score_table import ScoreTable
+from analysis.estimates import NotEstimable, ScoreTable
 
 
 def test_a_table_keeps_its_own_copy_that_nobody_changes() -> None:

@@ -149,6 +149,11 @@ class Wire:
         while self._due and self._due[0][0] <= self._wall_s():
             self._line.send(self._due.popleft()[1])
 
+    def forget(self) -> None:
+        """Send nothing that is late, nor an old block, as after power has come."""
+        self._due.clear()
+        self._first_block = b""
+
     def idle_s(self, longest_s: float) -> float:
         """Return how long nothing is due, `longest_s` at most."""
         if "flood" in self._active:
@@ -238,6 +243,8 @@ class Server:
     def answer_control(self, line: str) -> str:
         """Do what a hand asks for; it is done when this returns."""
         answer = self.device.answer_control(line)
+        if line.split() == ["reset"]:
+            self._wire.forget()
         present = "vanish" not in self.device.broken.active
         self._there = _is_there(self.line, self._there, present)
         if (gauge := self.gauge) is not None:

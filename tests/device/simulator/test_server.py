@@ -7,7 +7,10 @@ import sys
 from types import FrameType
 from typing import Any
 
-from device.simulator.server import _Ending
+import pytest
+
+from device.simulator.device import SimulatedDevice
+from device.simulator.server import Server, _Ending
 
 SENT = signal.SIGTERM
 TOUCHED_WHEN_READY = """
@@ -34,6 +37,53 @@ def test_its_first_touch_loads_nothing() -> None:
         [sys.executable, "-c", TOUCHED_WHEN_READY], capture_output=True, text=True, check=True
     )
     assert ran.stdout == "ready []\n"
+
+
+class _Line:
+    """A wire with nothing at its other end."""
+
+    url = ""
+
+    def __init__(self) -> None:
+        self.heard, self.sent = b"", b""
+
+    def fileno(self) -> int:
+        return -1
+
+    def receive(self) -> bytes:
+        heard, self.heard = self.heard, b""
+        return heard
+
+    def send(self, data: bytes) -> None:
+        self.sent += data
+
+    def hang_up(self) -> None: ...
+    def come_back(self) -> None: ...
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize("fault", ["slow-drip", "late-reply"])
+def test_after_a_reset_nothing_comes_late(fault: str) -> None:
+    line, now_s = _Line(), [0.0]
+    server = Server(SimulatedDevice(1), line, None, lambda: now_s[0])
+    server.answer_control(f"fault {fault} on")
+    line.heard = b"*IDN?\n"
+    server.step()
+    server.answer_control("reset")
+    line.sent, line.heard, now_s[0] = b"", b"*OPC?\n", 100.0
+    server.step()
+    assert line.sent == b"1\n"
+
+
+def test_after_a_reset_a_stale_block_is_none_from_before() -> None:
+    line = _Line()
+    server = Server(SimulatedDevice(1), line, None, lambda: 0.0)
+    for fault in ("block-truncated-once", "block-stale"):
+        server.answer_control(f"fault {fault} on")
+        line.sent, line.heard = b"", b"TRAC:STAT ON\nTRAC:DATA? 0\n"
+        server.step()
+        server.answer_control("reset")
+    assert line.sent.endswith(b"\n")
 
 
 def test_a_signal_ends_what_serves() -> None:

@@ -232,6 +232,7 @@ class LineMixture:
 
     @cached_property
     def intervals(self) -> tuple[list[Interval], list[Interval]]:
+        """The 95% intervals of bias and gain."""
         weights = self.points.weights
         return self.bias.interval_95(weights), self.gain.interval_95(weights)
 

@@ -240,6 +240,7 @@ class PowerFolder:
             return None
 
     def save(self, name: str, content: bytes) -> None:
+        """Keep it, atomically."""
         write_files({f"{name}.npy": content}, self.chunks, study=self.study)
 
     def write(self, contents: Mapping[str, bytes]) -> None:

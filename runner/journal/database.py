@@ -32,6 +32,7 @@ RESTORE = "restore the journal from a backup (docs/journal.md)"
 _STEPS_BETWEEN_SIGNALS = 10_000
 _MOST_OBJECTS = 100
 _ATTEMPTS = 10
+_SWEEPS = 3
 _BLOCK = 1 << 20
 IN_MEMORY = Path("/dev/shm")  # noqa: S108 - the copy is in a folder that only the user can open
 _NAMES_A_FILE = bytes.fromhex("d9d505f920a163d7")
@@ -357,13 +358,25 @@ def leave(connection: sqlite3.Connection, path: Path, patience_s: float) -> None
     """
     with stops_deferred():
         close_keeping_log(connection, path)
-        # There is nothing to merge, or this user cannot write and leaves it to one who can.
-        if not _has_events(log_of(path)) or not is_writable(path):
+        # This user cannot write and leaves it to one who can.
+        if not is_writable(path):
             return
         end_s = time.monotonic() + patience_s
         # Whoever is still here merges the log when leaving, so that giving up loses nothing.
-        while not _merged(path) and time.monotonic() < end_s:
-            time.sleep(uniform(0.002, 0.02))  # two that leave at once must not wait in step
+        while _has_events(log_of(path)) and not _merged(path) and time.monotonic() < end_s:
+            _wait_out_of_step()
+        # Of two that close at the same moment each can take the other for one that stays, so that
+        # neither removes the log. An empty one belongs to somebody who is here, or to nobody.
+        for _ in range(_SWEEPS):
+            if not log_of(path).exists() or _has_events(log_of(path)):
+                return
+            _wait_out_of_step()
+            _sweep(path)
+
+
+def _wait_out_of_step() -> None:
+    """Wait for a moment, not in step with another process that leaves at the same time."""
+    time.sleep(uniform(0.002, 0.02))
 
 
 def close_keeping_log(connection: sqlite3.Connection, path: Path) -> None:
@@ -412,9 +425,18 @@ def _merged(path: Path) -> bool:
         _close_without_removing(alone, path)
         return True
     alone.close()
-    with suppress(*SQLITE_ERRORS), closing(connected(path)) as sweeper:
-        sweeper.execute("PRAGMA user_version").fetchone()  # its close removes the log's index
+    _sweep(path)
     return True
+
+
+def _sweep(path: Path) -> None:
+    """Remove an empty log and its index, as SQLite does when the last connection is closed."""
+    with suppress(*SQLITE_ERRORS):
+        sweeper = connected(path)
+        with closed_on_error(sweeper):
+            sweeper.execute("PRAGMA user_version").fetchone()
+        # Another process may have come and gone meanwhile, and left events for its own merging.
+        close_keeping_log(sweeper, path)
 
 
 def _close_without_removing(connection: sqlite3.Connection, path: Path) -> None:

@@ -20,6 +20,7 @@ from runner.journal.database import (
     copied_log,
     copy_database,
     has_wal_reset_bug,
+    leave,
     log_of,
 )
 from runner.journal.opening import open_journal, read_journal
@@ -78,6 +79,28 @@ def test_who_leaves_waits_for_a_reader_who_leaves_too(study: Path) -> None:
     leaves.set()
     reader.join()
     assert merged
+    assert events_in_main_file(path) == before + 1
+
+
+def test_an_empty_log_that_nobody_has_removed_goes_with_the_next_to_leave(study: Path) -> None:
+    """Two that close at the same moment leave it, because each waits for the other to do it."""
+    path = study / "study.db"
+    before = sorted(file.name for file in study.iterdir())
+    log_of(path).touch()
+    log_of(path).with_name("study.db-shm").touch()
+    reader = connected(path, "mode=ro")
+    reader.execute("SELECT count(*) FROM event").fetchone()
+    leave(reader, path, 0)
+    assert sorted(file.name for file in study.iterdir()) == before
+
+
+def test_an_empty_log_of_somebody_who_stays_is_left_with_what_is_then_written(study: Path) -> None:
+    path = study / "study.db"
+    with open_journal(path) as journal:
+        leave(connected(path), path, 0)
+        assert log_of(path).exists()
+        before = events_in_main_file(path)
+        noted(journal, "one more")
     assert events_in_main_file(path) == before + 1
 
 

@@ -216,21 +216,24 @@ def _shuffled_p(fit: TwoWay, most: int) -> float:
     given = fit.table.given
     shuffles = int(np.clip(MOST_CELLS // given.size, LEAST_SHUFFLES, most))
     rng = np.random.default_rng(omnibus.SEED)
-    order = np.tile(np.arange(given.shape[1], dtype=np.int16), (shuffles, len(given), 1))
+    # Tables stand last, so that sums over few conditions are sums of long rows.
+    order = np.tile(np.arange(given.shape[1], dtype=np.int16)[:, None], (len(given), 1, shuffles))
     for row, cells in enumerate(given):
         own = np.flatnonzero(cells)
-        order[:, row, own] = rng.permuted(np.tile(own, (shuffles, 1)), axis=1)
+        order[row, own] = rng.permuted(np.tile(own, (shuffles, 1)), axis=1).T
     residuals = np.where(given, fit.residuals, 0.0)
     inverse = _root_of_inverse(given)
     inverse = inverse @ inverse.T
     scores = residuals + given * fit.columns
-    observed = float(_share_of_slopes(scores[None], given, inverse)[0])
-    added, reached = np.stack([np.zeros_like(fit.columns), fit.columns]), np.zeros(2)
+    observed = float(_share_of_slopes(scores[..., None], given, inverse)[0])
+    drawn, reached = ((scores, 0 * fit.columns), (residuals, fit.columns)), np.zeros(2)
+    first = given.shape[1] * np.arange(len(given))[:, None, None]
     # Some tables at a time: all of a large study's would take a quarter of a gigabyte.
-    for part in np.array_split(order, 1 + order.size // _CELLS_AT_A_TIME):
-        drawn = (np.take_along_axis(values[None], part, axis=2) for values in (scores, residuals))
-        for number, (values, effects) in enumerate(zip(drawn, added, strict=True)):
-            shares = _share_of_slopes(values + given * effects, given, inverse)
+    for part in np.array_split(order, 1 + order.size // _CELLS_AT_A_TIME, axis=2):
+        places = first + part
+        for number, (values, effects) in enumerate(drawn):
+            shuffled = values.take(places) + (given * effects)[..., None]
+            shares = _share_of_slopes(shuffled, given, inverse)
             reached[number] += (shares >= observed * (1 - 1e-9)).sum()
     return float((1 + reached.max()) / (1 + shuffles))
 
@@ -243,38 +246,42 @@ def _share_of_slopes(scores: FloatArray, given: BoolArray, inverse: FloatArray) 
     variance is added to each, because one of few scores may be nothing by chance.
 
     Args:
-        scores: shape (tables, subjects, conditions), 0 where not given.
+        scores: shape (subjects, conditions, tables), 0 where not given.
         given: shape (subjects, conditions).
         inverse: of the conditions' information, unweighted.
     """
-    counts = given.sum(axis=1)
+    cells, counts = given[..., None].astype(np.float64), given.sum(axis=1)[:, None]
 
     def centred(values: FloatArray) -> FloatArray:
-        means = (values * given).sum(axis=-1) / counts
-        return np.asarray(given * (values - means[..., None]))
+        means = (values * cells).sum(axis=1) / counts
+        return np.asarray((values - means[:, None]) * cells)
+
+    def products(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("sct,sct->st", a, b))
 
     own = centred(scores)
-    residuals = own - centred((own.sum(axis=1) @ inverse)[:, None])
-    variances = (residuals**2).sum(axis=2) / np.maximum(counts - 1, 1)
-    variances += variances.mean(axis=1, keepdims=True) / 2
+    residuals = own - centred((inverse @ own.sum(axis=0))[None])
+    variances = products(residuals, residuals) / np.maximum(counts - 1, 1)
+    variances += variances.mean(axis=0) / 2
     # Only ratios of weights matter; tables without residuals weight all alike.
-    least = variances.min(axis=1, keepdims=True)
+    least = variances.min(axis=0)
     weights = np.where(least > 0, least, 1.0) / np.where(least > 0, variances, 1.0)
     projections = given[:, :, None] * np.eye(len(inverse)) - (
-        given[:, :, None] * given[:, None] / counts[:, None, None]
+        given[:, :, None] * given[:, None] / counts[:, None]
     )
     # A constant added to all effects is confounded with the subjects' levels, and 1 fixes it.
-    information = np.tensordot(weights, projections, 1) + 1.0
-    effects = np.linalg.solve(information, (weights[:, None] @ own).swapaxes(1, 2))[..., 0]
-    lines = centred(effects[:, None])
+    information = np.tensordot(weights.T, projections, 1) + 1.0
+    weighted = np.einsum("st,sct->tc", weights, own)
+    effects = np.linalg.solve(information, weighted[..., None])[..., 0]
+    lines = centred(np.ascontiguousarray(effects.T)[None])
     residuals = own - lines
-    lengths = (lines**2).sum(axis=2)
-    known = lengths > 1e-18 * (own**2).sum(axis=(1, 2))[:, None]
+    lengths, no_squares = products(lines, lines), 1e-18 * products(own, own).sum(axis=0)
+    known = lengths > no_squares
     # (11), mathematics/ordinal
-    along = (lines * residuals).sum(axis=2) ** 2 * known / np.where(known, lengths, 1.0)
-    total = (weights * (residuals**2).sum(axis=2)).sum(axis=1)
-    some = total > 1e-18 * (own**2).sum(axis=(1, 2))
-    return np.asarray((weights * along).sum(axis=1) * some / np.where(some, total, 1.0))
+    along = products(lines, residuals) ** 2 * known / np.where(known, lengths, 1.0)
+    total = (weights * products(residuals, residuals)).sum(axis=0)
+    some = total > no_squares
+    return np.asarray((weights * along).sum(axis=0) * some / np.where(some, total, 1.0))
 
 
 def _root_of_inverse(given: BoolArray) -> FloatArray:

@@ -5,7 +5,7 @@ Numbers of equations are those of docs/mathematics/ordinal.md.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -131,6 +131,8 @@ def _shares(
     data: ScoreCounts, log_p: FloatArray, log_weights: FloatArray, log_own: FloatArray
 ) -> tuple[float, FloatArray]:
     """Return (2) and how many scores are where: of each condition and category at each level."""
+    # A cell's own levels go first: what is done along a short last axis takes numpy much longer.
+    log_p = np.ascontiguousarray(np.moveaxis(log_p, 3, 0))
     nodes, weights, total = len(log_weights), np.zeros(log_p.shape), 0.0
     for counts in data.alike:
         windows = [slice(0, nodes)]
@@ -138,17 +140,16 @@ def _shares(
             ends = _cells(counts[:, [0, -1]], log_p, log_own)[0] + log_weights
             windows = [_window(ends), *windows]
         for window in windows:
-            by_cell, known = _cells(counts, log_p[:, :, window], log_own)
+            by_cell, known = _cells(counts, log_p[..., window], log_own)
             by_level = by_cell + log_weights[window]
             per_subject = logsumexp(by_level, axis=1, keepdims=True)
             shares = np.exp(by_level - per_subject)
             if _holds(window, shares, nodes):
                 break
-        known *= shares[:, :, None]
-        flat = np.swapaxes(counts, 1, 2) @ known.reshape(*known.shape[:2], -1)
-        weights[:, :, window] += flat.reshape(weights[:, :, window].shape)
+        known *= shares
+        weights[..., window] += np.swapaxes(counts, 1, 2) @ known
         total += float(per_subject.sum())
-    return total, weights
+    return total, np.ascontiguousarray(np.moveaxis(weights, 0, 3))
 
 
 def _cells(
@@ -156,19 +157,29 @@ def _cells(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the log-likelihood of subjects at levels, and the shares of their cells' levels.
 
-    Shapes: `counts` (conditions, subjects, categories), `log_p` (conditions, categories, levels,
-    own levels), `log_own` (own levels,), and (subjects, levels) and (conditions, subjects, levels,
-    own levels) of what is returned.
+    Shapes: `counts` (conditions, subjects, categories), `log_p` (own levels, conditions,
+    categories, levels), `log_own` (own levels,), and (subjects, levels) and (own levels,
+    conditions, subjects, levels) of what is returned.
     """
-    flat = log_p.reshape(*log_p.shape[:2], -1)
-    cells = (counts @ flat).reshape(*counts.shape[:2], *log_p.shape[2:]) + log_own
-    # The maximum over a short last axis takes numpy eight times as long as all exponentials do.
-    highest = np.asarray(reduce(np.maximum, np.moveaxis(cells, 3, 0), -np.inf))[..., None]
+    cells = counts @ log_p
+    cells += log_own[:, None, None, None]
+    highest = cells.max(axis=0)
     cells -= highest
     known = np.exp(cells, out=cells)
-    total = known.sum(axis=3, keepdims=True)
+    total = _total(known)
     known /= total
-    return (highest + np.log(total)).sum(axis=0)[..., 0], known
+    return (highest + np.log(total)).sum(axis=0), known
+
+
+def _total(parts: FloatArray) -> FloatArray:
+    """Return the sum over the first axis, in the order in which numpy adds up to 128 neighbours."""
+    whole = len(parts) // 8 * 8
+    if not whole:
+        return np.asarray(parts.sum(axis=0))
+    eight = parts[:whole].reshape(-1, 8, *parts.shape[1:]).sum(axis=0)
+    four = eight[::2] + eight[1::2]
+    two = four[::2] + four[1::2]
+    return np.asarray(sum(parts[whole:], two[0] + two[1]))
 
 
 def _window(by_level: FloatArray) -> slice:

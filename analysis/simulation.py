@@ -134,6 +134,11 @@ class Cohort:
     score_reaction_s: FloatArray
     force_n: FloatArray
 
+    def rows(self, which: slice) -> "Cohort":
+        """Return some of the people."""
+        own = {name: values[which] for name, values in vars(self).items() if name != "people"}
+        return Cohort(people=self.people.rows(np.arange(self.people.size)[which]), **own)
+
 
 def cohort(
     planned: PlannedTrials, people: People, names: Sequence[str], slots: IntArray, world: World
@@ -413,30 +418,35 @@ class Simulation:
         """
         return joined(self.sessions(participants, seed))
 
-    def sessions(self, participants: int, seed: int | str) -> list[Cohort]:
-        """Return the same, with the first sessions of all, their second ones and so on apart."""
-        return self._sessions(self._who(participants, seed))
+    def sessions(self, participants: int, *seeds: int | str) -> list[Cohort]:
+        """Return the same, with the first sessions of all, their second ones and so on apart.
+
+        Of several seeds the cohorts follow each other.
+        """
+        return self._sessions([one for seed in seeds for one in self._who(participants, seed)])
 
     def tables(self, participants: int, seeds: Sequence[int | str]) -> Tables:
         """Return what the tests of cohorts take, a cohort for each seed."""
-        who = [one for seed in seeds for one in self._who(participants, seed)]
-        found: list[list[Any]] = []
-        for begin in range(0, len(who), _AT_ONCE):
-            sessions = self._sessions(who[begin : begin + _AT_ONCE])
-            made, ends = joined(sessions), np.cumsum([each.kinds.shape[1] for each in sessions])
-            each = (slice(*of) for of in pairwise([0, *ends.tolist()]))
-            by_session = [score_tables(self.planned, made, of) for of in each]
-            of_study = score_tables(self.planned, made) if len(sessions) > 1 else by_session[0]
-            counts = noticed_counts(self.planned, made)
-            found.append([of_study, counts, np.stack(by_session, axis=-1)])
-        shape = (len(seeds), participants)
+        most = max(_AT_ONCE // participants, 1)
+        parts = [seeds[begin : begin + most] for begin in range(0, len(seeds), most)]
+        found = [self.tables_of(self.sessions(participants, *part), participants) for part in parts]
+        return Tables(*map(np.concatenate, zip(*found, strict=True)))
+
+    def tables_of(self, sessions: Sequence[Cohort], participants: int) -> Tables:
+        """Return what the tests take of the `sessions` of cohorts with so many participants."""
+        made, ends = joined(sessions), np.cumsum([each.kinds.shape[1] for each in sessions])
+        each = (slice(*of) for of in pairwise([0, *ends.tolist()]))
+        by_session = [score_tables(self.planned, made, of) for of in each]
+        of_study = score_tables(self.planned, made) if len(sessions) > 1 else by_session[0]
+        counts = noticed_counts(self.planned, made)
+        arrays: list[Any] = [of_study, counts, np.stack(by_session, axis=-1)]
+        cohorts = made.people.size // participants
         scores, noticed, apart = (
-            np.concatenate(arrays).reshape(*shape, *arrays[0].shape[1:])
-            for arrays in zip(*found, strict=True)
+            array.reshape(cohorts, participants, *array.shape[1:]) for array in arrays
         )
         groups = [self.planned.place(slot)[0] for slot in range(participants)]
         of = [self.study.groups.index(group) if group else 0 for group in groups]
-        return Tables(scores, noticed, apart, np.broadcast_to(of, shape))
+        return Tables(scores, noticed, apart, np.broadcast_to(of, (cohorts, participants)))
 
     @property
     def planned(self) -> PlannedTrials:

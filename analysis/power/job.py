@@ -220,13 +220,15 @@ def numbers(job: Job, task: Task) -> FloatArray:
         if task.kind == "tracks":
             people = simulate.population, simulate.rig, simulate.participants
             return track_rows(simulate.study, *people, keys)
+        if task.kind == "fitted":
+            tables, cohorts = simulate.studies(keys)
+            return np.column_stack(
+                [rows_of_tables(tables, asked(job)), estimates_of_cohorts(cohorts)]
+            )
         tables = simulate.tables(keys)
         if task.kind == "null":
             tables = without_effect(tables, map(_stream, keys))
-        rows = rows_of_tables(tables, asked(job))
-        if task.kind != "fitted":
-            return rows
-        return np.column_stack([rows, estimates_of_cohorts(list(map(simulate.cohort, keys)))])
+        return rows_of_tables(tables, asked(job))
 
 
 def _stream(key: str) -> np.random.Generator:

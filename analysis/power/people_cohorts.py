@@ -16,6 +16,7 @@ from analysis.simulation import (
     Simulation,
     Tables,
     counted_trials,
+    joined,
     names_of,
 )
 from analysis.trials.contrasts import felt_change, planned_change_of
@@ -102,8 +103,20 @@ class PeopleCohorts:
         A person's true gain is per unit of the predicted contrast, as the estimated one is, so
         that its skin, which changes the contrast, is a part of it.
         """
+        return self._rated(self._simulation.cohort(self.participants, key))
+
+    def studies(self, keys: Sequence[str]) -> tuple[Tables, list[RatedCohort]]:
+        """Return `tables` and each `cohort` of a few studies, which are simulated once for both."""
+        simulation, people = self._simulation, self.participants
+        sessions = simulation.sessions(people, *keys)
+        made = joined(sessions)
+        cohorts = [
+            made.rows(slice(own, own + people)) for own in range(0, made.people.size, people)
+        ]
+        return simulation.tables_of(sessions, people), list(map(self._rated, cohorts))
+
+    def _rated(self, made: Cohort) -> RatedCohort:
         simulation, names = self._simulation, names_of(self.participants)
-        made = simulation.cohort(self.participants, key)
         counted, _, out = counted_trials(simulation.planned, made)
         # Who left before the first answer breaks no rule, because there is nothing to judge.
         kept = np.flatnonzero(~(out & made.answered.any(axis=1)))
@@ -140,26 +153,32 @@ class PeopleCohorts:
 
     def _contrasts(self, made: Cohort, who: IntArray, trial: IntArray) -> FloatArray:
         """Return the contrast of each trial of a person under each law, shape (trials, laws)."""
-        of, resonance_hz = self._simulation.planned.kinds, self.study.rig.nominal_resonance_hz
-        changes = [
-            planned_change_of(self.study, it.question, it.expected, it.touches)
-            for it in (kind.trial for kind in of)
-        ]
-        count = np.array([len(kind.marks) for kind in of])[made.kinds]
-        begin = np.cumsum(count, axis=1) - count
+        resonance_hz, felt = self.study.rig.nominal_resonance_hz, []
+        for kind in self._simulation.planned.kinds:
+            asked = kind.trial
+            change = planned_change_of(self.study, asked.question, asked.expected, asked.touches)
+            # A contrast is between the first touch and the last; they may be one.
+            ends = dict.fromkeys([0, len(kind.marks) - 1])
+            felt.append((change, [_touched(kind, number, resonance_hz) for number in ends]))
+        kinds, offsets_m = made.kinds[who, trial], made.people.place_offset_m[who]
+        count = np.array([len(kind.marks) for kind in self._simulation.planned.kinds])[made.kinds]
+        first = (np.cumsum(count, axis=1) - count)[who, trial]
+        last = first + count[who, trial] - 1
+        # The journal keeps a touch's force to a tenth of a millinewton.
+        forces_n = zip(*(made.force_n[who, at].tolist() for at in (first, last)), strict=True)
         contrasts = np.full((len(who), len(LAWS)), np.nan)
-        for row, (person, number) in enumerate(zip(who.tolist(), trial.tolist(), strict=True)):
-            kind = int(made.kinds[person, number])
-            if (planned := changes[kind]) is None:
-                continue
-            forces_n = made.force_n[person, begin[person, number] :]
-            offset_m = float(made.people.place_offset_m[person])
-            touches = [
-                _touched(of[kind], place, float(forces_n[place]), offset_m, resonance_hz)
-                # A contrast is between the first touch and the last; they may be one.
-                for place in dict.fromkeys([0, len(of[kind].marks) - 1])
-            ]
-            contrasts[row] = _by_law(felt_change(planned, touches, resonance_hz), self.rig)
+        trials = zip(kinds.tolist(), offsets_m.tolist(), forces_n, strict=True)
+        for row, (kind, offset_m, own_n) in enumerate(trials):
+            change, planned = felt[kind]
+            if change is not None:
+                touches = [
+                    touch._replace(
+                        force_n=round(force_n, 4),
+                        place_m=touch.place_m + offset_m if force_n > LIFTED_N else nan,
+                    )
+                    for touch, force_n in zip(planned, own_n, strict=False)
+                ]
+                contrasts[row] = _by_law(felt_change(change, touches, resonance_hz), self.rig)
         return contrasts
 
     @cached_property
@@ -189,17 +208,17 @@ class _Touched(NamedTuple):
     end_frequency_hz: float
 
 
-def _touched(
-    kind: AlikeTrials, number: int, force_n: float, offset_m: float, resonance_hz: float
-) -> _Touched:
-    """Return a touch as the rig would have measured it: see `loaded_sessions`."""
+def _touched(kind: AlikeTrials, number: int, resonance_hz: float) -> _Touched:
+    """Return a touch as the rig would have measured it, but for the finger: see `loaded_sessions`.
+
+    Its place is where it is held, NaN if it moves.
+    """
     touch, mark = kind.trial.touches[number].at(resonance_hz), kind.marks[number]
-    held = touch.place != "path" and not mark.slides and force_n > LIFTED_N
+    held = touch.place != "path" and not mark.slides
     return _Touched(
         planned=touch,
-        # The journal keeps a touch's force to a tenth of a millinewton.
-        force_n=round(force_n, 4),
-        place_m=mark.start_m + offset_m if held else nan,
+        force_n=nan,
+        place_m=mark.start_m if held else nan,
         start_voltage_v=touch.voltage_v,
         start_frequency_hz=touch.frequency * resonance_hz,
         end_voltage_v=touch.end_voltage_v,

@@ -134,11 +134,15 @@ def test_a_registered_hypothesis_counts_only_with_its_sign_and_after_the_primary
 
 def test_t_intervals_of_differences_cover_and_have_the_right_sign() -> None:
     rows = rows_by(7, 1500, (0, 0, 0, 0, 2.0))
-    made = {one.name: one for one in found(rows, rows[:0]).estimates}
+    known = found(rows, rows[:0])
+    made = {one.name: one for one in known.estimates}
     big, none = made["mean difference a - e"], made["mean difference a - b"]
     for one in (big, none):
         assert abs(one.coverage.value - 0.95) < 4 * one.coverage.error
         assert one.bias.value == pytest.approx(0, abs=1e-9)
+    # By definition, so that the terminal leaves it out.
+    _, *lines, _ = lines_of_estimates(known)
+    assert {line[1] for line in lines if line[0] in made} == {"–"}
     assert big.type_s.value == 0
     # Where there is no difference, none can be too large or have the wrong sign.
     assert 1 <= big.type_m.value < 1.2

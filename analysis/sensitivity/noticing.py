@@ -65,17 +65,19 @@ class NoticingTrials(LatentTrials):
         self, shared: FloatArray, own: FloatArray, sd: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return (16); σ is 1."""
-        criteria, slopes = (own + shared[:, None, self.line_columns]).T
-        criterion = criteria[self.subject]
-        place = LEAN * shared[:, 0] + slopes[self.subject] * self.x[:, None]
+        lines = np.ascontiguousarray((own + shared[:, None, self.line_columns]).T)
+        criterion, place = (each.take(self.subject, axis=0) for each in lines)
+        place *= self.x[:, None]
+        place += LEAN * shared[:, 0]
         if self.conditions:
-            effect = shared.T[self.line_columns.stop :][self.condition]
-            place = place + np.sign(self.x)[:, None] * effect
-        upper, lower = (sign[:, None] for sign in self.signs)
-        return (
-            np.where(lower == 0, -np.inf, lower * criterion - place) / sd,
-            np.where(upper == 0, np.inf, upper * criterion - place) / sd,
-        )
+            effects = np.ascontiguousarray(shared.T[self.line_columns.stop :])
+            place += np.sign(self.x)[:, None] * effects.take(self.condition, axis=0)
+        upper, lower = (sign[:, None] * criterion for sign in self.signs)
+        for edge, sign, beyond in zip((upper, lower), self.signs, (np.inf, -np.inf), strict=True):
+            edge -= place
+            edge[sign == 0] = beyond
+            edge /= sd
+        return lower, upper
 
     @cached_property
     def loadings(self) -> tuple[FloatArray, FloatArray]:

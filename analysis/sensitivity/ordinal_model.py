@@ -13,6 +13,7 @@ from analysis.sensitivity.curvature import OrdinalTrials, counted
 from analysis.sensitivity.integration import Marginals, settled
 from analysis.sensitivity.laplace import Components, LatentField
 from analysis.sensitivity.latent_posterior import LatentPosterior, integrated, log_evidence
+from analysis.sensitivity.marginals import standard_deviations
 
 # log σ, log τ_bias, log τ_gain, artanh ρ and log τ_discrepancy.
 START = np.array([-0.5, -0.7, -0.7, 0.0, -1.5])
@@ -248,19 +249,18 @@ def _mixture(
             slopes.shared_only(gain_unit * slopes.shared[:1]),
             effects,
             relative.times(gain_unit),
-            departures,
         )
     )
     between = of_lines.covariance_matrices(points.points[:, 1:4])
     others = slice(2 * lines, 2 * lines + trials.conditions)
-    relatives = slice(others.stop, others.stop + trials.subjects)
     mixture = of_lines.LineMixture(
         points=points,
         axes=axes,
         bias=found.part(slice(lines)).plus(axes.y_mean),
         gain=found.part(slice(lines, 2 * lines)),
-        relative=found.part(relatives),
-        own_variance=found.sds[:, relatives.stop :] ** 2 / between[:, None, 1, 1],
+        relative=found.part(slice(others.stop, None)),
+        own_variance=standard_deviations(known.modes.curvature, departures) ** 2
+        / between[:, None, 1, 1],
         residual_sd=known.residual_sds * axes.y_sd,
         log_evidence_of_equal=partial(_equal_gains, ready, points.mean(points.points)),
         counts=counts.astype(np.float64),

@@ -133,8 +133,7 @@ class OrdinalTrials(LatentTrials):
             place += effects.take(self.condition, axis=0)
         lower, upper = (edges.take(self.category + above, axis=0) for above in (0, 1))
         for edge in (lower, upper):
-            edge -= place
-            edge /= sd
+            np.divide(np.subtract(edge, place, out=edge), sd, out=edge)
         return lower, upper
 
     @cached_property
@@ -215,8 +214,7 @@ class DerivativeSums:
         np.add(up, down, out=mixed)
         for edge, of, by in ((slopes.upper, up, by_upper), (slopes.lower, down, by_lower)):
             np.divide(edge, residual_sd, out=by)
-            by += mixed
-            by *= of
+            np.multiply(np.add(by, mixed, out=by), of, out=by)
         np.multiply(up, down, out=mixed)
         points, (lines, subjects, size) = len(residual_sd), self._shape
         own = lines * subjects
@@ -444,7 +442,6 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
 
 def mills_ratio(x: FloatArray) -> FloatArray:
     """Return (1 - Φ(x)) / φ(x) of numbers that are not below `BEYOND`."""
-    found = x / np.sqrt(2)
-    erfcx(found, out=found)
+    found = np.asarray(erfcx(x / np.sqrt(2)))
     found *= np.sqrt(np.pi / 2)
     return found

@@ -184,9 +184,9 @@ class LatentField:
         lower, upper = self.trials.bounds(
             shared, departures(components.root, z), components.residual_sd
         )
-        in_order = upper > lower
+        rising = upper > lower
         # All at once, because to look at each point takes several times as long.
-        in_order = np.ones(len(shared), np.bool_) if in_order.all() else in_order.all(axis=0)
+        in_order = np.ones(len(shared), np.bool_) if rising.all() else rising.all(axis=0)
         if not in_order.all():
             # There is no likelihood; any edges in order will do.
             lower, upper = np.where(in_order, lower, -1.0), np.where(in_order, upper, 1.0)

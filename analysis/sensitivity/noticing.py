@@ -74,9 +74,8 @@ class NoticingTrials(LatentTrials):
             place += np.sign(self.x)[:, None] * effects.take(self.condition, axis=0)
         upper, lower = (sign[:, None] * criterion for sign in self.signs)
         for edge, sign, beyond in zip((upper, lower), self.signs, (np.inf, -np.inf), strict=True):
-            edge -= place
+            np.divide(np.subtract(edge, place, out=edge), sd, out=edge)
             edge[sign == 0] = beyond
-            edge /= sd
         return lower, upper
 
     @cached_property

@@ -30,6 +30,10 @@ OUTPUTS = (
 )
 
 
+_NUMBERS_PER_SCENE, _MOST_NUMBERS = 64, 2**21
+"""About so many numbers are in memory at once."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PredictOptions:
     """What `touchbeam predict` is asked for."""
@@ -122,13 +126,17 @@ def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOpti
 def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
     """Yield rows to compute in one pass: alike in mode, words and what is given at all."""
     count = len(table.lines)
-    keys = [np.unique(words, return_inverse=True)[1] for words in table.words.values()]
-    keys.append(table.numbers["mode"].astype(np.intp))
-    given = (table.numbers[name] for name in ("finger_load_n", "same_direction_fraction"))
-    keys.extend(np.isnan(values).astype(np.intp) for values in given)
+    columns = [*table.words.values(), table.numbers["mode"]]
+    columns += [
+        np.isnan(table.numbers[name]) for name in ("finger_load_n", "same_direction_fraction")
+    ]
     # What all rows share separates none of them; most tables are then one group and need no
     # sorting.
-    keys = [key for key in keys if (key != key[0]).any()]
+    keys = [
+        np.unique(column, return_inverse=True)[1]
+        for column in columns
+        if (column != column[0]).any()
+    ]
     if not keys:
         yield np.arange(count)
         return
@@ -195,6 +203,9 @@ def predicted_table(
             for Eq 15 under a repaired law; names file and line.
     """
     count = len(table.lines)
+    # The C library on Linux keeps as much memory as was once given back to it as a whole; else the
+    # system would clear all arrays of each call anew, which takes as long as the predictions.
+    np.empty(min(_NUMBERS_PER_SCENE * count, _MOST_NUMBERS))
     columns = {name: np.empty(count) for name in OUTPUTS}
     rung, bound = np.empty(count, dtype=np.object_), np.empty(count)
     for rows in _groups(table) if count else ():

@@ -49,10 +49,10 @@ def _resonance(mode: int) -> Mapping[str, modes.FloatArray]:
 
 def certified(batch: model.Batch) -> modes.BoolArray:
     """Return for which scenes the table has the top rung's range, shape (n,)."""
-    known = str(batch.mode) in _table()["modes"]
     resonant = np.isnan(batch.frequency_hz)
-    driven = _in_domain(batch, batch.frequency_hz)
-    inside = np.where(resonant, known & _in_domain(batch), driven)
+    inside = _in_domain(batch) & (str(batch.mode) in _table()["modes"])
+    if not resonant.all():
+        inside = np.where(resonant, inside, _in_domain(batch, batch.frequency_hz))
     return np.broadcast_to(inside, batch.size)
 
 
@@ -64,11 +64,16 @@ def reduced_certified(batch: model.Batch) -> modes.BoolArray:
     return np.broadcast_to(plain, batch.size)
 
 
+@lru_cache(maxsize=32)
+def _is_of_table(beam: Beam) -> bool:
+    """Return whether it is the table's beam but for damping and frequency scale."""
+    return replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0) == Beam()
+
+
 def _in_domain(batch: model.Batch, frequency_hz: modes.FloatArray | None = None) -> modes.BoolArray:
     """Return which scenes have the table's beam and damping, and drives within its bins."""
-    table, beam = _table(), batch.beam
-    plain = replace(beam, damping_ratio=Beam().damping_ratio, frequency_scale=1.0)
-    if plain != Beam():
+    table = _table()
+    if not _is_of_table(batch.beam):
         return np.zeros(batch.size, dtype=np.bool_)
     low, high = table["damping_ratio"]
     inside = (batch.damping_ratio >= low) & (batch.damping_ratio <= high)

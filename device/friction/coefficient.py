@@ -160,7 +160,8 @@ def _cheap_parts(
     # No μ' is nearer to both ends of a range than its middle.
     open_ = np.flatnonzero((top[1] - top[0]) / 2 <= tolerance)
     for name in CANDIDATES:
-        which, top = which[open_], top.take(open_, axis=1)
+        if open_.size < which.size:
+            which, top = which[open_], top.take(open_, axis=1)
         if which.size:
             prediction = rung_prediction(batch.rows(which), name, choice)
             bound = _bound(top, prediction.mu_effective)

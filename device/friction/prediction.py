@@ -71,6 +71,9 @@ class Batch:
         return int(self.contact.x_m.size)
 
     def rows(self, which: IndexArray) -> "Batch":
+        """Return some of the scenes, in their order."""
+        if which.size == self.size:
+            return self
         drives = ("voltage_v", "frequency_hz", "damping_ratio")
         # A value that all scenes share stays one.
         own = {name: getattr(self, name) for name in drives}
@@ -84,6 +87,8 @@ class Batch:
         scenes share their drive.
         """
         frequency_hz = np.nan_to_num(self.frequency_hz, nan=-1.0)
+        if frequency_hz.size == self.damping_ratio.size == 1:
+            return frequency_hz, self.damping_ratio, np.zeros(1, dtype=np.intp)
         # As complex numbers, because those sort 20 times faster than pairs.
         found, drive = np.unique(frequency_hz + 1j * self.damping_ratio, return_inverse=True)
         return found.real, found.imag, drive
@@ -104,6 +109,9 @@ class Prediction:
     displacement_m: FloatArray
 
     def rows(self, which: IndexArray) -> "Prediction":
+        """Return some of the scenes, in their order."""
+        if which.size == self.mu_effective.size:
+            return self
         return Prediction(**{name: column[which] for name, column in vars(self).items()})
 
 

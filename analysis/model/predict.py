@@ -89,6 +89,8 @@ def _optional(values: FloatArray) -> FloatArray | None:
 
 def _shared(values: FloatArray) -> FloatArray:
     """Return a column's one value, shape (1,), if all values are the same bits, else all."""
+    if values.size == 1:
+        return values
     # Bits rather than values, because NaN differs from itself and -0 equals 0.
     bits = values.view(np.int64)
     return values[:1] if (bits == bits[0]).all() else values

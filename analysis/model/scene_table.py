@@ -264,12 +264,16 @@ def _table(
     """Return the table of given columns; what all scenes share has shape (1,)."""
     numbers, words = {}, {}
     for name, column in COLUMNS.items():
-        # One blank cell stands for the column that is not there, and takes its default.
-        cells = given.get(name, [""])
+        cells = given.get(name)
         if isinstance(column, WordColumn):
-            words[name] = _words(source, name, column, cells, lines)
+            own = column.words[:1] if cells is None else _words(source, name, column, cells, lines)
+            words[name] = np.asarray(own)
         else:
             if defaults and name in defaults:
                 column = replace(column, default=defaults[name])  # noqa: PLW2901 - for this table
-            numbers[name] = _numbers(source, name, column, cells, lines)
+            numbers[name] = (
+                np.array([column.default], dtype=np.float64)
+                if cells is None
+                else _numbers(source, name, column, cells, lines)
+            )
     return SceneTable(source=source, lines=lines, numbers=numbers, words=words)

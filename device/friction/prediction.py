@@ -86,7 +86,7 @@ class Batch:
         A resonance is -1 here: one NaN would be unlike another. The last is of shape (1,) if all
         scenes share their drive.
         """
-        frequency_hz = np.nan_to_num(self.frequency_hz, nan=-1.0)
+        frequency_hz = np.where(np.isnan(self.frequency_hz), -1.0, self.frequency_hz)
         if frequency_hz.size == self.damping_ratio.size == 1:
             return frequency_hz, self.damping_ratio, np.zeros(1, dtype=np.intp)
         # As complex numbers, because those sort 20 times faster than pairs.
@@ -96,8 +96,9 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a rung and a law say of n scenes; each of shape (n,): μ', r, η, p, f_p (N) and |q| (m).
+    """What a rung and a law say of n scenes: μ', r, η, p, f_p (N) and |q| (m).
 
+    μ' is of shape (n,), and so is what differs between the scenes; other shapes broadcast to it.
     For the printed law the ratio is a/u, the anisotropy ½, and the inertial ratio f_p/(uf).
     """
 
@@ -110,9 +111,13 @@ class Prediction:
 
     def rows(self, which: IndexArray) -> "Prediction":
         """Return some of the scenes, in their order."""
-        if which.size == self.mu_effective.size:
+        shape = self.mu_effective.shape
+        if which.shape == shape:
             return self
-        return Prediction(**{name: column[which] for name, column in vars(self).items()})
+        columns = vars(self).items()
+        return Prediction(
+            **{name: column[which] if column.shape == shape else column for name, column in columns}
+        )
 
 
 def law_terms(
@@ -163,18 +168,16 @@ def terms_prediction(
     contact: Contact, field: Field, terms: ContactTerms, choice: LawChoice
 ) -> Prediction:
     """Return the prediction of a law from the terms that `law_terms` gives in a field."""
-    law = choice.law
-    half = np.full(contact.x_m.shape, 0.5)
-    columns = {
-        "mu_effective": law(terms),
-        "same_direction_ratio": terms.same_direction,
-        "anisotropy": half if law.as_printed else anisotropy(terms.relative_tip_speed),
-        "inertial_ratio": terms.printed_inertial_ratio if law.as_printed else terms.inertial_ratio,
-        "inertial_load_n": terms.inertial_load_n,
-        "displacement_m": field.displacement_m,
-    }
-    *whole, _ = np.broadcast_arrays(*columns.values(), half)
-    return Prediction(**dict(zip(columns, whole, strict=True)))
+    law, shape = choice.law, contact.x_m.shape
+    mu, printed = law(terms), law.as_printed
+    return Prediction(
+        mu_effective=mu if mu.shape == shape else np.full(shape, mu),
+        same_direction_ratio=terms.same_direction,
+        anisotropy=np.asarray(0.5) if printed else anisotropy(terms.relative_tip_speed),
+        inertial_ratio=terms.printed_inertial_ratio if printed else terms.inertial_ratio,
+        inertial_load_n=np.asarray(terms.inertial_load_n),
+        displacement_m=field.displacement_m,
+    )
 
 
 def joined(parts: list[tuple[IndexArray, Prediction]], size: int) -> Prediction:

@@ -12,6 +12,7 @@ import gc
 import shutil
 import tempfile
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,18 @@ def _require_tools() -> None:
     missing = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
     if missing:
         pytest.skip(f"no {' and no '.join(missing)} on this machine; make test installs them")
+
+
+@pytest.fixture
+def figures_as_svg(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write figures as SVG under all names: other bytes for another figure, and soon drawn.
+
+    For what is beside them; nothing of it is kept for other tests, since a lambda has no name.
+    """
+    made = "analysis.report.drawing"
+    files, svg = import_module(made).drawing, import_module(made)._reproducible_svg
+    monkeypatch.setattr(f"{made}._saved", lambda figure, *_: svg(figure).encode())
+    monkeypatch.setattr(f"{made}._files_of", lambda draw, words: files(draw, words).files())
 
 
 @pytest.fixture(scope="session")

@@ -201,12 +201,14 @@ class Track(Record):
     @property
     def values(self) -> tuple[float, ...]:
         """All levels, from the hardest to the easiest: by their distance from the standard."""
-        return tuple(sorted(self.levels.values, key=lambda value: abs(value - self.reference)))
+        reference = self.reference
+        return tuple(sorted(self.levels.values, key=lambda value: abs(value - reference)))
 
     @property
     def distances(self) -> tuple[float, ...]:
         """What the curve is a function of: how far each level is from the standard."""
-        return tuple(abs(value - self.reference) for value in self.values)
+        reference = self.reference
+        return tuple(abs(value - reference) for value in self.values)
 
     def at(self, index: int, voltage_v: float | None = None) -> TrackTouch:
         """Return the comparison at a level; on the axis `contrast` with the voltage that gives it.

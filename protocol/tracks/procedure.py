@@ -125,7 +125,7 @@ def moved(track: Track, place: TrackPlace, correct: bool) -> TrackPlace:
     """
     if track.method == "staircase":
         return staircase(track).moved(place, correct)
-    top, heading = len(track.values) - 1, place.heading
+    top, heading = len(track.levels.values) - 1, place.heading
     changed = correct == (heading > 0)
     following = place.level + heading
     if not changed and 0 <= following <= top:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pyglet
+import scipy
 from pyglet.window import key, mouse
 
 from protocol.errors import WorkFailed
@@ -18,10 +19,11 @@ from runner.window import elements
 from runner.window.messages import Settings
 
 # Psychopy imports it for the calibration of monitors alone, which no session has: the window opens
-# sooner by a third if it comes only when it is used.
+# sooner by a third if it comes only when it is used. Where scipy does not have it yet, an import
+# from scipy would use it.
 if (spec := find_spec("scipy.interpolate")) and spec.loader:
     spec.loader = LazyLoader(spec.loader)
-    sys.modules[spec.name] = module_from_spec(spec)
+    sys.modules[spec.name] = vars(scipy)["interpolate"] = module_from_spec(spec)
     spec.loader.exec_module(sys.modules[spec.name])
 
 from psychopy import logging, visual

@@ -56,6 +56,7 @@ def test_sections_are_chosen_by_file_and_by_name(
     assert shown(study) == ["trials", "glossary"]
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) -> None:
     assert typed("report", study) == 0
     plain = (study / "report" / "report.json").read_bytes()

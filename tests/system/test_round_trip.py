@@ -157,6 +157,7 @@ def test_what_is_private_stays_behind(original: Path, exported: Path) -> None:
             assert not [secret for secret in SECRETS if secret.encode() in file.read_bytes()], file
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_a_crate_has_the_same_sessions_and_the_report_on_them(
     original: Path, exported: Path, reported: Path, tmp_path: Path
 ) -> None:

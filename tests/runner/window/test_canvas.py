@@ -32,4 +32,5 @@ def test_no_line_is_wider_on_the_screen_than_estimated(
     found = json.loads(drawn.stdout.splitlines()[-1])
     assert found["screens"] > 15
     assert found["too_wide"] == []
+    assert found["needless"] == [], "the window opens sooner without it"
     assert (tmp_path / f"score-chosen-{language}-{width}.png").stat().st_size < 50_000

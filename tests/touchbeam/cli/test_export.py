@@ -125,6 +125,7 @@ def test_withdrawn_participants_are_left_out(study: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["csv", "bids", "psychds", "rocrate"])
+@pytest.mark.usefixtures("figures_as_svg")
 def test_one_participant_gets_their_own_data_and_nothing_of_others(study: Path, form: str) -> None:
     assert typed("export", study, "all", "--format", "csv") == 0
     assert typed("export", study, "mine", "--format", form, "--participant", "P01") == 0

@@ -28,6 +28,7 @@ def make_results(where: str) -> None:
         assert typed("export", "study", f"study/{where}/{form}", "--format", form) == 0
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_reports_and_exports_made_before_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("import", str(PUBLISHED), "study") == 0
     make_results("before")

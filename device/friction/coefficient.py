@@ -173,7 +173,10 @@ def _cheap_parts(
 
 def _worthwhile(batch: Batch, which: IndexArray) -> bool:
     """Whether scenes have so many different drives that setting up the modes saves time."""
-    return which.size >= FEWEST_DRIVES and batch.rows(which).drives()[0].size >= FEWEST_DRIVES
+    most = max(batch.frequency_hz.size, batch.damping_ratio.size)
+    if min(most, which.size) < FEWEST_DRIVES:
+        return False
+    return batch.rows(which).drives()[0].size >= FEWEST_DRIVES
 
 
 def _reduced_part(

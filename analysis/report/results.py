@@ -10,7 +10,16 @@ import numpy as np
 
 from analysis.estimates import LEVEL, Interval, NotEstimable
 from analysis.report.findings import CHANGES_NOTICED, Design, Findings
-from analysis.report.wording import bounded, chance, count_of, interval, number, p_equals, sentence
+from analysis.report.wording import (
+    bounded,
+    chance,
+    count_of,
+    interval,
+    number,
+    p_equals,
+    sentence,
+    unbroken,
+)
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.statistics.factorial import Effect, Factorial, TestedEffect
@@ -352,8 +361,8 @@ def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str
         f"Gains differed between participants, {spread}"
         if lines.equal_gains < UNEQUAL and counts(found, GAINS)
         else "These data do not show that gains differ between participants: equal gains have "
-        f"P {chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
-        f"below {number(lines.gain_sd_upper, 2)} with P = .95"
+        f"{chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
+        f"below {number(lines.gain_sd_upper, 2)} with {chance(0.95)}"
     )
     yield "Are some people more sensitive?", f"{differ}; {who} {skin}"
 
@@ -376,8 +385,8 @@ def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
     yield (
         ORDERED,
         f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
-        f"correlated by Spearman's ρ = {bounded(rho)}, {p_equals(p)} (law {LAW}): "
-        f"{evidence}.",
+        f"correlated by Spearman's {unbroken(f'ρ = {bounded(rho)}')}, {p_equals(p)} (law "
+        f"{LAW}): {evidence}.",
     )
 
 

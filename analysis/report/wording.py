@@ -66,9 +66,12 @@ def p_equals(p: float | NotEstimable | None) -> str:
     ('p\xa0=\xa0.004', 'p\xa0<\xa0.001')
     """
     text = p_value(p)
-    said = f"p {text}" if text[0] in "<>" else f"p = {text}"
-    # No line may break between a sign and its number.
-    return said.replace(" ", "\N{NO-BREAK SPACE}")
+    return unbroken(f"p {text}" if text[0] in "<>" else f"p = {text}")
+
+
+def unbroken(equation: str) -> str:
+    """Return a sign with its number so that no line breaks between them."""
+    return equation.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def bounded(value: float | NotEstimable | None, digits: int = 2) -> str:
@@ -82,14 +85,14 @@ def bounded(value: float | NotEstimable | None, digits: int = 2) -> str:
 
 
 def chance(value: float) -> str:
-    """Return a probability with its sign; one that two digits cannot tell from 0 or 1 is bounded.
+    r"""Return a probability; one that two digits cannot tell from 0 or 1 is bounded.
 
     >>> chance(0.48), chance(0.002), chance(0.9999)
-    ('= .48', '< .01', '> .99')
+    ('P\xa0=\xa0.48', 'P\xa0<\xa0.01', 'P\xa0>\xa0.99')
     """
     if round(value, 2) in (0.0, 1.0):
-        return "< .01" if value < 0.5 else "> .99"
-    return f"= {bounded(value)}"
+        return unbroken("P < .01" if value < 0.5 else "P > .99")
+    return unbroken(f"P = {bounded(value)}")
 
 
 _bounded = bounded
@@ -182,8 +185,9 @@ def omnibus_line(reading: Reading) -> str:
 
 def share(found: Proportion) -> str:
     """Return a proportion with its counts, and its interval if it has one."""
-    ends = "" if isinstance(found.interval, NotEstimable) else f", {interval(found.interval)}"
-    return f"{found.count} of {found.trials} ({found.share:.0%}{ends})"
+    known = () if isinstance(found.interval, NotEstimable) else found.interval
+    ends = ",\N{NO-BREAK SPACE}".join(f"{end:.0%}" for end in known)
+    return f"{found.count} of {found.trials} ({found.share:.0%}{ends and f', [{ends}]'})"
 
 
 def place_of(entry: Exclusion) -> str:

@@ -201,11 +201,10 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
 def _refusal(table: ScoreTable) -> NotEstimable | None:
     for what, names in (("conditions", table.conditions), ("subjects", table.subjects)):
         if len(names) < 2:
-            return NotEstimable(f"Friedman's test needs at least 2 {what}, got 1")
+            return NotEstimable(f"it needs at least 2 {what}, got 1")
     if not table.is_complete:
         return NotEstimable(
-            f"Friedman's test needs every score, but {table.missing_count} of "
-            f"{table.scores.size} are missing"
+            f"it needs every score, but {table.missing_count} of {table.scores.size} are missing"
         )
     return None
 

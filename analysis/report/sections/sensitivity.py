@@ -269,7 +269,7 @@ def _scored(fit: TwoStageSensitivity) -> str:
     felt = fit.scored == "what was felt"
     return (
         f"Scores are taken to follow {'what was felt' if felt else 'the change itself'} "
-        f"(P {wording.chance(fit.scored_p)}, .50 before the study); if they follow "
+        f"({wording.chance(fit.scored_p)}, .50 before the study); if they follow "
         f"{'the change itself' if felt else 'what was felt of the changes that were noticed'}, "
         f"the group's gain is {wording.number(fit.other_gain, 2)} rather than "
         f"{wording.number(fit.ratings.lines.gain, 2)}."

@@ -241,10 +241,12 @@ def _impossible(predicted: PredictedTable) -> str:
 
 def _texts(values: FloatArray, missing: str = "") -> list[str]:
     """Return the shortest texts that give the same numbers; what is not given is `missing`."""
-    return [
+    shared = values.strides == (0,)  # one value, which `broadcast_to` repeats
+    texts = [
         missing if value != value else repr(value).removesuffix(".0")  # noqa: PLR0124 - nan alone
-        for value in values.tolist()
+        for value in (values[:1] if shared else values).tolist()
     ]
+    return texts * len(values) if shared else texts
 
 
 def csv_text(predicted: PredictedTable) -> str:

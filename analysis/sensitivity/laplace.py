@@ -66,6 +66,21 @@ class LatentModes:
         parts = {name: getattr(self, name)[points] for name in _OF_POINTS}
         return LatentModes(**parts, curvature=self.curvature.at(points))
 
+    def kept(self, points: BoolArray) -> "LatentModes":
+        """Return the modes at some of the points in the memory of all, which are lost."""
+
+        def moved(values: FloatArray) -> FloatArray:
+            for to, at in enumerate(np.flatnonzero(points)):
+                values[to] = values[at]
+            return values[: points.sum()]
+
+        parts = {name: moved(getattr(self, name)) for name in _OF_POINTS}
+        own = {
+            name: np.moveaxis(moved(np.moveaxis(values, -1, 0)), 0, -1)
+            for name, values in self.curvature.parts.items()
+        }
+        return LatentModes(**parts, curvature=Curvature(**own))
+
     @classmethod
     def joined(cls, count: int, parts: Iterable[tuple[IntArray, "LatentModes"]]) -> "LatentModes":
         """Return `count` modes of parts, each with the numbers of its points; later ones count."""

@@ -137,8 +137,9 @@ def integrated(
     for points, kept in integration.weighted_points(
         density, start, wanted, least, rise=MODE_RISE, step=step
     ):
-        # The last evaluation was at the returned points, so these are their modes.
-        density.known = points.points, density.known[1].at(kept)
+        # The last evaluation was at the returned points, so these are their modes. Hardly any is
+        # left out, and a copy of the others would take much memory.
+        density.known = points.points, density.known[1].kept(kept)
         yield LatentPosterior(
             trials=field.trials,
             points=points,

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.estimates import ENDS, BoolArray, FloatArray, IntArray, Interval, NotEstimable
+from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable, central
 from analysis.sensitivity.curvature import LatentTrials, counted
 from analysis.sensitivity.integration import Marginals, settled
 from analysis.sensitivity.laplace import WIDE, Components, LatentField
@@ -110,6 +110,14 @@ class ChangeDetection:
     false_alarm_rate_interval: Interval
 
 
+@dataclass(frozen=True, kw_only=True)
+class Noticed:
+    """What the noticing stage tells of each subject; `reference` is the contrast of d′."""
+
+    detection: tuple[ChangeDetection, ...]
+    reference: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Noticing:
     """The posterior of the noticing stage; `reference` is the contrast that d′ refers to."""
@@ -136,29 +144,37 @@ class Noticing:
         """Why noticing is not known, or None."""
         return self.posterior.points.refusal((self._found, self._intervals))
 
-    @cached_property
-    def detection(self) -> tuple[ChangeDetection, ...]:
+    @property
+    def told(self) -> Noticed:
         """d′, criterion and false-alarm rate of each subject."""
         posterior, weights, found = self.posterior, self.posterior.points.weights, self._found
         (medians,), intervals = found.quantiles(weights, 0.5), self._intervals
         draws = posterior.draws(RATE_DRAWS, np.random.default_rng(0))
-        own, lean = draws.own[..., 0] + draws.shared[:, [1]], LEAN * draws.shared[:, [0]]
-        # (20). A criterion below 0, which the normal approximation allows: nothing is "same" then.
-        rates = np.minimum(np.asarray(ndtr(lean - own) + ndtr(-lean - own)), 1.0)
-        low, high = np.quantile(rates, ENDS, axis=0)
+        criteria, lean = draws.own[..., 0], LEAN * draws.shared[:, 0]
+
+        def false_alarms(row: int) -> FloatArray:
+            own = criteria[:, row] + draws.shared[:, 1]
+            # (20). A criterion below 0, which the normal approximation allows: nothing is "same"
+            # then.
+            return np.minimum(np.asarray(ndtr(lean - own) + ndtr(-lean - own)), 1.0)
+
         count = len(self.subjects)
-        return tuple(
+        detection = tuple(
             ChangeDetection(
                 subject=name,
                 d_prime=float(medians[row]),
                 d_prime_interval=intervals[row],
                 criterion=float(medians[count + row]),
                 criterion_interval=intervals[count + row],
-                false_alarm_rate=float(rates[:, row].mean()),
-                false_alarm_rate_interval=(float(low[row]), float(high[row])),
+                false_alarm_rate=float(rates.mean()),
+                false_alarm_rate_interval=central(rates),
             )
-            for row, name in enumerate(self.subjects)
+            # One by one: the rates of all would take as much memory as the posterior.
+            for row, (name, rates) in enumerate(
+                zip(self.subjects, map(false_alarms, range(count)), strict=True)
+            )
         )
+        return Noticed(detection=detection, reference=self.reference)
 
 
 def noticing(ratings: Ratings, answer: IntArray, two_sided: BoolArray) -> Noticing:

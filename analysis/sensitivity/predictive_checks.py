@@ -26,6 +26,7 @@ from analysis.sensitivity.noticing import LEAN, Noticing
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
     TwoStageSensitivity,
+    first_stage,
     two_stage_posterior,
 )
 from analysis.statistics.corrections import holm
@@ -105,17 +106,18 @@ def checked_two_stage(trials: AnsweredTrials) -> Checked[TwoStageSensitivity]:
 
     The scores are those of the changes that were noticed in the study.
     """
-    found = two_stage_posterior(trials, fitted)
-    if isinstance(found, NotEstimable):
-        return Checked(fit=found, check=found)
+    first = first_stage(trials)
+    if isinstance(first, NotEstimable):
+        return Checked(fit=first, check=first)
+    rng = np.random.default_rng(SEED)
+    answers, noticed = _compared_answers(first, trials, rng), first.told
+    del first  # its posterior takes much memory
+    found = two_stage_posterior(trials, noticed, fitted)
     summary = found.summary
     if isinstance(summary, NotEstimable):
         return Checked(fit=summary, check=summary)
-    rng = np.random.default_rng(SEED)
-    check = _check(
-        _compared_answers(found.noticing, trials, rng)
-        | _compared_scores(found.rating.posterior, found.rating.ratings, rng)
-    )
+    scores = _compared_scores(found.rating.posterior, found.rating.ratings, rng)
+    check = _check(answers | scores)
     return Checked(fit=check.refusal or summary, check=check)
 
 

@@ -18,6 +18,7 @@ from analysis.sensitivity.noticing import (
     OPPOSITE,
     SAME,
     ChangeDetection,
+    Noticed,
     Noticing,
     noticing,
 )
@@ -106,17 +107,15 @@ class RatingStage:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TwoStagePosterior:
-    """Posteriors of both stages; `rating` is that of the more probable kind of people."""
+    """Posteriors of the second stage; `rating` is that of the more probable kind of people."""
 
-    noticing: Noticing
+    noticed: Noticed
     rating: RatingStage
     other: RatingStage
 
     @cached_property
     def summary(self) -> TwoStageSensitivity | NotEstimable:
-        """The estimates, or why a stage tells none."""
-        if refusal := self.noticing.refusal:
-            return refusal
+        """The estimates, or why the second stage tells none."""
         fit, other = self.rating.posterior.fit, self.other.posterior
         if isinstance(fit, NotEstimable):
             return fit
@@ -124,26 +123,20 @@ class TwoStagePosterior:
         (gains,) = other.lines.gain.quantiles(other.latent.points.weights, 0.5)
         return TwoStageSensitivity(
             ratings=fit,
-            detection=self.noticing.detection,
-            reference_contrast=self.noticing.reference,
+            detection=self.noticed.detection,
+            reference_contrast=self.noticed.reference,
             scored=self.rating.kind,
             scored_p=float(expit(self.rating.log_evidence - self.other.log_evidence)),
             other_gain=math.nan if unknown else float(gains[-1]),
         )
 
 
-def two_stage_posterior(
-    trials: AnsweredTrials, fitted: Fitting = ordinal_model.posterior_of
-) -> TwoStagePosterior | NotEstimable:
-    """Return noticing and rating of changes, or why they are not estimable.
+def first_stage(trials: AnsweredTrials) -> Noticing | NotEstimable:
+    """Return the noticing of changes, or why that and their rating are not estimable.
 
     The likelihood of a trial is that of the answer (`noticing`), times that of the score (M2) if
     the change was noticed in its direction and scored. So a score that was withheld because the
     answer disagreed is an answer and not missing data. The stages are fitted one after the other.
-    What was scored without a change, or after the wrong answer, tells nothing about the gain and is
-    left out of the second stage. That is fitted twice: to the sizes of the changes, and to what
-    those who notice feel of them (`felt_if_noticed`). The kind with the higher evidence is taken.
-    `fitted` returns the posterior of prepared ratings.
     """
     if refusal := _refusal(trials):
         return refusal
@@ -151,12 +144,25 @@ def two_stage_posterior(
     if isinstance(ready, NotEstimable):
         return NotEstimable(f"of the changes that were noticed, {ready.reason}")
     first = noticing(trials.ratings, trials.answer, trials.two_sided)
+    return first.refusal or first
+
+
+def two_stage_posterior(
+    trials: AnsweredTrials, noticed: Noticed, fitted: Fitting = ordinal_model.posterior_of
+) -> TwoStagePosterior:
+    """Return the rating of changes, of which the first stage has told what was `noticed`.
+
+    What was scored without a change, or after the wrong answer, tells nothing about the gain and is
+    left out of the second stage. That is fitted twice: to the sizes of the changes, and to what
+    those who notice feel of them (`felt_if_noticed`). The kind with the higher evidence is taken.
+    `fitted` returns the posterior of prepared ratings.
+    """
     stages = [
         _stage("the change", trials.noticed, fitted),
-        _stage("what was felt", felt_if_noticed(trials.noticed, first), fitted),
+        _stage("what was felt", felt_if_noticed(trials.noticed, noticed), fitted),
     ]
     other, rating = sorted(stages, key=lambda stage: stage.log_evidence)
-    return TwoStagePosterior(noticing=first, rating=rating, other=other)
+    return TwoStagePosterior(noticed=noticed, rating=rating, other=other)
 
 
 def _stage(kind: Kind, ratings: Ratings, fitted: Fitting) -> RatingStage:
@@ -165,7 +171,7 @@ def _stage(kind: Kind, ratings: Ratings, fitted: Fitting) -> RatingStage:
     return RatingStage(kind=kind, ratings=ratings, posterior=fitted(ready))
 
 
-def felt_if_noticed(noticed: Ratings, first: Noticing) -> Ratings:
+def felt_if_noticed(noticed: Ratings, first: Noticed) -> Ratings:
     """Return the trials with what is felt on average by those who notice the change.
 
     Somebody who scores only what exceeds the criterion κ felt more of a weak change than there was:

@@ -234,13 +234,33 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:
         """Effects of the conditions in the ordinal mixed model."""
-        return {link: self.keep(ordinal_effects, self.scored.every.given, link) for link in LINKS}
+        calls = {link: self._ordinal(link) for link in LINKS}
+        return {link: self.keep(of.func, *of.args, **of.keywords) for link, of in calls.items()}
+
+    # Processes that fit import what a call names, so that none names a module with data frames.
+    def _ordinal(self, link: Link) -> partial[OrdinalEffects | NotEstimable]:
+        given = self.scored.every.given
+        trials = given.rating, given.subject, given.condition
+        return partial(ordinal_effects_of_trials, *trials, conditions=given.conditions, link=link)
 
     # That one gain serves all kinds of contrast is an assumption; this fit does without it.
     @cached_property
     def place_m2(self) -> OrdinalSensitivity | NotEstimable:
         """M2 of the conditions at a place."""
-        return self.keep(_place_m2, self.scored.ratings, self._changes)
+        chosen = self._at_places
+        if isinstance(chosen, NotEstimable):
+            return chosen
+        return self.keep(ordinal_sensitivity, chosen)
+
+    @cached_property
+    def _at_places(self) -> Ratings | NotEstimable:
+        changes = self._changes
+        if {change.kind for change in changes.values()} == {AT_A_PLACE}:
+            return NotEstimable("all conditions are at a place")
+        chosen = trial_contrasts.at_places(self.scored.ratings, changes)
+        if (count := len(chosen.given.rating)) >= FEWEST_AT_PLACES:
+            return chosen
+        return NotEstimable(f"at least {FEWEST_AT_PLACES} ratings there are needed, got {count}")
 
     @cached_property
     def _changes(self) -> Mapping[str, Change]:
@@ -279,12 +299,14 @@ class TrialStatistics(SensitivityModels):
         ratings = self.scored.ratings
         if len(ratings.rating) < laplace.LARGE:
             return
-        m2 = partial(predictive_checks.checked_ordinal, ratings)
+        m2, places = partial(predictive_checks.checked_ordinal, ratings), self._at_places
         calls: dict[str, list[partial[Any]]] = {
             # Where both rest on the same trials M3 takes the posterior of M2.
             "M3": [m2, partial(predictive_checks.checked_two_stage, self._answered)],
-            **{link: [partial(ordinal_effects, self.scored.every.given, link)] for link in LINKS},
-            "M2 at places": [partial(_place_m2, ratings, self._changes)],
+            **{link: [self._ordinal(link)] for link in LINKS},
+            "M2 at places": []
+            if isinstance(places, NotEstimable)
+            else [partial(ordinal_sensitivity, places)],
         }
         groups = [calls[model] for model in models]
         self.keep.ahead(groups if calls["M3"] in groups else [[m2], *groups], PROCESSES)
@@ -385,23 +407,6 @@ def cell_scores(
         cell = cell * len(numbered) + np.array(given["session"].map(numbered), np.int64)
     subject = np.array(pd.factorize(given["participant"])[0], np.int64)
     return np.array(given["score"], np.float64), subject, cell, wide.factors
-
-
-def _place_m2(ratings: Ratings, changes: Mapping[str, Change]) -> OrdinalSensitivity | NotEstimable:
-    if {changes[name].kind for name in changes} == {AT_A_PLACE}:
-        return NotEstimable("all conditions are at a place")
-    chosen = trial_contrasts.at_places(ratings, changes)
-    count = len(chosen.given.rating)
-    if count < FEWEST_AT_PLACES:
-        return NotEstimable(f"at least {FEWEST_AT_PLACES} ratings there are needed, got {count}")
-    return ordinal_sensitivity(chosen)
-
-
-def ordinal_effects(given: Ratings, link: Link) -> OrdinalEffects | NotEstimable:
-    """Return effects of conditions on these ratings, all of them given."""
-    return ordinal_effects_of_trials(
-        given.rating, given.subject, given.condition, conditions=given.conditions, link=link
-    )
 
 
 def law_scores(

@@ -9,6 +9,7 @@ from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
     TwoStageSensitivity,
+    first_stage,
     two_stage_posterior,
 )
 
@@ -16,8 +17,10 @@ CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
 
 
 def two_stage_sensitivity(trials: AnsweredTrials) -> TwoStageSensitivity | NotEstimable:
-    posterior = two_stage_posterior(trials)
-    return posterior if isinstance(posterior, NotEstimable) else posterior.summary
+    first = first_stage(trials)
+    if isinstance(first, NotEstimable):
+        return first
+    return two_stage_posterior(trials, first.told).summary
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,11 +7,11 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.sensitivity.laplace import Components, LatentField
-from analysis.sensitivity.noticing import NoticingTrials
+from analysis.sensitivity.noticing import Noticing, NoticingTrials
 from analysis.sensitivity.two_stage_model import (
     AnsweredTrials,
-    TwoStagePosterior,
     TwoStageSensitivity,
+    first_stage,
     two_stage_posterior,
 )
 from tests.analysis.sensitivity.noticing_people import (
@@ -127,11 +127,12 @@ def test_only_the_stage_whose_halves_disagree_has_twice_the_points(
     trials = a_study(0).trials
 
     def effective() -> list[float]:
-        found = two_stage_posterior(trials)
-        assert isinstance(found, TwoStagePosterior)
+        first = first_stage(trials)
+        assert isinstance(first, Noticing)
+        found = two_stage_posterior(trials, first.told)
         assert isinstance(found.summary, TwoStageSensitivity)
         rated = (found.rating.posterior.latent, found.other.posterior.latent)
-        return [each.points.effective for each in (found.noticing.posterior, *rated)]
+        return [each.points.effective for each in (first.posterior, *rated)]
 
     once = effective()
     monkeypatch.setattr("analysis.sensitivity.integration.MOST_DISAGREEMENT", 0.04)

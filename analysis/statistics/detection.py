@@ -156,6 +156,7 @@ def _log_choose(of: IntArray, some: IntArray) -> FloatArray:
 def _added(sums: FloatArray, own: FloatArray) -> FloatArray:
     """Return the distribution of a sum of two independent counts, study by study."""
     made = np.zeros((len(sums), sums.shape[1] + own.shape[1] - 1))
-    for count, chance in enumerate(own.T):
-        made[:, count : count + sums.shape[1]] += chance[:, None] * sums
+    # Where catch trials are few, so are the numbers of hits that a person's reports allow.
+    for count in np.flatnonzero(own.any(axis=0)):
+        made[:, count : count + sums.shape[1]] += own[:, [count]] * sums
     return made

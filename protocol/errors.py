@@ -14,6 +14,9 @@ class WorkFailed(RuntimeError):
     """Something outside touchbeam failed: a device, a port, a disk or a person."""
 
 
+IMPOSSIBLE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What reading JSON of an edited or damaged journal or file can raise."""
+
 Path = tuple[str | int, ...]
 # One slip can break a whole file, and nobody reads more than a screen of problems.
 MOST_PROBLEMS = 50

@@ -14,9 +14,10 @@ from analysis.friction.recorded import TouchForces
 from analysis.loading.course import Course, Rows
 from analysis.loading.records import REHEARSED, Exclusion, Incident, with_plans
 from analysis.loading.study_lock import Decisions
+from protocol.errors import IMPOSSIBLE
 from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, damage
+from protocol.journal.state import NotAllowed, damage
 
 _Told = TypeVar("_Told", Incident, Exclusion)
 

@@ -13,11 +13,11 @@ from datetime import UTC, datetime, timedelta
 from math import isfinite
 from typing import Any
 
-from protocol.errors import BadInput
+from protocol.errors import IMPOSSIBLE, BadInput
 from protocol.journal import events
 from protocol.journal.events import Event, Opening, StoredEvent
 from protocol.journal.records import CHANNELS, InstructionResponse
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, folded
+from protocol.journal.state import NotAllowed, folded
 from protocol.pseudonyms import pseudonym
 
 FOLDER = "sourcedata/touchbeam"

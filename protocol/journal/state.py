@@ -5,13 +5,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from protocol.errors import WorkFailed
+from protocol.errors import IMPOSSIBLE, WorkFailed
 from protocol.journal import events
 from protocol.journal.events import TAGS, Opening, StoredEvent
 from protocol.journal.records import TrackAnswer
-
-IMPOSSIBLE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
-"""What reading the payloads of an edited or damaged journal can raise, besides NotAllowed."""
 
 # The states of a session and the events that each allows; all other events are refused.
 # docs/journal.md draws the table.

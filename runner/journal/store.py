@@ -20,9 +20,9 @@ from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 from pydantic_core import from_json
 
-from protocol.errors import WorkFailed
+from protocol.errors import IMPOSSIBLE, WorkFailed
 from protocol.journal.events import DeviceOff, Event, SessionOpened, StoredEvent, TrialAborted
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, damage, folded, next_state
+from protocol.journal.state import NotAllowed, SessionState, damage, folded, next_state
 from runner.clock import Clock
 from runner.journal import database
 from runner.journal.database import RESTORE

@@ -10,10 +10,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import BadInput
+from protocol.errors import IMPOSSIBLE, BadInput
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
-from protocol.journal.state import IMPOSSIBLE, NotAllowed, SessionState, damage, folded, in_words
+from protocol.journal.state import NotAllowed, SessionState, damage, folded, in_words
 from protocol.registration.registration import as_run, order_problem, registration_in
 from runner.journal import store
 from runner.journal.database import RESTORE

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from device.errors import OutOfRangeError
 from device.friction.scenes import NOMINAL, Calibration
-from protocol.errors import BadInput, shown
-from protocol.journal.state import IMPOSSIBLE
+from protocol.errors import IMPOSSIBLE, BadInput, shown
 from runner.study.files import own_file, require_no_link, short_text, write_whole
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import BadInput
+from protocol.errors import IMPOSSIBLE, BadInput
 from protocol.journal.events import StudyRegistered
-from protocol.journal.state import IMPOSSIBLE
 from protocol.registration.registration import (
     FILE,
     Registration,

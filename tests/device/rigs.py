@@ -40,6 +40,7 @@ def driven_on(rig: Rig, control: ControlClient, seconds: float = 0.3) -> ReadBac
     while time.monotonic() < end_s:
         rig.beat()
         control.state()
+        _pause()
     return rig.drive(DRIVE)
 
 
@@ -49,5 +50,9 @@ def until(condition: Callable[[], bool], within_s: float) -> bool:
     while time.monotonic() < end_s:
         if condition():
             return True
-        time.sleep(0.005)  # asked without a pause, a simulator and this process fill both cores
+        _pause()
     return condition()
+
+
+def _pause() -> None:
+    time.sleep(0.005)  # asked without one, a simulator and this process fill both cores

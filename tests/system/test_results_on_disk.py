@@ -80,6 +80,8 @@ def test_a_full_disk_leaves_no_part_of_a_report() -> None:
         capture_output=True,
         text=True,
         check=False,
+        # A compiled module would be cut off, too, and stay so.
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000)),
     )
     assert_matches(r"^touchbeam: deep/out/report\.\w+: File too large\n$", shown.stderr)

@@ -78,6 +78,7 @@ def test_a_third_language_is_checked_and_rehearsed(
 def test_a_participant_reads_the_third_language(
     study: Path, french: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("device.resonance._POINTS", 7)
     lines = Path("lines")
     lines.write_text("\n" * 3, encoding="utf-8")
     with lines.open(encoding="utf-8") as typist:

@@ -93,7 +93,7 @@ from runner.study.files import write_new_folder
 write_new_folder({{"a": bytes(9_999)}}, Path({str(place)!r}))
 """
     shown = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-B", "-c", program],  # or a compiled module may be cut, too
         capture_output=True,
         text=True,
         check=False,
@@ -111,6 +111,7 @@ def test_a_study_that_cannot_be_written_names_the_file_and_leaves_nothing(tmp_pa
         text=True,
         check=False,
         cwd=tmp_path,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512)),
     )
     assert (shown.returncode, shown.stdout) == (1, "")
@@ -223,7 +224,7 @@ def test_a_file_too_large_for_the_disk_leaves_the_old_one(tmp_path: Path) -> Non
         "from pathlib import Path; from runner.study.files import write_whole as w; import sys"
     )
     shown = subprocess.run(
-        [sys.executable, "-c", f"{program}; w(Path(sys.argv[1]), bytes(99_999))", str(path)],
+        [sys.executable, "-B", "-c", f"{program}; w(Path(sys.argv[1]), bytes(99_999))", str(path)],
         capture_output=True,
         text=True,
         check=False,

@@ -78,7 +78,11 @@ def test_a_third_language_is_checked_and_rehearsed(
 def test_a_participant_reads_the_third_language(
     study: Path, french: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # The session is in real time.
     monkeypatch.setattr("device.resonance._POINTS", 7)
+    text = (study / "study.toml").read_text(encoding="utf-8")
+    text = text.replace("hold_s = 2.0", "hold_s = 2.0\nlead_in_s = 0.3")
+    (study / "study.toml").write_text(text, encoding="utf-8")
     lines = Path("lines")
     lines.write_text("\n" * 3, encoding="utf-8")
     with lines.open(encoding="utf-8") as typist:

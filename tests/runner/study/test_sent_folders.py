@@ -84,6 +84,7 @@ def test_register_writes_into_no_pipe_and_no_folder(
 @pytest.mark.parametrize(
     ("link", "target"), [("power/power.json", "victim"), ("power", "."), ("power/chunks", ".")]
 )
+@pytest.mark.usefixtures("figures_as_svg")
 def test_power_follows_no_link(
     link: str, target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

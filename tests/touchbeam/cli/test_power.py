@@ -48,6 +48,7 @@ def document(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) ->
     return found
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_the_document_has_what_others_rely_on(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -82,6 +83,7 @@ def test_the_document_has_what_others_rely_on(
     }
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_only_time_and_workers_depend_on_the_machine(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -212,6 +214,7 @@ def test_what_is_wrong_is_said_in_one_line(
     assert not (folder / "power").exists()
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_other_people_give_other_results(
     folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -295,6 +298,7 @@ def test_kept_results_need_no_scheduler(
     assert "no Dask scheduler answers there" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_a_pipe_among_the_kept_results_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

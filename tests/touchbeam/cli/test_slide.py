@@ -56,6 +56,7 @@ def slid(rehearsed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     return Path(shutil.copytree(rehearsed, tmp_path / "study"))
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_a_rehearsal_on_the_simulated_device(
     slid: Path, rehearsed: Path, said: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -77,6 +78,7 @@ def test_a_rehearsal_on_the_simulated_device(
         assert journal.sessions() == ["slide/1 (rehearsal)", "slide/2 (rehearsal)"]
 
 
+@pytest.mark.usefixtures("figures_as_svg")
 def test_what_was_drawn_is_analysed_again(slid: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = (slid / "slide" / "slide.json").read_text(encoding="utf-8")
     assert typed("slide", slid, "--analyse", "--json") == 0

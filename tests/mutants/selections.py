@@ -8,6 +8,7 @@ _DRIVERS = (
     "tests/device/drivers/test_generator.py",
     "tests/system/test_lying_devices.py", "tests/device/rig", "tests/device/test_resonance.py",
     "tests/device/drivers/test_board.py", "tests/system/test_lies.py",
+    "tests/system/test_lies_while_sliding.py",
     "tests/device/force_channel/test_recording.py", "tests/device/simulator/test_in_process.py",
     "tests/device/drivers/test_discovery.py",
 )  # fmt: skip

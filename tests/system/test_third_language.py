@@ -75,6 +75,7 @@ def test_a_third_language_is_checked_and_rehearsed(
     assert typed("report", "study", "--rehearsals") == 0
 
 
+@pytest.mark.waits
 def test_a_participant_reads_the_third_language(
     study: Path, french: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

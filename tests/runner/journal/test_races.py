@@ -13,6 +13,8 @@ import pytest
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.verification import chain_is_unbroken
 
+pytestmark = pytest.mark.waits  # for the disk, nearly all of the time
+
 RACES = 20
 """Number of races on one journal, which grows with each."""
 

@@ -39,7 +39,7 @@ from protocol.study.study_question import QUESTIONS
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2
-"""They fit the models of a large study; each takes some 0.3 GB."""
+"""They fit the models of a large study; the larger takes 0.5 GB of 1,000 people."""
 FEWEST_AT_PLACES = 40
 """Of fewer ratings, gains at places alone would be the prior's rather than the data's."""
 _NO_CHANGE = frozenset(asked.same for asked in QUESTIONS.values())

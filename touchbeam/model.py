@@ -76,7 +76,8 @@ def friction(
         rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
         tolerance: the largest error in μ' that `auto` allows.
         **scene: values of the columns that docs/model.md lists, such as `voltage_v` and `x_m`;
-            numbers, words, or arrays of a common shape. What is left out is the paper's.
+            numbers, words, or arrays of a common shape. What is left out, NaN or None is the
+            paper's.
     """
     import numpy as np
 

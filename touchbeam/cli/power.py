@@ -46,7 +46,9 @@ def power(
     null_studies: Annotated[
         int | None,
         Option(
-            min=2, max=1_000_000, help="Of them without any effect. [default: twice the others]"
+            min=2,
+            max=1_000_000,
+            help="Further ones of each, without any effect. [default: twice as many]",
         ),
     ] = None,
     participants: Annotated[

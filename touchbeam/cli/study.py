@@ -96,7 +96,7 @@ def translate(
 def check(
     study: options.StudyArgument,
     participants: Annotated[
-        int | None, Option(min=1, max=10_000, help="[default: the study's]")
+        int | None, Option(min=1, max=10_000, help="Whose plans to show. [default: the study's]")
     ] = None,
     as_json: options.JsonOption = False,
 ) -> None:

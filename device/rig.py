@@ -9,7 +9,6 @@ each call does it, and a simulated clock, so that a session can run in one threa
 
 import contextlib
 import math
-import time
 from collections.abc import Callable
 from concurrent.futures import wait
 from typing import NoReturn, TypeVar
@@ -19,7 +18,11 @@ from device.drivers.limits import Limits, Setpoint
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Forces, Recorder, Samples
 from device.gauges.owner import GaugeOwner
-from device.link.link import open_link
+from device.guardian import Guardian, Pulse, guardian_of
+from device.guardian_process import passed_s
+from device.link.codec import encoded
+from device.link.link import Link
+from device.link.port import open_port
 from device.port_owner import PortOwner
 from device.resonance import Resonance, resonance
 from protocol.errors import BadInput
@@ -27,18 +30,10 @@ from protocol.journal.records import Identity, ReadBack
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
-LONGEST_CALL_S = 5.0
-"""More than a call takes at the slowest generator: the program stood still in a longer one."""
 MOST_BLOCKS = 4
 """Most blocks of samples that are asked for between two calls."""
 
 _Result = TypeVar("_Result")
-_COUNTS_SLEEP = getattr(time, "CLOCK_BOOTTIME", None)
-
-
-def passed_s() -> float:
-    """Return seconds since some moment; on Linux they pass while the computer sleeps, too."""
-    return time.monotonic() if _COUNTS_SLEEP is None else time.clock_gettime(_COUNTS_SLEEP)
 
 
 class Rig(PortOwner):
@@ -51,7 +46,9 @@ class Rig(PortOwner):
         calibration: Resonance | None = None,
         monotonic: Callable[[], float] = passed_s,
         gauge: GaugeOwner | None = None,
+        guardian: Guardian | None = None,
     ) -> None:
+        """`guardian` watches over a device that has no watchdog of its own."""
         super().__init__()
         self._driver = driver
         self._gauge = gauge
@@ -59,10 +56,14 @@ class Rig(PortOwner):
         self._watchdog_s = limits.watchdog_s
         self._calibration = calibration
         self._monotonic = monotonic
+        driver.is_guarded = guardian is not None
+        self._pulse = Pulse(monotonic, limits.watchdog_s, guardian)
+        driver.link.alive = self._pulse.beat
+        self._calls_waited_for = 0
         self._beats = 0
         self._fed_beats = 0
         self._fetched_beats = 0
-        self._beaten_s = self._fed_s = self._alive_s = monotonic()
+        self._fed_s = self._alive_s = monotonic()
         self._armed = False
         self._ramping = False
         self._stopping = False
@@ -79,6 +80,11 @@ class Rig(PortOwner):
         return self._driver.has_watchdog
 
     @property
+    def has_guardian(self) -> bool:
+        """Whether a process of its own turns the output off when this program is silent."""
+        return self._driver.is_guarded
+
+    @property
     def measures_resonance(self) -> bool:
         """Whether `resonance` drives the beam; else it is the one kept as the rig's calibration."""
         return self._driver.measures_vibration
@@ -93,7 +99,7 @@ class Rig(PortOwner):
 
         Raise `DeviceError` if the device is not as it must be, or `OutputUnknown` as `off`.
         """
-        identity = self._owned(self._arm)
+        identity = self._waited_for(self._arm)
         if self._gauge is not None:
             self._of_gauge(self._gauge.meet)
         return identity
@@ -177,8 +183,12 @@ class Rig(PortOwner):
         return None if recording is None else recording.latest
 
     def off(self) -> None:
-        """Turn the output off, whatever happened before; raise `OutputUnknown` if unconfirmed."""
-        self._owned(self._off)
+        """Turn the output off, whatever happened before; raise `OutputUnknown` if unconfirmed.
+
+        If the program or the session stood still until then, the next `beat` says so.
+        """
+        silence = self._silence()
+        self._waited_for(lambda: self._off(silence))
 
     def emergency_stop(self) -> None:
         """Send off now, whatever the port is waiting for; returns at once.
@@ -193,14 +203,12 @@ class Rig(PortOwner):
     def beat(self) -> None:
         """Say that the session is alive; wait for the owner if samples are fetched too late.
 
-        Raise `DeviceError` if the device failed since the last beat, or the session stood still
-        while the output of a device without a watchdog was on.
+        Raise `DeviceError` if the device failed since the last beat, or this program or the session
+        stood still while the output was on.
         """
         if self._fault is not None:
             raise self._fault
-        now_s = self._monotonic()
-        self._require_no_pause(now_s - self._alive_s, self._watchdog_s)
-        self._alive_s = now_s
+        self._lives()
         self._beats += 1
         recording = self._recording
         if recording is not None and recording.is_late():
@@ -215,6 +223,7 @@ class Rig(PortOwner):
                 self.off()
         finally:
             self._end()
+            self._pulse.close()
             self._driver.close()
             if self._gauge is not None:
                 self._gauge.close()
@@ -232,10 +241,10 @@ class Rig(PortOwner):
     def _make(self, call: Callable[[], None]) -> None:
         self._stop_if_asked()
         call()
-        self._beaten_s = self._monotonic()  # a session that waits for a call cannot beat
 
     def _go_on(self) -> None:
         self._stop_if_asked()
+        self._pulse.beat()
         with contextlib.suppress(DeviceError):  # it is latched: the next beat raises it
             self._guarded(self._keep_going)
 
@@ -243,22 +252,34 @@ class Rig(PortOwner):
         return self._owned(lambda: self._guarded(self._driver.vibration_m))
 
     def _owned(self, work: Callable[[], _Result]) -> _Result:
-        called_s = self._monotonic()
-        given = self._put(work).result()
-        self._alive_s = self._monotonic()
-        self._require_no_pause(self._alive_s - called_s, LONGEST_CALL_S)
-        return given
+        self._lives()
+        return self._waited_for(work)
 
-    def _require_no_pause(self, paused_s: float, most_s: float) -> None:
-        """Turn off what was on while all of this program stood still, as when the computer slept.
+    def _waited_for(self, work: Callable[[], _Result]) -> _Result:
+        self._calls_waited_for += 1
+        try:
+            return self._put(work).result()
+        finally:
+            self._alive_s = self._monotonic()
+            self._calls_waited_for -= 1
 
-        The owner cannot tell: it stood still, too, and finds that the session moves again. A device
-        with a watchdog is off by then.
+    def _lives(self) -> None:
+        """The session lives; what was on while it did not move is turned off.
+
+        The owner may not have had the time to notice: it stood still, too. A device with a watchdog
+        is off by then.
         """
-        driven = self._driver.driven is not None and not self._driver.has_watchdog
-        if driven and paused_s > most_s:
-            stood = _stood_still(paused_s)
-            self._put(lambda: self._guarded(lambda: _raised(stood))).result()
+        if self._silence():
+            self._put(lambda: self._guarded(self._require_session)).result()
+        self._alive_s = self._monotonic()
+
+    def _silence(self) -> str:
+        """Return that the session did not move for too long, or ''."""
+        if self._driver.driven is None or self._driver.has_watchdog or self._calls_waited_for:
+            return ""  # nothing is on, or the device sees to it, or the session cannot beat
+        silent_s = self._monotonic() - self._alive_s
+        too_long = silent_s > self._watchdog_s
+        return f"the session did not move for {silent_s:.1f} s while the output was on" * too_long
 
     def _of_gauge(self, work: Callable[[], _Result]) -> _Result:
         """Return what the gauge gives; one that fails is a fault as any other."""
@@ -310,40 +331,53 @@ class Rig(PortOwner):
         What is driven while the session does not move is not looked at: the device's watchdog
         ends it. Where the device has none, the owner is the watchdog.
         """
-        moved = self._beats != self._fed_beats
-        if moved:
-            self._fed_beats, self._beaten_s = self._beats, self._monotonic()
+        self._require_session()
+        moved, self._fed_beats = self._beats != self._fed_beats, self._beats
         if moved or self._driver.driven is None:
             self._driver.check()
-        elif not self._driver.has_watchdog and self._silent_s() > self._watchdog_s:
-            raise _stood_still(self._silent_s())
 
-    def _silent_s(self) -> float:
-        return self._monotonic() - self._beaten_s
+    def _require_unbroken(self) -> None:
+        self._pulse.beat()
+        if why := self._pulse.broken():
+            if self._driver.has_watchdog:
+                self._driver.check()  # its own reason comes first
+            raise DeviceError(why)
+
+    def _require_session(self) -> None:
+        self._require_unbroken()  # of all of the program says more than of the session
+        if why := self._silence():
+            raise DeviceError(why)
 
     def _arm(self) -> Identity:
         self._fault, self._armed, self._ramping, self._recording = None, False, False, None
         self._driver.link.go_on()
         identity: Identity = self._guarded(self._driver.arm)
+        self._guarded(self._pulse.start)
+        self._pulse.release()
         self._armed = True
         return identity
 
     def _drive(self, setpoint: Setpoint) -> ReadBack:
+        self._pulse.watch()
         read_back = self._driver.drive(setpoint)
         self._ramping = True
         return read_back
 
-    def _off(self) -> None:
+    def _off(self, silence: str) -> None:
         self._ramping = False
         self._driver.link.go_on()
         self._driver.off()
+        # Off as it should be, but not when it should have been: what was driven must not count.
+        if (why := self._pulse.release() or silence) and self._fault is None:
+            self._fault = DeviceError(f"{why}; output off, read back")
 
     def _guarded(self, work: Callable[[], _Result]) -> _Result:
         """Return what `work` gives; a device that fails is turned off, and the fault latches."""
         if self._fault is not None:
             raise self._fault
         try:
-            return work()
+            result = work()
+            self._require_unbroken()
         except ForeignDevice as error:
             self._fault = error
             raise
@@ -355,6 +389,7 @@ class Rig(PortOwner):
         except Exception as error:
             self._fault = self._made_safe(DeviceError(f"{type(error).__name__}: {error}"))
             raise self._fault from error
+        return result
 
     def _stop_if_asked(self) -> None:
         if self._stopping:
@@ -376,15 +411,10 @@ class Rig(PortOwner):
             self._driver.confirm_off()
         except OutputUnknown:
             return error if isinstance(error, OutputUnknown) else OutputUnknown(str(error))
+        self._pulse.release()
         if isinstance(error, OutputUnknown):
             return error  # it was asked before, and did not say so then
         return type(error)(f"{error}; output off, read back")
-
-
-def _stood_still(seconds: float) -> DeviceError:
-    return DeviceError(
-        f"the session did not move for {seconds:.1f} s (it hung, or the computer slept)"
-    )
 
 
 def _raised(error: DeviceError) -> NoReturn:
@@ -404,7 +434,12 @@ def open_rig(
     """
     try:
         driver = driver_of(dialect)
-        rig = Rig(driver(open_link(url), limits), limits, calibration, gauge=gauge)
+        port = open_port(url)
+        # It begins with a line end: the program may have died in the middle of a command.
+        off = encoded("") + encoded(driver.off_command)
+        unwatched = not driver.has_watchdog
+        guardian = guardian_of(port.descriptor, off, limits.watchdog_s) if unwatched else None
+        rig = Rig(driver(Link(port), limits), limits, calibration, gauge=gauge, guardian=guardian)
     except BaseException:
         if gauge is not None:
             gauge.close()

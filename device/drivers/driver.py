@@ -87,6 +87,8 @@ class Driver(ABC):
         """The last answers of the device; reading them sends nothing."""
         self.driven: Setpoint | None = None
         """What is on, None while the output is to be off."""
+        self.is_guarded = False
+        """Whether a process of its own turns the output off when this program falls silent."""
         self.foreign: ForeignOutput | None = None
         """The error to raise if another device answered."""
 

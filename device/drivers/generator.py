@@ -20,8 +20,14 @@ AMPLITUDE_REL_TOL = 1e-3
 """They store four digits of an amplitude (33220A User's Guide, "Output Amplitude")."""
 # The operator reads each of these once per session, because nothing else can keep what is missing.
 NO_WATCHDOG = (
-    "this generator has no watchdog: if this program or its cable dies, the output stays on; "
-    "keep a hand on the amplifier's switch"
+    "this generator has no watchdog, and on this system and port no other process can turn it off: "
+    "if this program stops or the cable fails, the output stays on; keep a hand on the amplifier's "
+    "switch"
+)
+GUARDED = (
+    "this generator has no watchdog: another process turns it off if this program stops; if the "
+    "computer, its power or the cable fails, the output stays on: keep a hand on the amplifier's "
+    "switch"
 )
 NO_LIMITS = "this model has no limits of its own: only the plan and this program keep them"
 NO_ERRORS = (
@@ -66,6 +72,10 @@ class Generator(Driver):
     least_v = 0.0
     _ramp: Ramp | None = None
     amplitude_v = 0.0
+
+    @property
+    def _watched(self) -> str:
+        return GUARDED if self.is_guarded else NO_WATCHDOG
 
     @abstractmethod
     def _set_up(self, idn: str) -> float:
@@ -250,7 +260,7 @@ class ScpiGenerator(Generator):
         return self.limits.amplifier.vpp(self.limits.max_voltage_v) / 2
 
     def _remarks(self) -> tuple[str, ...]:
-        return (NO_WATCHDOG,) if self._words.limits else (NO_WATCHDOG, NO_LIMITS)
+        return (self._watched,) if self._words.limits else (self._watched, NO_LIMITS)
 
     def _set_vpp(self, vpp: float) -> None:
         """Set the amplitude with its unit, which somebody may have changed at the panel."""

@@ -78,7 +78,7 @@ class Siglent(generator.Generator):
         return LEAST_VPP
 
     def _remarks(self) -> tuple[str, ...]:
-        return generator.NO_WATCHDOG, generator.NO_LIMITS, generator.NO_ERRORS
+        return self._watched, generator.NO_LIMITS, generator.NO_ERRORS
 
     def output(self) -> bool:
         """Return whether the output is on; no unsolicited line is taken for the answer."""

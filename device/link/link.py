@@ -71,10 +71,13 @@ class Link:
         # From 1 on, because 0 is what the register holds after power-on.
         self._tokens = cycle(range(1, 256))
         self.register = EVENT_ENABLE
+        self.alive: Callable[[], None] = lambda: None
+        """Called many times a second while the link waits, and before each write."""
 
     def tell(self, command: str) -> None:
         """Send `command` as one line in one write; raise `DeviceError` if the port refuses it."""
         begin_s = self._monotonic()
+        self.alive()
         try:
             self._port.send(encoded(command))
         except PORT_ERRORS as error:
@@ -293,6 +296,7 @@ class Link:
         return chunk
 
     def _received(self, timeout_s: float) -> bytes:
+        self.alive()
         try:
             return self._port.receive(timeout_s)
         except PORT_ERRORS as error:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
+from device.errors import DeviceError
 from protocol.journal import records
 from protocol.journal.events import Answered, QuestionAnswered, TouchEnded, TouchStarted
 from protocol.journal.state import SessionState
@@ -102,6 +103,8 @@ def _asked(context: SessionContext, question: StudyQuestion) -> records.Question
 
 
 SAMPLE_EVERY_S = 0.2
+MOST_OVER_S = 1.0
+"""A touch that lasted longer than planned by more than this is not the planned one."""
 SWEEP_STEP_S = 0.1
 SWEEP_STEPS = 10
 """Steps in a sweep shorter than 1 s; fewer if they would be shorter than `FASTEST_STEP_S`."""
@@ -134,6 +137,7 @@ def touch(
     moved_s = stimulus.deliver(start)
     # Off before anything is shown or stored, because neither may keep it on.
     context.device.off()
+    stimulus.require_as_long_as_planned()
     show_page(context, screens.Notice(text="touch.end"))
     # Before `touch-ended`: a session killed between the two repeats the trial and loses no samples.
     warnings = end(context, number, moved_s)
@@ -174,10 +178,12 @@ class _Stimulus:
         moves_s = context.clock.monotonic_s() + before.seconds
         # The finger is put down while the output rises, on the same page whatever is driven.
         show_page(context, before)
-        update_view(context, device=context.device.drive(start))
+        said = context.device.drive(start)
         steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
         # A soft start may outlast the lead-in; a held drive is steady before the mark moves.
         moves_s = max(moves_s, steady_s)
+        self._ends_s = moves_s + self.pacing.duration_s
+        update_view(context, device=said)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
             self._show_finger(context.device.read_back())  # as often as later, to notice a fault
@@ -196,6 +202,19 @@ class _Stimulus:
         over_s = context.clock.monotonic_s()
         self._sample_and_show()
         return moved_s, over_s
+
+    def require_as_long_as_planned(self) -> None:
+        """Raise `DeviceError` if the output, now off, was on for much longer than planned.
+
+        So it does if anything stood still meanwhile.
+        """
+        self._context.device.beat()
+        over_s = self._context.clock.monotonic_s() - self._ends_s
+        if over_s > MOST_OVER_S:
+            raise DeviceError(
+                f"a touch of {self.pacing.duration_s:g} s ended {over_s:.1f} s late, because this "
+                "computer or the device was too slow; it does not count"
+            )
 
     def _sample_and_show(self) -> None:
         update_view(self._context, device=self._sample(keep=True))

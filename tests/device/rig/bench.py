@@ -24,6 +24,7 @@ CALIBRATION = Resonance(frequency_hz=24_100, tip_m_per_v=1e-8)
 class RecordedLink:
     def __init__(self) -> None:
         self.stopped = False
+        self.alive: Callable[[], None] = lambda: None
 
     def stop(self) -> None:
         self.stopped = True

@@ -3,6 +3,7 @@
 import inspect
 import sys
 import time
+from contextlib import suppress
 from typing import cast
 
 import pytest
@@ -11,7 +12,9 @@ from device.drivers.driver import Driver, Reading
 from device.errors import (
     DeviceError,
 )
-from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig, passed_s
+from device.guardian_process import passed_s
+from device.rig import FEEDS_PER_WATCHDOG, RAMP_STEP_S, Rig
+from protocol.journal.records import ReadBack
 from tests.device.rig.bench import DRIVE, FEED_S, IDENTITY, LIMITS, SHOWN, Bench, RecordedDriver
 
 
@@ -77,7 +80,9 @@ def test_a_device_without_a_watchdog_is_turned_off_once_the_session_is_silent(
         assert unwatched.after(FEED_S, beats=False) == []
     assert unwatched.after(0.3 * FEED_S, beats=False) == []
     assert unwatched.after(FEED_S, beats=False) == ["send_off", "confirm_off"]
-    message = r"^the session did not move for 0\.5 s \(.* slept\); output off, read back$"
+    message = (
+        r"^the session did not move for 0\.5 s while the output was on; output off, read back$"
+    )
     with pytest.raises(DeviceError, match=message):
         unwatched.rig.beat()
 
@@ -101,7 +106,13 @@ def test_a_drive_moves_the_session(unwatched: Bench) -> None:
 
 
 def test_a_session_that_waits_for_a_long_answer_is_not_silent(unwatched: Bench) -> None:
-    unwatched.driver.does["read_back"] = lambda: unwatched.clock.advance(2 * LIMITS.watchdog_s)
+    def wait_for_an_answer() -> ReadBack:
+        for _ in range(20):
+            unwatched.clock.advance(0.1 * LIMITS.watchdog_s)
+            unwatched.driver.link.alive()
+        return SHOWN
+
+    unwatched.driver.does["read_back"] = wait_for_an_answer
     unwatched.rig.read_back()
     assert unwatched.calls() == ["read_back"]
     unwatched.rig.beat()
@@ -112,7 +123,7 @@ def test_a_computer_that_slept_while_a_generator_was_on_turns_it_off_on_waking(
     unwatched: Bench, slept_in: str
 ) -> None:
     """The session moves again before the owner of the port looks whether it does."""
-    message = r"^the session did not move for 60\.0 s \(.* slept\); output off, read back$"
+    message = r"for 60\.0 s .*; output off, read back$"
     if slept_in == "a call":
         unwatched.driver.does["read_back"] = lambda: unwatched.clock.advance(60)
         with pytest.raises(DeviceError, match=message):
@@ -124,6 +135,53 @@ def test_a_computer_that_slept_while_a_generator_was_on_turns_it_off_on_waking(
     assert unwatched.calls()[-2:] == ["send_off", "confirm_off"]
     with pytest.raises(DeviceError, match=message):
         unwatched.rig.drive(DRIVE)
+
+
+@pytest.mark.parametrize("watched", ["a board", "a generator"])
+@pytest.mark.parametrize("renewed_by", ["beat", "read_back", "drive", "step", "off"])
+def test_nothing_renews_a_sign_of_life_without_looking_at_the_silence_before_it(
+    watched: str, renewed_by: str
+) -> None:
+    """All of the program stood still; what it did first then was this."""
+    bench = Bench(RecordedDriver(has_watchdog=watched == "a board"))
+    bench.rig.arm()
+    bench.rig.drive(DRIVE)
+    bench.after(FEED_S)
+    bench.clock.advance(3.4)
+    with suppress(DeviceError):
+        getattr(bench.rig, renewed_by)(*[DRIVE] * (renewed_by == "drive"))
+    bench.rig.step()
+    assert bench.driver.driven is None
+    with pytest.raises(DeviceError, match=r"stood still for 3\.4 s .*; output off, read back$"):
+        bench.rig.beat()
+
+
+@pytest.mark.parametrize("renewed_by", ["beat", "read_back", "drive", "off"])
+def test_a_session_that_stood_still_alone_is_seen_whatever_it_does_next(
+    unwatched: Bench, renewed_by: str
+) -> None:
+    """The owner lived on, but did not get to look at the session between."""
+    for _ in range(4):
+        unwatched.clock.advance(0.2)
+        unwatched.rig._pulse.beat()
+    with suppress(DeviceError):
+        getattr(unwatched.rig, renewed_by)(*[DRIVE] * (renewed_by == "drive"))
+    with pytest.raises(DeviceError, match=r"^the session did not move for 0\.8 s .*; output off"):
+        unwatched.after(0.0)
+
+
+def test_off_is_sent_and_read_back_whatever_stood_still_before(unwatched: Bench) -> None:
+    unwatched.clock.advance(60)
+    unwatched.rig.off()
+    assert unwatched.calls() == ["off"]
+
+
+def test_a_rig_that_is_armed_anew_forgets_what_stood_still(unwatched: Bench) -> None:
+    unwatched.clock.advance(60)
+    unwatched.rig.off()
+    unwatched.rig.arm()
+    unwatched.rig.beat()
+    unwatched.rig.drive(DRIVE)
 
 
 def test_a_computer_may_sleep_while_the_output_is_off(unwatched: Bench) -> None:

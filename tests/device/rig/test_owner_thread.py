@@ -1,6 +1,8 @@
 """The thread that owns the port, and what it does meanwhile."""
 
 import threading
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -44,8 +46,10 @@ def test_a_rig_that_is_opened_has_a_thread_that_owns_its_port(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     driver = RecordedDriver()
-    monkeypatch.setattr("device.rig.open_link", lambda url: url)
-    monkeypatch.setattr("device.rig.driver_of", lambda dialect: lambda *_: driver)
+    port = SimpleNamespace(descriptor=None)
+    made = Mock(return_value=driver, has_watchdog=True, off_command="OUTP OFF")
+    monkeypatch.setattr("device.rig.open_port", lambda url: port)
+    monkeypatch.setattr("device.rig.driver_of", lambda dialect: made)
     before = threading.active_count()
     rig = open_rig("somewhere", LIMITS, "board")
     assert threading.active_count() == before + 1

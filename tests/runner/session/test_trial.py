@@ -251,5 +251,5 @@ def test_the_device_is_beaten_at_each_step(tmp_path: Path) -> None:
         made.touched(0, hold(duration_s=1.0))
         beats = made.device.calls.count("beat")
         made.touched(1, hold(sweep_to=1.1, duration_s=0.1))
-        assert made.device.calls.count("beat") - beats == 20 + 12 + 5, "and before it"
-    assert beats == 12 + 20, "each twentieth of a second, of the lead-in and of the touch"
+        assert made.device.calls.count("beat") - beats == 20 + 12 + 5 + 1, "before and after it"
+    assert beats == 12 + 20 + 1, "each twentieth of a second, of lead-in and touch, and at its end"

@@ -438,7 +438,7 @@ def open_rig(
         # It begins with a line end: the program may have died in the middle of a command.
         off = encoded("") + encoded(driver.off_command)
         unwatched = not driver.has_watchdog
-        guardian = guardian_of(port.descriptor, off, limits.watchdog_s) if unwatched else None
+        guardian = guardian_of(port.shared, off, limits.watchdog_s) if unwatched else None
         rig = Rig(driver(Link(port), limits), limits, calibration, gauge=gauge, guardian=guardian)
     except BaseException:
         if gauge is not None:

@@ -191,14 +191,14 @@ def said_of(unit: PlanUnit, text: str) -> str:
 class OperatorView:
     """The session's progress and the device's last read-back.
 
-    `has_watchdog` says whether the device turns its output off by itself. `device` is None if the
-    output has been read back as off, if it is `unknown`, or while the session is idle and the
-    device has not been asked yet. `busy` says what the output is on for while no participant
+    `kept_by` says what turns the output off when it hears nothing of this program. `device` is None
+    if the output has been read back as off, if it is `unknown`, or while the session is idle and
+    the device has not been asked yet. `busy` says what the output is on for while no participant
     touches the beam. `aim` is None unless a touch is in progress. While the operator is `blind`,
     labels and answers say nothing, and figures of the drive are not shown. `records` says that
     touches are recorded; `zero_n` are the forces of the untouched beam. The lines of the plan are
-    each a trial, or a `pass` of a block. `track` says where the running
-    track stands, empty between its trials; it is None in a study without any, and while blind.
+    each a trial, or a `pass` of a block. `track` says where the running track stands, empty between
+    its trials; it is None in a study without any, and while blind.
     """
 
     session: str
@@ -208,7 +208,7 @@ class OperatorView:
     left_s: float
     device: ReadBack | None
     rig: Rig
-    has_watchdog: bool
+    kept_by: Literal["watchdog", "guardian", ""]
     busy: str = ""
     warning: str = ""
     aim: Aim | None = None
@@ -335,6 +335,10 @@ class Device(Protocol):
     @property
     def has_watchdog(self) -> bool:
         """Whether the device turns its output off by itself when it hears nothing."""
+
+    @property
+    def has_guardian(self) -> bool:
+        """Whether a process of its own turns the output off when this program is silent."""
 
     def watchdog_trips(self, meanwhile: Callable[[], None]) -> bool:
         """Return whether it does so, tried with the output on at 0 V; leave the output off.

@@ -59,19 +59,22 @@ class SerialPort:
 
     def __init__(self, port: serial.SerialBase) -> None:
         self._port = port
-        self.descriptor = _descriptor(port)
-        """The system's number of the port; None where it has none that can be waited for."""
+        self._descriptor = _descriptor(port)
         self._socket: socket.socket | None = getattr(port, "_socket", None)
+        self.shared: int | None = (
+            self._descriptor if self._socket is None else self._socket.fileno()
+        )
+        """The number of the connection, which a process of our own can share; None without one."""
         if self._socket is not None:  # or Nagle's algorithm delays each command by 40 ms
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def receive(self, timeout_s: float) -> bytes:
-        if self.descriptor is None:  # Windows: select() does not work on serial ports
+        if self._descriptor is None:  # Windows: select() does not work on serial ports
             self._port.timeout = timeout_s
             # One byte only: more would wait for the whole of it until the timeout.
             return bytes(self._port.read(1))
         # `select` and then all there is: pySerial's own timeout would wait for a full chunk.
-        if select.select((self.descriptor,), (), (), timeout_s)[0]:
+        if select.select((self._descriptor,), (), (), timeout_s)[0]:
             return bytes(self._port.read(_CHUNK))
         return b""
 

@@ -320,7 +320,7 @@ def _facts(frame: Frame, moment: Instant) -> list[Text]:
     device = [
         visible(view.identity),
         f"resonance {view.resonance_hz:.0f} Hz" if view.resonance_hz else "",
-        f"watchdog {view.rig.watchdog_s:g} s" if view.has_watchdog else "no watchdog",
+        f"{view.kept_by} {view.rig.watchdog_s:g} s" if view.kept_by else "no watchdog",
     ]
     minutes, seconds = divmod(int(moment.now_s - frame.page_s), 60)
     page = [f"participant: {visible(frame.page)}, for {minutes}:{seconds:02d}"] * bool(frame.page)

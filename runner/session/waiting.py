@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from protocol.errors import WorkFailed
 from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpaused
@@ -52,7 +52,7 @@ def update_view(
             left_s=_left_s(context, [t for t in trials if t.index not in state.answers]),
             device=device,
             rig=session.study.rig,
-            has_watchdog=context.device.has_watchdog,
+            kept_by=_keeper(context),
             busy=busy,
             warning=warning,
             aim=_aim(context, running) if running and state.name == "touching" else None,
@@ -67,6 +67,12 @@ def update_view(
             track=None if blind or not session.study.track else standing(session, state, running),
         )
     )
+
+
+def _keeper(context: SessionContext) -> Literal["watchdog", "guardian", ""]:
+    if context.device.has_watchdog:
+        return "watchdog"
+    return "guardian" if context.device.has_guardian else ""
 
 
 def _aim(context: SessionContext, trial: Trial) -> screens.Aim:

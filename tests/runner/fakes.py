@@ -57,6 +57,7 @@ class FakeDevice:
     fails: str = ""
     on: bool = False
     has_watchdog: bool = False
+    has_guardian: bool = False
     measures_resonance: bool = True
     trips: bool = True
     idn: str = "fake"

@@ -28,7 +28,7 @@ def view(**changes: object) -> OperatorView:
         "left_s": 130.0,
         "device": None,
         "rig": Rig(),
-        "has_watchdog": True,
+        "kept_by": "watchdog",
         "identity": "touchbeam,BOARD,SIM,1.1",
         "resonance_hz": 24_068.0,
         "beam": "1 mm",

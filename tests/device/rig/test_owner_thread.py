@@ -46,7 +46,7 @@ def test_a_rig_that_is_opened_has_a_thread_that_owns_its_port(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     driver = RecordedDriver()
-    port = SimpleNamespace(descriptor=None)
+    port = SimpleNamespace(shared=None)
     made = Mock(return_value=driver, has_watchdog=True, off_command="OUTP OFF")
     monkeypatch.setattr("device.rig.open_port", lambda url: port)
     monkeypatch.setattr("device.rig.driver_of", lambda dialect: made)

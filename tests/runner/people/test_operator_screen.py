@@ -115,9 +115,12 @@ def test_the_force_comes_with_advice(force_n: float, advice: str) -> None:
     assert row(lines(Frame(view=view(aim=AIM)), moment(reading)), "force").endswith(advice)
 
 
-@pytest.mark.parametrize(("there", "said"), [(True, "watchdog 0.5 s"), (False, "no watchdog")])
-def test_a_device_without_a_watchdog_is_said_to_have_none(there: bool, said: str) -> None:
-    (facts,) = [line for line in lines(Frame(view=view(has_watchdog=there))) if "watchdog" in line]
+@pytest.mark.parametrize(
+    ("kept_by", "said"),
+    [("watchdog", "watchdog 0.5 s"), ("guardian", "guardian 0.5 s"), ("", "no watchdog")],
+)
+def test_what_turns_off_a_silent_programs_output_is_said(kept_by: str, said: str) -> None:
+    (facts,) = [line for line in lines(Frame(view=view(kept_by=kept_by))) if said in line]
     assert facts.endswith(said)
 
 

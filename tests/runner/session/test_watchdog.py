@@ -95,7 +95,7 @@ def test_the_operator_is_told_of_the_watchdog_and_the_measurement_that_there_are
 ) -> None:
     made = study.begin(FakeDevice(has_watchdog=there, measures_resonance=there), 0.0)
     assert isinstance(made.operator, FakeOperator)
-    assert {view.has_watchdog for view in made.operator.seen} == {there}
+    assert {view.kept_by for view in made.operator.seen} == {"watchdog" if there else ""}
     measuring = [view for view in made.operator.seen if "measuring the reson" in view.warning]
     assert bool(measuring) is there
 

@@ -156,7 +156,7 @@ class _Stimulus:
 
     def __init__(self, context: SessionContext, to_make: Touch, interval: int) -> None:
         self._context, self._touch = context, to_make
-        self._next_sample_s = 0.0
+        self._next_sample_s = self._look_s = 0.0
         self.read_back: list[records.ReadBack] = []
         self.samples: list[records.TraceSample] = []
         self.pacing = screens.pacing(to_make, context.session.study.touch, interval)
@@ -186,7 +186,8 @@ class _Stimulus:
         update_view(context, device=said)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))
-            self._show_finger(context.device.read_back())  # as often as later, to notice a fault
+            if self._has_time_to_look(moves_s):  # as often as later, to notice a fault
+                self._show_finger(self._looked())
         moved_s = context.clock.monotonic_s()
         show_page(context, self.pacing)
         self._sample_and_show()
@@ -196,11 +197,10 @@ class _Stimulus:
         self._began_s = context.clock.monotonic_s()
         # A short sweep takes its steps more often than an ordinary tick comes.
         wait(context, self.pacing.duration_s, self._on_tick, min(TICK_S, self._step_s))
-        if to_make.sweep_to is not None:
-            # The last tick comes before the end: without this a sweep would stop short of its end.
-            self._drive_at(1.0)
         over_s = context.clock.monotonic_s()
-        self._sample_and_show()
+        # The last tick comes before the end: without this a sweep would stop short of its end.
+        last = self._drive_at(1.0) if to_make.sweep_to is not None else None
+        self._sample_and_show(last)
         return moved_s, over_s
 
     def require_as_long_as_planned(self) -> None:
@@ -216,11 +216,21 @@ class _Stimulus:
                 "computer or the device was too slow; it does not count"
             )
 
-    def _sample_and_show(self) -> None:
-        update_view(self._context, device=self._sample(keep=True))
+    def _sample_and_show(self, read_back: records.ReadBack | None = None) -> None:
+        update_view(self._context, device=self._sample(read_back, keep=True))
 
-    def _sample(self, *, keep: bool) -> records.ReadBack:
+    def _looked(self) -> records.ReadBack:
+        begin_s = self._context.clock.monotonic_s()
         read_back = self._context.device.read_back()
+        self._look_s = self._context.clock.monotonic_s() - begin_s
+        return read_back
+
+    def _has_time_to_look(self, until_s: float) -> bool:
+        """Return whether a look ends before `until_s`, however slow the device is."""
+        return self._context.clock.monotonic_s() + self._look_s <= until_s + 1e-9
+
+    def _sample(self, read_back: records.ReadBack | None = None, *, keep: bool) -> records.ReadBack:
+        read_back = read_back or self._looked()
         if keep:
             self.read_back.append(read_back)
         self.samples += samples_of(read_back)
@@ -246,17 +256,21 @@ class _Stimulus:
         """Sample the finger when a sample is due; take the next step of a sweep when it is due."""
         passed_s = self._context.clock.monotonic_s() - self._began_s
         sweeps = self._touch.sweep_to is not None
-        if passed_s >= self._next_sample_s:
+        in_time = self._has_time_to_look(self._began_s + self.pacing.duration_s)
+        if passed_s >= self._next_sample_s and in_time:
             # Added up, not counted from now, so that a late tick delays no later sample.
             self._next_sample_s += SAMPLE_EVERY_S
             # Each read-back of a changing drive is kept; of a constant one, the first and the last.
             self._sample(keep=sweeps or self._ramps)
-        if sweeps and passed_s >= self._next_step_s:
+        if sweeps and passed_s >= self._next_step_s and in_time:
             self._next_step_s += self._step_s
             self._drive_at(min(passed_s / self.pacing.duration_s, 1.0))
 
-    def _drive_at(self, share: float) -> None:
-        """Set the frequency at `share` (0 to 1) of the sweep, and the end of the amplitude ramp."""
+    def _drive_at(self, share: float) -> records.ReadBack:
+        """Set the frequency at `share` (0 to 1) of the sweep, and the end of the amplitude ramp.
+
+        Return what the device says of it.
+        """
         to_make = self._touch
         frequency = to_make.frequency + share * (to_make.end_frequency - to_make.frequency)
         change_v = abs(to_make.end_voltage_v - to_make.voltage_v)
@@ -265,7 +279,7 @@ class _Stimulus:
             slope = max(change_v / self.pacing.duration_s, SLOWEST_RAMP_V_PER_S)
             # Never steeper than the rig's soft start.
             target = replace(target, ramp_v_per_s=min(slope, target.ramp_v_per_s))
-        self._context.device.drive(target)
+        return self._context.device.drive(target)
 
 
 def _setpoint(context: SessionContext, voltage_v: float, frequency: float) -> Setpoint:

@@ -47,6 +47,8 @@ GENERATOR_FAULTS = tuple(name for name in NAMES if name not in _NO_FAULTS_OF_A_G
 MOST_EVENTS = 22
 """Of a short session: an incident after as many events happens in it."""
 MOST_ATTEMPTS = 9
+STANDS_STILL = 0.1
+"""On how many days the whole program stands still at some step of a session, for 1 to 12 s."""
 Happening = Callable[[Process], None]
 """Plans what will happen to a process; its name is what happens."""
 SECRET = "a lorry passed"
@@ -62,6 +64,8 @@ class Day:
     stream: random.Random
     aside: random.Random
     """What is done at the desk beside the rig follows from it."""
+    stills: random.Random
+    """Whether and when the program stands still follows from it."""
     happened: Counter[str] = field(default_factory=Counter)
     excluded_trials: set[tuple[str, int]] = field(default_factory=set)
     gone: set[str] = field(default_factory=set)
@@ -81,6 +85,7 @@ class Day:
         due: list[Happening] = [self.killed, self.broken, self.broken, self.commanded]
         self.stream.shuffle(due)
         self.lab.tried()
+        self._still = self.stills.random() < STANDS_STILL
         again = self.stream.choice(("P01", "P02"))
         for who, which in (("P01", 1), ("P02", 1), (again, 2)):
             gone = who in self.withdrawn | self.doubtful
@@ -112,6 +117,8 @@ class Day:
             left = due[:2] if attempt < 6 else []
             for happens in left:
                 happens(process)
+            if self._still and self.stills.random() < 0.5:
+                self._stands_still(process)
             if self.stream.random() < (0.7, 0.4, 0.2, 0.0)[min(attempt, 3)]:
                 self.stream.choice(self._others())(process)
             clean = not (process.incidents or process.commit_kills or process.checkpoint_kills)
@@ -234,6 +241,18 @@ class Day:
                 self.lab.person.hangs_s = seconds
 
         self._plan(process, "hung", hangs)
+
+    def _stands_still(self, process: Process) -> None:
+        self._still, stream = False, self.stills
+        seconds = stream.uniform(1, 12)
+        process.incidents.append(
+            Incident(
+                what="stood still",
+                events=stream.randint(0, MOST_EVENTS),
+                crossings=stream.randint(1, 200),
+                happen=lambda: self.lab.stand_still(seconds),
+            )
+        )
 
     def deserted(self, process: Process) -> None:
         def leaves() -> None:
@@ -401,7 +420,7 @@ def day(seed: int) -> Day:
                 technician.without_thermometer(lab)
             with lab.entered():
                 technician.tried(lab, aside)
-                done = Day(lab, stream, aside)
+                done = Day(lab, stream, aside, random.Random(f"still/{seed}"))
                 done.run()
                 at_the_end(done)
                 technician.tried_in_the_evening(lab, random.Random(f"technician/{seed}"))

@@ -17,6 +17,7 @@ from unittest.mock import patch
 from device.drivers.driver import driver_of
 from device.drivers.limits import Setpoint
 from device.errors import DeviceError
+from device.link.codec import encoded
 from device.link.link import Link
 from device.link.port import Port, advice
 from device.resonance import Resonance
@@ -44,6 +45,7 @@ from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from tests.device.in_process_clock import InProcessClock
 from tests.system.day.disk import Disk
+from tests.system.day.guardian import LabGuardian
 from tests.system.day.invariants import require
 from tests.system.day.people import Person, Typist
 from tests.system.day.process import Dead, Process
@@ -56,6 +58,7 @@ SEARCHED_POINTS = 5
 """Of the search for the resonance, twice; 21 find it more exactly, but take most of a day."""
 DRIPS_S = 120.0
 """How long a device that was mended may still drip what it was asked before."""
+_STILL_STEP_S = 0.02
 LONGEST_S = 3600.0
 """Of a session; one that takes longer does not end."""
 
@@ -142,6 +145,8 @@ class Lab:
         self.folder = StudyFolder(path=folder)
         self.write(text)
         late_s = stream.choice((0.001, 0.003, 0.02))
+        if model != "board":  # many questions, and touches that end late do not count
+            late_s = min(late_s, 0.003)
         self.device = InProcessDevice(
             seed=stream.randrange(1000),
             dialect=model,
@@ -161,6 +166,7 @@ class Lab:
         self.person: Person | None = None
         self.typist: Typist | None = None
         self.rig: Rig | None = None
+        self.guardian: LabGuardian | None = None
         self._block: int | None = None
         """Of the last trial that this process has begun."""
         self._unwarned = ""
@@ -281,6 +287,8 @@ class Lab:
             self.watch.said(outcome.line, last=True)
         except Dead:
             outcome = Outcome(line="", code=None, process=process)
+            if self.guardian is not None:
+                self.guardian.close()
             if self.disk.open:
                 self.disk.crash()
         self.disk.unlock()
@@ -374,12 +382,17 @@ class Lab:
     def _opened(self, study: Study, process: Process) -> Rig:
         process.crossing("port")
         try:
-            port = LabPort(self.device.port(), process, self._record)
+            line = self.device.port()
         except OSError as error:
             raise DeviceError(f"{PORT}: {advice(error)}") from error
+        port = LabPort(line, process, self._record)
         limits, now_s = device_limits(study.rig), self.device.now_s
         driver = driver_of(study.rig.dialect)(Link(port, now_s), limits, now_s)
-        return Rig(driver, limits, kept_calibration(self.folder.path), now_s)
+        if not self.watch.is_board:
+            off = encoded("") + encoded(driver.off_command)
+            self.guardian = LabGuardian(self.device, line, off, limits.watchdog_s)
+        calibration = kept_calibration(self.folder.path)
+        return Rig(driver, limits, calibration, now_s, guardian=self.guardian)
 
     def _record(self, what: object) -> None:
         self.record.append((self.device.now_s(), what))
@@ -434,6 +447,16 @@ class Lab:
         self.watch.said(line)
         if "did not follow the instruction" in line:
             self._unwarned = ""
+
+    def stand_still(self, seconds: float) -> None:
+        """Let nothing of the process run, as when it is stopped or the computer sleeps."""
+        self.watch.stands_still()
+        for _ in range(round(seconds / _STILL_STEP_S)):
+            self.device.advance(_STILL_STEP_S)
+            if self.guardian is not None:
+                self.guardian.look()
+            self.watch.look()
+        self.watch.hanging_from_s = float("inf")
 
     def _hang(self, seconds: float) -> None:
         """Let the session's thread do nothing, while the owner of the port works on."""

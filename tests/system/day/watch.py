@@ -86,6 +86,10 @@ class Watch:
     """Whether the resonance is searched for, likewise."""
     resonance_hz: float = 0.0
     hanging_from_s: float = float("inf")
+    stood_still: bool = False
+    """Whether the process stood still while the present touch was driven."""
+    _driven_s: tuple[float, float] | None = None
+    """When the present touch was at the output, from and to."""
     told_unknown: bool = False
     faults_s: dict[str, float] = field(default_factory=dict)
     """When each fault was last switched on, as far as it may still have an effect."""
@@ -163,6 +167,7 @@ class Watch:
             case "trial-started":
                 self._trial = self.planned[session][json.loads(payload)["index"]]
             case "touch-started":
+                self.stood_still, self._driven_s = False, None
                 assert self._trial is not None
                 started = json.loads(payload)
                 touch = self._trial.touches[started["touch"]]
@@ -178,6 +183,8 @@ class Watch:
                 self._require_mounted(self.touch.beam or self.study.touch.beam)
             case "touch-ended":
                 assert self.touch is not None
+                require(9, not self.stood_still, "a touch counts that stood still")
+                self._require_length(self.touch)
                 if not self.faults_s:
                     self._as_planned(self.touch, json.loads(payload)["read_back"])
                 self.touch = None
@@ -251,6 +258,24 @@ class Watch:
             fits = min(hertz) * (1 - 1e-6) <= shown["frequency_hz"] <= max(hertz) * (1 + 1e-6)
             require(9, fits, f"{shown['frequency_hz']:g} Hz, planned {hertz}")
 
+    def stands_still(self) -> None:
+        """Take note that the process stands still from now on."""
+        self.hanging_from_s = self.device.now_s()
+        driven = self.touch is not None and self.device.inside.instrument.output_v > _TOLERANCE_V
+        self.stood_still |= driven and self.touch is not None
+
+    def _require_length(self, touch: Touch) -> None:
+        """A touch that counts was on for as long as was planned."""
+        if self._driven_s is None or self.faults_s:
+            return
+        began_s, ended_s = self._driven_s
+        rises_s = touch.voltage_v / self.rig.ramp_v_per_s
+        planned_s = max(self.study.touch.lead_in_s, rises_s) + touch_s(touch, self.study.touch)
+        over_s = ended_s - began_s - planned_s
+        require(
+            9, over_s <= 1 + 2 * self._poll_s, f"a touch counts that was {over_s:.1f} s too long"
+        )
+
     def alone(self) -> None:
         """Take note that no process drives the device; one that was killed did not turn it off."""
         self.polled, self.hanging_from_s = False, float("inf")
@@ -258,11 +283,12 @@ class Watch:
     def forget(self, *, killed: bool) -> None:
         """Allow no longer what a process drove that has ended.
 
-        A kill and a dead watchdog are two faults, and a generator has no watchdog: what was on
-        stays on, and stays allowed, until the device is repaired or armed again.
+        A kill and a dead watchdog are two faults, and so are a kill and a generator out of order:
+        what was on stays on, and stays allowed, until the device is repaired or armed again.
         """
         left_on = self.device.inside.instrument.output_v > _TOLERANCE_V
-        guarded = self.is_board and not self.faults_s.keys() & DEAD_WATCHDOG
+        dead = DEAD_WATCHDOG if self.is_board else self.faults_s.keys()
+        guarded = not self.faults_s.keys() & dead
         if guarded or not (killed and left_on):
             self.touch, self.searching = None, False
 
@@ -293,6 +319,9 @@ class Watch:
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None
             return
+        if self.touch is not None:
+            now_s = self.device.now_s()
+            self._driven_s = (self._driven_s or (now_s, now_s))[0], now_s
         if self._outlasts():
             require(3, False, f"{self._output()}, silent or hanging for too long")
         allowed_v, allowed_hz = self._allowed()

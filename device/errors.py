@@ -44,6 +44,16 @@ class OutputUnknown(DeviceError):
         super().__init__(f"{UNKNOWN} ({why})")
 
 
+class OutputLastOff(OutputUnknown):
+    """The device does not confirm off, but did so before, and nothing was switched on since."""
+
+    def __init__(self, why: str) -> None:
+        DeviceError.__init__(
+            self,
+            f"{why}; the output was off when it was last read back, and was not switched on since",
+        )
+
+
 # Both at once: callers that leave a foreign device alone see it, and those that alarm the operator.
 class ForeignOutput(ForeignDevice, OutputUnknown):
     """An unexpected device answered; no further command is sent, so its output is unknown."""

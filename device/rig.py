@@ -11,10 +11,12 @@ import contextlib
 import math
 from collections.abc import Callable
 from concurrent.futures import wait
+from dataclasses import replace
 from typing import NoReturn, TypeVar
 
 from device.drivers.driver import Driver, Reading, driver_of
 from device.drivers.limits import Limits, Setpoint
+from device.drivers.pace import Pace
 from device.errors import DeviceError, EmergencyStop, ForeignDevice, OutputUnknown
 from device.force_channel.recording import Forces, Recorder, Samples
 from device.gauges.owner import GaugeOwner
@@ -30,6 +32,8 @@ from protocol.journal.records import Identity, ReadBack
 
 FEEDS_PER_WATCHDOG = 5
 RAMP_STEP_S = 0.02
+LONGEST_CALL_S = 5.0
+"""Longer must no call take: a drive that begins so late is not the one that was planned."""
 MOST_BLOCKS = 4
 """Most blocks of samples that are asked for between two calls."""
 
@@ -351,11 +355,26 @@ class Rig(PortOwner):
     def _arm(self) -> Identity:
         self._fault, self._armed, self._ramping, self._recording = None, False, False, None
         self._driver.link.go_on()
-        identity: Identity = self._guarded(self._driver.arm)
+        identity: Identity = self._guarded(self._met)
         self._guarded(self._pulse.start)
         self._pulse.release()
         self._armed = True
         return identity
+
+    def _met(self) -> Identity:
+        """Arm the device; raise `DeviceError` for one that is too slow to be watched."""
+        identity = self._driver.arm()
+        pace = self._driver.pace()
+        if self._too_slow(pace):  # or this computer was busy just then
+            pace = self._driver.pace()
+        if why := self._too_slow(pace):
+            raise DeviceError(f"{why}; nothing was driven")
+        if remark := pace.remark(self._limits.ramp_v_per_s, self._limits.max_voltage_v):
+            return replace(identity, remarks=(*identity.remarks, remark))
+        return identity
+
+    def _too_slow(self, pace: Pace) -> str:
+        return pace.too_slow(self._watchdog_s, LONGEST_CALL_S)
 
     def _drive(self, setpoint: Setpoint) -> ReadBack:
         self._pulse.watch()
@@ -409,8 +428,8 @@ class Rig(PortOwner):
         self._driver.driven = None
         try:
             self._driver.confirm_off()
-        except OutputUnknown:
-            return error if isinstance(error, OutputUnknown) else OutputUnknown(str(error))
+        except OutputUnknown as unknown:
+            return error if isinstance(error, OutputUnknown) else type(unknown)(str(error))
         self._pulse.release()
         if isinstance(error, OutputUnknown):
             return error  # it was asked before, and did not say so then

@@ -39,8 +39,8 @@ _FIRST_THAT_RECORDS = (1, 2)
 _FIRMWARE = re.compile(r"(\d+)\.(\d+)")
 _PROMISES = "OUTP:PROT:CAUS?;:SYST:BOOT?;:VOLT:LIM?;:SYST:WATC?"
 _CAUSES = {
-    "WATC": "its watchdog tripped: nothing was heard of this program for too long (it hung, or the "
-    "computer slept)",
+    "WATC": "its watchdog tripped: it says that it heard nothing for {watchdog_s:g} s (the program "
+    "may have hung, the line been slow, or the computer slept)",
     "TEMP": "its protection tripped: over-temperature",
     "CURR": "its protection tripped: over-current",
 }
@@ -228,7 +228,9 @@ class Board(Driver):
         if boot != self._boot:
             raise DeviceError(f"the device restarted (boot {self._boot}, now {boot}): brown-out?")
         if cause != "NONE":
-            raise DeviceError(f"the device: {_CAUSES.get(cause, cause)}")
+            known = _CAUSES.get(cause, "{cause}")
+            why = known.format(watchdog_s=self.limits.watchdog_s, cause=cause)
+            raise DeviceError(f"the device: {why}")
 
     def _require_cool(self, temperature_c: float) -> None:
         most_c = self.limits.max_temperature_c

@@ -16,17 +16,19 @@ from pkgutil import iter_modules
 from typing import Any, ClassVar
 
 from device.drivers.limits import Limits, Setpoint
+from device.drivers.pace import Pace
 from device.errors import (
     CannotRecord,
     DeviceError,
     ForeignDevice,
     ForeignOutput,
     LinkTimeout,
+    OutputLastOff,
     OutputUnknown,
 )
 from device.force_channel.recording import ForceSource
 from device.link.codec import number, number_text, queued_error, switch
-from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, Link, Register
+from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, HANDSHAKE_S, Link, Register
 from protocol.address import AddressError
 from protocol.journal.records import Identity, ReadBack
 
@@ -91,6 +93,8 @@ class Driver(ABC):
         """Whether a process of its own turns the output off when this program falls silent."""
         self.foreign: ForeignOutput | None = None
         """The error to raise if another device answered."""
+        self._stayed_off = False
+        """Whether off was read back when the device was armed, and nothing was on since."""
 
     def arm(self) -> Identity:
         """Turn the output off, see who answers, set limits and watchdog, and read them back.
@@ -98,7 +102,7 @@ class Driver(ABC):
         Raise `ForeignOutput` for another device, to which nothing else is sent, `DeviceError` for
         one that does not keep what was set, and `OutputUnknown` if it does not say that it is off.
         """
-        self.driven, self.foreign = None, None
+        self.driven, self.foreign, self._stayed_off = None, None, False
         # Off comes before the question who is there: what was left on goes off without delay.
         self.send_off()
         idn = self.link.identify()
@@ -109,11 +113,23 @@ class Driver(ABC):
             )
             raise self.foreign
         self._meet()
-        self.link.synchronise()
+        self.link.synchronise(HANDSHAKE_S)
+        self.link.keep_pace()
         self.off()
+        self._stayed_off = True
         # Taken before anything is set, or the first command would be blamed for earlier errors.
         errors = tuple(self.drained_errors())
-        return self._prepared(idn, errors)
+        identity = self._prepared(idn, errors)
+        self.link.keep_pace()
+        return identity
+
+    def pace(self) -> Pace:
+        """Measure how fast the armed device is; changes nothing, raises as `check`."""
+        answer_s = self.link.answer_s
+        # A drive sets and reads back three values, and switches on.
+        begin_s, end_s = 20 * answer_s, 6 * answer_s
+        # Twice as often as it must be heard, because answers differ.
+        return Pace(answer_s=answer_s, watch_s=2 * answer_s, begin_s=begin_s, end_s=end_s)
 
     def _meet(self) -> None:  # noqa: B027 - most devices need nothing
         """Tell a device that is the expected one what the link needs to get into step."""
@@ -141,6 +157,7 @@ class Driver(ABC):
     def _heard(self, said: ReadBack, amplitude_v: float) -> None:
         """Keep what the device said; an answer without sensors keeps the last finger."""
         now_s = self.monotonic()
+        self._stayed_off = self._stayed_off and not said.output
         new = Reading(
             at_s=now_s,
             output=said.output,
@@ -194,6 +211,7 @@ class Driver(ABC):
 
     def switch_on(self, command: str) -> None:
         """Switch the output on, as `reading` shows at once; `DeviceError` if the device refuses."""
+        self._stayed_off = False
         if self.reading is not None:
             self.reading = replace(self.reading, at_s=self.monotonic(), output=True)
         self.send(command)
@@ -203,7 +221,10 @@ class Driver(ABC):
         self.link.tell(self.off_command)
 
     def off(self) -> None:
-        """Turn the output off and read it back; raise `OutputUnknown` if that is not confirmed."""
+        """Turn the output off and read it back; raise `OutputUnknown` if that is not confirmed.
+
+        That is an `OutputLastOff` where nothing was on since the device was armed.
+        """
         # Forgotten first: whatever fails below, nobody may take the output as meant to be on.
         self.driven = None
         if self.foreign is not None:
@@ -211,21 +232,25 @@ class Driver(ABC):
         try:
             self.send_off()
         except DeviceError as error:
-            raise OutputUnknown(str(error)) from error
+            raise self._unconfirmed(error) from error
         self.confirm_off()
 
     def confirm_off(self) -> None:
-        """Check that the output is off; raise `OutputUnknown` if the device does not say so."""
+        """Check that the output is off; raise `OutputUnknown` as `off`."""
         try:
             still_on = self._asked_twice_whether_on()
         except DeviceError as error:
-            raise OutputUnknown(str(error)) from error
+            raise self._unconfirmed(error) from error
         if still_on:
+            self._stayed_off = False
             raise OutputUnknown(f"the device was told {self.off_command} and {still_on}")
         if self.reading is not None:
             self.reading = replace(
                 self.reading, at_s=self.monotonic(), output=False, amplitude_v=0.0, monitor_v=None
             )
+
+    def _unconfirmed(self, error: DeviceError) -> OutputUnknown:
+        return (OutputLastOff if self._stayed_off else OutputUnknown)(str(error))
 
     def _asked_twice_whether_on(self) -> str:
         """Tell a device that missed its deadline again: one answer out of two is a confirmation."""

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from device.drivers.driver import NO_TEMPERATURE, REL_TOL, Driver
 from device.drivers.limits import Setpoint
+from device.drivers.pace import Pace
 from device.errors import DeviceError, LimitExceeded
 from device.link.codec import impedance, number, number_text, switch
 from protocol.journal.records import Identity, ReadBack
@@ -69,6 +70,8 @@ class Generator(Driver):
     on_command = "OUTP ON"
     amplitude_abs_tol_vpp: ClassVar[float] = 0.0
     """The resolution of the amplitude, where it is coarser than `AMPLITUDE_REL_TOL`."""
+    lines_to_set: ClassVar[int] = 4
+    """How many lines it takes to set a value and to see that it was kept."""
     least_v = 0.0
     _ramp: Ramp | None = None
     amplitude_v = 0.0
@@ -116,6 +119,22 @@ class Generator(Driver):
             dialect=self.dialect,
             cleared_errors=errors,
             remarks=self._remarks() + (NO_TEMPERATURE,) * limited,
+        )
+
+    def pace(self) -> Pace:
+        """As every driver; a poll, which reads all settings, is timed."""
+        begin_s = self.monotonic()
+        self.check()
+        poll_s, answer_s = self.monotonic() - begin_s, self.link.answer_s
+        step_s = self.lines_to_set * answer_s
+        # A call may have to wait for a poll, and for a step of the ramp, that began before it.
+        watch_s = poll_s + step_s
+        return Pace(
+            answer_s=answer_s,
+            watch_s=watch_s,
+            begin_s=watch_s + 2 * poll_s + 3 * step_s,
+            end_s=watch_s + 6 * answer_s,
+            step_s=step_s,
         )
 
     def drive(self, setpoint: Setpoint) -> ReadBack:

@@ -61,6 +61,7 @@ class Siglent(generator.Generator):
     )
     """The phase of the second channel, which is off: there is no event enable register."""
     amplitude_abs_tol_vpp: ClassVar[float] = 1e-3
+    lines_to_set: ClassVar[int] = 2
     on_command = "C1:OUTP ON"
 
     def _meet(self) -> None:
@@ -87,8 +88,10 @@ class Siglent(generator.Generator):
         )
 
     def send(self, command: str) -> None:
-        """Send `command`; the generator reports no errors."""
+        """Send `command` and wait until it is done; the generator reports no errors."""
         self.link.tell(command)
+        # Commands that pile up would make the next answer late, however fast each of them is.
+        self.link.query(self.output_query, lambda answer: _words(answer, "C1:OUTP"))
 
     def drained_errors(self) -> list[str]:
         """Return an empty list: the generator has no error queue."""
@@ -104,7 +107,7 @@ class Siglent(generator.Generator):
 
     def _set_wave(self, name: str, value: float, rel_tol: float, abs_tol: float, unit: str) -> None:
         # The generator clips silently: only the value that it kept shows whether it obeyed.
-        self.send(f"C1:BSWV {name},{number_text(value)}{unit}")
+        self.link.tell(f"C1:BSWV {name},{number_text(value)}{unit}")
         kept = self.link.query(
             "C1:BSWV?", lambda answer: _quantity(_words(answer, "C1:BSWV"), name)
         )

@@ -2,13 +2,18 @@
 
 An answer that missed its deadline may still arrive. The link is then out of step and accepts no
 answer until the device has shown that no earlier one is outstanding.
+
+Deadlines are those of a device that answers at once. How long one takes for a line is measured, and
+`keep_pace` adds that to every deadline.
 """
 
 import re
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle
+from statistics import median
 from typing import TypeVar
 
 from device.errors import DeviceError, EmergencyStop, LinkTimeout, ProtocolError
@@ -18,17 +23,28 @@ from device.link.port import PORT_ERRORS, WRITE_TIMEOUT_S, Port, open_port
 ANSWER_TIMEOUT_S = 0.4
 SYNC_TIMEOUT_S = 1.0
 STOOD_STILL_S = WRITE_TIMEOUT_S + 1.0
-HANDSHAKE_S = 3.0
-"""Time in which a board that restarts when its port is opened answers again."""
+HANDSHAKE_S = 5.0
+"""Time in which a device answers for the first time: a board restarts when its port is opened, and
+some generators take 3 s."""
 _HANDSHAKE_TRY_S = 0.5
 _QUIET_S = 0.03
 _CUT_SHORT_S = 0.1
 """A block of which nothing more came for that long is cut short."""
+_LINES_AHEAD = 6
+"""Most lines that a device has before the one whose answer is awaited: off, and two numbers."""
+_MEASURED = 64
+"""How many of the last answers tell how long the device takes."""
 _SLICE_S = 0.02
 """Interval at which a waiting link checks whether it was stopped."""
 MOST_LINES = 200
 """Most unsolicited lines that are discarded before the device counts as sending without end."""
 _IDENTITY = re.compile(r"[^,]+,[^,]+,[^,]*,.*")
+_PROMPT = re.compile(rb"[^,]{0,40}>\s*")
+"""What a port for people writes before it takes a line: `>>`, or `33522B> `."""
+_FOR_PEOPLE = (
+    "; a telnet port (5024) does that: use the one for programs, such as socket://HOST:5025 (5555 "
+    "at Rigol)"
+)
 
 _Value = TypeVar("_Value")
 
@@ -73,11 +89,33 @@ class Link:
         self.register = EVENT_ENABLE
         self.alive: Callable[[], None] = lambda: None
         """Called many times a second while the link waits, and before each write."""
+        self._pace_s = 0.0
+        self._unanswered = 0
+        self._asked_s = 0.0
+        self._took_s: deque[float] = deque(maxlen=_MEASURED)
+
+    @property
+    def answer_s(self) -> float:
+        """How long the device takes for a line, by its last answers; 0 before the first."""
+        return median(self._took_s) if self._took_s else 0.0
+
+    @property
+    def timeout_s(self) -> float:
+        """How long an answer may take."""
+        return ANSWER_TIMEOUT_S + _LINES_AHEAD * self._pace_s
+
+    def keep_pace(self) -> None:
+        """Leave time in every later deadline for lines that take as long as they do now."""
+        # Not with each answer: a device that becomes slower while it is driven must be noticed.
+        self._pace_s = self.answer_s
 
     def tell(self, command: str) -> None:
         """Send `command` as one line in one write; raise `DeviceError` if the port refuses it."""
         begin_s = self._monotonic()
         self.alive()
+        if not self._unanswered:
+            self._asked_s = begin_s
+        self._unanswered += 1
         try:
             self._port.send(encoded(command))
         except PORT_ERRORS as error:
@@ -86,10 +124,13 @@ class Link:
             why, took_s = str(error), self._monotonic() - begin_s
             if took_s > STOOD_STILL_S:
                 # The port's own timeout ends a write much earlier, unless nothing ran meanwhile.
-                why = f"nothing moved for {took_s:.1f} s (it hung, or the computer slept)"
+                why = (
+                    f"nothing moved for {took_s:.1f} s, where the port gives up after "
+                    f"{WRITE_TIMEOUT_S:g} s (the program may have hung, or the computer slept)"
+                )
             raise DeviceError(f"cannot send {command!r} to the device: {why}") from error
 
-    def ask(self, query: str, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
+    def ask(self, query: str) -> str:
         """Send `query` and return the line that answers it.
 
         Raise `LinkTimeout` without a whole line in `timeout_s`, `ProtocolError` for one that is cut
@@ -99,7 +140,7 @@ class Link:
         self.tell(query)
         # Until the answer is there: an exception on the way leaves the link out of step.
         self._in_step = False
-        answer = text(self._line(query, self._monotonic() + timeout_s))
+        answer = text(self._line(query, self._deadline_s()))
         self._in_step = True
         return answer
 
@@ -115,7 +156,7 @@ class Link:
         """Return the parsed content of the block that answers `query`; repeat it as `query` does.
 
         The device must answer the same query with the same block: a garbled one is then not lost.
-        Both together have `ANSWER_TIMEOUT_S`, so that broken blocks hide no other fault for longer.
+        Both together have `timeout_s`, so that broken blocks hide no other fault for longer.
         """
         deadline_s = self._deadline_s()
         return self._twice(lambda: parsed(self._only_block(query, deadline_s)))
@@ -132,25 +173,31 @@ class Link:
     def identify(self, patience_s: float = HANDSHAKE_S) -> str:
         """Return the answer to `*IDN?`, ignoring messages at start-up, within `patience_s`.
 
-        Raise `ProtocolError` for a device that echoes, and `LinkTimeout` without four fields.
+        Raise `ProtocolError` for a port for people, and `LinkTimeout` without four fields.
         """
         deadline_s = self._monotonic() + patience_s
-        self._quiet(deadline_s)
-        heard = b""
+        _require_none_for_people(self._quiet(deadline_s), ended=False)
+        heard, repeats = b"", 0
         # Asked again and again: a board that restarts as its port is opened loses questions.
         while self._monotonic() < deadline_s:
             self.tell("*IDN?")
             try_s = min(self._monotonic() + _HANDSHAKE_TRY_S, deadline_s)
             while (line := self._next_line(try_s)) is not None:
                 # An echo would be taken for the answer to every later query.
-                if line == b"*IDN?":
-                    raise ProtocolError("the device echoes commands; switch its echo off")
+                _require_none_for_people(line)
                 # A banner at start-up has not four fields.
                 if line.isascii() and _IDENTITY.fullmatch(line.decode()):
+                    self._skip_answers(repeats)
                     return text(line)
                 heard = line
+            repeats += 1
         last = f"; its last message was {heard[:60]!r}" if heard else ""
         raise LinkTimeout(f"no answer to '*IDN?' within {patience_s:g} s{last}")
+
+    def _skip_answers(self, repeats: int) -> None:
+        """Skip the answers to questions that were repeated, as far as they were not lost."""
+        while repeats and self._next_line(self._monotonic() + _HANDSHAKE_TRY_S) is not None:
+            repeats -= 1
 
     def synchronise(self, patience_s: float = SYNC_TIMEOUT_S) -> None:
         """Drain the input until it is quiet, then have the device return two numbers we choose.
@@ -160,10 +207,13 @@ class Link:
         within `patience_s`, `ProtocolError` for lines without end.
         """
         self._in_step = False
+        patience_s += _LINES_AHEAD * self._pace_s
         deadline_s = self._monotonic() + patience_s
         self._quiet(deadline_s)
         for _ in range(2):
-            self._skip_to(self._request_token(), deadline_s)
+            self._unanswered = 0  # what was sent before is answered by now, or lost
+            self._skip_to(self._request_token(), deadline_s, patience_s)
+        self._note_answer()
         self._in_step = not self._lines
 
     def stay_silent(self, seconds: float) -> None:
@@ -248,7 +298,7 @@ class Link:
             raise ProtocolError(f"the device must answer with {token}, got {told!r}")
 
     def _deadline_s(self) -> float:
-        return self._monotonic() + ANSWER_TIMEOUT_S
+        return self._monotonic() + self.timeout_s
 
     def _request_token(self) -> int:
         """Store the next number in the register, ask for it, and return it."""
@@ -261,7 +311,13 @@ class Link:
         line = self._next_line(deadline_s)
         if line is None:
             raise self._missing(query, self._buffer.pending)
+        self._note_answer()
         return line
+
+    def _note_answer(self) -> None:
+        """Measure how long the device took for each line since its last answer."""
+        self._took_s.append((self._monotonic() - self._asked_s) / max(self._unanswered, 1))
+        self._unanswered = 0
 
     @staticmethod
     def _missing(query: str, heard: bytes) -> DeviceError:
@@ -303,8 +359,8 @@ class Link:
             self._in_step = False
             raise DeviceError(f"the device is gone: {error}") from error
 
-    def _quiet(self, deadline_s: float) -> None:
-        """Read until nothing arrives for a while, and discard everything."""
+    def _quiet(self, deadline_s: float) -> bytes:
+        """Read until nothing arrives for a while, discard it; return a line without its end."""
         heard = 0
         while self._take(_QUIET_S):
             heard += len(self._lines)
@@ -313,9 +369,11 @@ class Link:
             if heard > MOST_LINES or self._monotonic() > deadline_s:
                 raise ProtocolError("the device keeps sending unsolicited lines")
         self._lines.clear()
+        unended = self._buffer.pending
         self._buffer.clear()
+        return unended
 
-    def _skip_to(self, token: int, deadline_s: float) -> None:
+    def _skip_to(self, token: int, deadline_s: float, patience_s: float) -> None:
         for _ in range(MOST_LINES):
             line = self._next_line(deadline_s)
             if line is None:
@@ -323,7 +381,21 @@ class Link:
             # Lines before it are answers to earlier queries, and are dropped.
             if line.isascii() and self.register.is_told(line.decode().strip(), token):
                 return
-        raise LinkTimeout("cannot get back into step: an earlier answer is still outstanding")
+        raise LinkTimeout(
+            f"cannot get back into step: {self.register.get!r} was not answered with {token}, "
+            f"just set, within {patience_s:.2g} s (an earlier answer may be outstanding)"
+        )
+
+
+def _require_none_for_people(line: bytes, *, ended: bool = True) -> None:
+    """Raise `ProtocolError` if `line` is one of a port for people, which echoes and prompts."""
+    prompt = matched[0] if (matched := _PROMPT.match(line)) else b""
+    rest = line.removeprefix(prompt)
+    if rest == b"*IDN?":
+        raise ProtocolError(f"the device echoes commands; switch its echo off{_FOR_PEOPLE}")
+    # A start-up may write `boot>` and end the line; a prompt waits, or stands before an answer.
+    if prompt and (b"," in rest or not (rest or ended)):
+        raise ProtocolError(f"the device sends a prompt, {prompt!r}{_FOR_PEOPLE}")
 
 
 def open_link(url: str) -> Link:

@@ -40,7 +40,8 @@ class InProcessDevice(BeamControl):
 
     `delay_s` returns how long each piece of data is on its way: with 0 s only waiting takes time,
     so that a fault which answers without end needs more. `cuts` returns where some number of bytes
-    is cut into pieces. The rest is as in `device.SimulatedDevice`.
+    is cut into pieces. `work_s` returns how long the device works at each line, one after the
+    other. The rest is as in `device.SimulatedDevice`.
     """
 
     def __init__(
@@ -49,13 +50,15 @@ class InProcessDevice(BeamControl):
         dialect: str = "board",
         delay_s: Callable[[], float] = lambda: DELAY_S,
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
+        work_s: Callable[[], float] = lambda: 0.0,
         **friction: Unpack[Friction],
     ) -> None:
         self._now_s = 0.0
         self.unbroken: Unbroken = nullcontext
         """Surrounds each piece of work, of the device and of whoever owns its port."""
         self._line, self._gauge_line = (
-            _Line(*(_Pieces(self.now_s, delay_s, cuts) for _ in range(2))) for _ in range(2)
+            _Line(_Pieces(self.now_s, delay_s, cuts, work_s), _Pieces(self.now_s, delay_s, cuts))
+            for _ in range(2)
         )
         self.inside: SimulatedDevice = SimulatedDevice(seed, self.now_s, dialect, **friction)
         self._gauge = GaugeLine(self.inside, self._gauge_line)
@@ -193,16 +196,19 @@ class _Pieces:
     now_s: Callable[[], float]
     delay_s: Callable[[], float]
     cuts: Callable[[int], Sequence[int]]
+    work_s: Callable[[], float] = lambda: 0.0
     waiting: int = field(default=0, init=False)
+    _last_s: float = field(default=0.0, init=False)
     _pieces: deque[tuple[float, bytes]] = field(default_factory=deque, init=False)
 
     def add(self, data: bytes) -> None:
         if not data:
             return
-        pieces, now_s, begin = self._pieces, self.now_s(), 0
+        now_s, begin = self.now_s(), 0
         for end in (*self.cuts(len(data)), len(data)):
-            at_s = now_s + self.delay_s()
-            pieces.append((max(at_s, pieces[-1][0]) if pieces else at_s, data[begin:end]))
+            begin_s = max(now_s + self.delay_s(), self._last_s)
+            self._last_s = begin_s + self.work_s()
+            self._pieces.append((self._last_s, data[begin:end]))
             begin = end
         self.waiting += len(data)
 

@@ -17,7 +17,7 @@ from device.resonance import Resonance
 from device.rig import Rig, open_rig
 from device.simulator.client import BeamControl, ControlClient, Friction, simulator_process
 from device.study_limits import device_limits
-from protocol.address import SIMULATED, AddressError
+from protocol.address import BAUD, SIMULATED, AddressError
 from protocol.errors import BadInput
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
@@ -144,6 +144,7 @@ def ports() -> list[dict[str, str]]:
 def probed(url: str) -> dict[str, Any]:
     """Return the identity and status that the device at `url` reports; change nothing in it.
 
+    `answer_ms` is how long it took to answer.
     Raises as `link.open_link`; `ForeignDevice` without a driver, `DeviceError` for wrong answers.
     """
     with ExitStack() as stack:
@@ -152,9 +153,11 @@ def probed(url: str) -> dict[str, Any]:
         link = stack.enter_context(closing(open_link(url)))
         idn, driver = _identified(link, url)
         if not driver.register.is_a_setting:
-            link.synchronise()
+            link.synchronise(HANDSHAKE_S)
+            link.keep_pace()
         health = {name: answered(link, query) for name, query in driver.health.items()}
-    return {"url": url, "idn": idn, "dialect": driver.dialect, **health}
+        answer_ms = round(1e3 * link.answer_s, 1)
+    return {"url": url, "idn": idn, "dialect": driver.dialect, "answer_ms": answer_ms, **health}
 
 
 def _identified(link: Link, url: str) -> tuple[str, type[Driver]]:
@@ -164,7 +167,7 @@ def _identified(link: Link, url: str) -> tuple[str, type[Driver]]:
     except LinkTimeout as error:
         raise LinkTimeout(
             f"{url}: no device answered *IDN? within {HANDSHAKE_S:g} s ({error}); "
-            "check that it is on and set to this speed"
+            f"check that it is on, and set to {BAUD:,} baud on a serial line"
         ) from error
     return idn, driver_for(idn)
 

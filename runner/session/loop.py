@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime, timedelta
 
-from device.errors import OutputUnknown
+from device.errors import OutputLastOff, OutputUnknown
 from protocol.errors import BadInput, WorkFailed
 from protocol.journal import events
 from protocol.journal.records import Compliance
@@ -174,7 +174,7 @@ def _turn_off(
         if context.log.state.name in {"armed", "paused"}:
             context.log.append(events.DeviceOff(confirmed=unknown is None, why=why))
         if unknown is not None:
-            update_view(context, unknown=True)
+            update_view(context, unknown=not isinstance(unknown, OutputLastOff))
     except Exception as error:
         if unknown is not None:
             # That the output may be on matters more than what could not be shown or recorded.
@@ -183,7 +183,14 @@ def _turn_off(
         error.add_note(_RESUMABLE)
         raise
     if unknown is not None:
-        raise unknown
+        raise _with_way_on(unknown)
+
+
+def _with_way_on(unknown: OutputUnknown) -> OutputUnknown:
+    """Return the error, with how to go on if the amplifier need not be cut first."""
+    if isinstance(unknown, OutputLastOff):
+        unknown.add_note(_RESUMABLE)
+    return unknown
 
 
 def deferred(context: SessionContext, trial: Trial, made: Compliance) -> bool:

@@ -263,7 +263,7 @@ def test_a_host_that_was_stopped_turns_the_output_off_once_it_goes_on(dialect: s
 
 
 def test_a_session_that_waits_for_a_slow_generator_does_not_hang() -> None:
-    device = InProcessDevice(seed=1, dialect="rigol", delay_s=lambda: 0.02)
+    device = InProcessDevice(seed=1, dialect="rigol", delay_s=lambda: 0.01)
     rig = in_process_rig(device, LIMITS, "rigol")
     rig.arm()
     rig.drive(DRIVE)

@@ -43,8 +43,8 @@ def program() -> str:
     return shlex.quote(sys.argv[0])
 
 
-_DECIMALS = {"V": 2, "Hz": 0, "N": 3, "m": 4, "s": 2, "°C": 1, "Ω": 0}
-_UNITS = {"v": "V", "hz": "Hz", "n": "N", "m": "m", "s": "s", "c": "°C", "ohm": "Ω"}
+_DECIMALS = {"V": 2, "Hz": 0, "N": 3, "m": 4, "s": 2, "ms": 1, "°C": 1, "Ω": 0}
+_UNITS = {"v": "V", "hz": "Hz", "n": "N", "m": "m", "s": "s", "ms": "ms", "c": "°C", "ohm": "Ω"}
 """Units by the end of a name such as `monitor_v`."""
 
 

@@ -13,7 +13,14 @@ from device.drivers.generator import (
     NO_LIMITS,
     NO_WATCHDOG,
 )
-from device.errors import CannotRecord, DeviceError, ForeignOutput, LinkTimeout, OutputUnknown
+from device.errors import (
+    CannotRecord,
+    DeviceError,
+    ForeignOutput,
+    LinkTimeout,
+    OutputLastOff,
+    OutputUnknown,
+)
 from device.link.link import Link
 from tests.device.lying import LyingPort, lying, stepped, unarmed
 from tests.device.rigs import DRIVE, LIMITS
@@ -95,13 +102,14 @@ def test_a_device_that_does_not_get_into_step_is_not_armed() -> None:
     idn = {b"*IDN?\n": b"touchbeam,BOARD,1,1.2\n"}
     port = ScriptedPort(idn, deaf_to_sync=True)
     board = Board(Link(port, monotonic=ticking()), LIMITS)
-    with pytest.raises(LinkTimeout, match="an earlier answer is still outstanding"):
+    with pytest.raises(LinkTimeout, match=r"step: .* within 5 s \(an earlier answer may be"):
         board.arm()
     assert port.sent.count(b"OUTP OFF\n") == 1
 
 
 def test_a_device_that_falls_silent_is_given_up_in_time() -> None:
     board, port = stepped()
+    board.drive(DRIVE)
     port.line_lie = lambda _: ""
     port.sent.clear()
     begun_s = board.monotonic()
@@ -225,7 +233,7 @@ def test_a_board_that_has_lost_its_limits_is_not_switched_on(query: str, set_to:
     assert "OUTP ON" not in port.sent
 
 
-_SILENT = "its watchdog tripped: nothing was heard of this program for too long .*"
+_SILENT = r"its watchdog tripped: it says that it heard nothing for 0\.5 s \(the program may .*"
 
 
 @pytest.mark.parametrize(
@@ -339,9 +347,36 @@ def test_an_off_that_cannot_be_sent_is_unknown_whatever_the_device_says() -> Non
 
 def test_an_off_without_an_answer_is_unknown() -> None:
     board, port = lying(LIMITS)
+    board.drive(DRIVE)
     port.line_lie = lambda _: ""
-    with pytest.raises(OutputUnknown, match="an earlier answer is still outstanding"):
+    with pytest.raises(OutputUnknown, match=r"^output state UNKNOWN - cut the .* may be outst"):
         board.confirm_off()
+
+
+def test_an_off_without_an_answer_is_the_last_state_if_nothing_was_on() -> None:
+    board, port = lying(LIMITS)
+    port.line_lie = lambda _: ""
+    for _ in range(2):
+        with pytest.raises(OutputLastOff, match=r"; the output was off when it was last read back"):
+            board.off()
+    port.line_lie = str
+    port.lies = {"OUTP?": ["1"]}  # somebody switched it on by hand
+    with pytest.raises(OutputUnknown, match=r"UNKNOWN .*says that its output is on"):
+        board.off()
+    port.line_lie = lambda _: ""
+    with pytest.raises(OutputUnknown, match=r"^output state UNKNOWN"):
+        board.off()
+
+
+@pytest.mark.parametrize("dialect", ["board", "keysight", "siglent"])
+def test_an_output_that_a_poll_saw_on_may_be_on(dialect: str) -> None:
+    driver, port = lying(LIMITS, dialect)
+    port.device.answer_control("fault panel-on on")
+    with pytest.raises(DeviceError, match="nobody here switched it"):
+        driver.check()
+    port.line_lie = lambda _: ""
+    with pytest.raises(OutputUnknown, match=r"^output state UNKNOWN"):
+        driver.off()
 
 
 def test_closing_gives_the_port_back() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from device.drivers.limits import Setpoint
-from device.errors import DeviceError, LimitExceeded, OutputUnknown
+from device.errors import DeviceError, LimitExceeded, OutputLastOff, OutputUnknown
 from protocol.journal.events import DeviceOff, Event, TouchStarted
-from protocol.journal.records import ReadBack
+from protocol.journal.records import Identity, ReadBack
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal, JournalError, SessionLog
@@ -242,6 +242,23 @@ def test_a_session_whose_off_cannot_be_recorded_is_not_complete(tmp_path: Path) 
         made.log = Lacking(journal, "P01/1", made.clock)
         assert notes_of(made, JournalError, "the disk is full") == [OFF, RESUMABLE]
         assert journal.events("P01/1")[-1].tag == "answered"
+
+
+def test_an_output_that_was_never_on_is_no_alarm_if_the_device_falls_silent(tmp_path: Path) -> None:
+    class Device(FakeDevice):
+        def arm(self) -> Identity:
+            raise OutputLastOff("no answer")
+
+        def off(self) -> None:
+            raise OutputLastOff("no answer, again")
+
+    device = Device()
+    operator = FakeOperator(device)
+    was_off = r"^no answer, again; the output was off when it was last read back, and was not"
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, device, FakeParticipant(), TEXT, operator)
+        assert notes_of(made, OutputLastOff, was_off) == [RESUMABLE]
+    assert not any(view.unknown for view in operator.seen)
 
 
 def test_an_unknown_output_is_told_first_and_never_called_off(tmp_path: Path) -> None:

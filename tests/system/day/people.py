@@ -117,7 +117,7 @@ class Typist:
 
 
 def said_of_output(line: str) -> str:
-    """Return what a line to the operator says of the output: on, off, unknown, or nothing.
+    """Return what a line to the operator says of the output: on, off, was off, unknown, or nothing.
 
     >>> said_of_output("P01/1 trial voltage; 3 of 7 trials, about 2 min left; output off")
     'off'
@@ -125,6 +125,8 @@ def said_of_output(line: str) -> str:
     require(11, "\n" not in line and len(line) < 2000, f"not one line: {line!r}")
     if "UNKNOWN" in line:
         return "unknown"
+    if "the output was off when it was last read back" in line:
+        return "was off"
     if "output off" in line or "device off (read back)" in line:
         return "off"
     return "on" if "output ON" in line else ""

@@ -37,7 +37,7 @@ SCALES = {
 """Sizes of one count, and whether a force channel may have them."""
 SWITCHED_OFF = "switched-off"
 BY_ITSELF = {
-    "watchdog-trip": "its watchdog tripped: nothing was heard",
+    "watchdog-trip": "its watchdog tripped: it says that it heard nothing",
     "over-temperature": "its protection tripped: over-temperature",
     "panel-on": "output is on, and nobody here switched it on",
     SWITCHED_OFF: "turned its output off by itself",

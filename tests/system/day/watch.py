@@ -52,7 +52,7 @@ TELLS = {
     # While a session drives 0 V its output is on, and only the amplitude is somebody else's.
     "panel-on": r"nobody here switched it on|the amplitude must not exceed 0\.0 V",
     "stage-shorted": "its monitor still shows",
-    "watchdog-trip": "its watchdog tripped: nothing was heard|protection tripped;",
+    "watchdog-trip": "its watchdog tripped: it says that it heard nothing|protection tripped;",
 }
 """What the operator is told of a fault of a board that stands alone."""
 CUT_OFF = {"vanish", "dead-peer", "deaf"}
@@ -299,11 +299,13 @@ class Watch:
             excused = self._newer_than_heard() if last else self._new(TOLD_S)
             self._require_off(line, excused)
         if last and self.polled:
-            require(11, said in {"off", "unknown"}, f"nothing is said of the output: {line}")
+            require(
+                11, said in {"off", "was off", "unknown"}, f"nothing is said of the output: {line}"
+            )
         if last and said == "unknown" and self.polled:
             require(5, self._shown == said, f"shown at last: output {self._shown}, but: {line}")
         self._shown = "" if last else said or self._shown
-        self.told_unknown |= said == "unknown"
+        self.told_unknown |= said in {"unknown", "was off"}
         return said
 
     def look(self) -> None:

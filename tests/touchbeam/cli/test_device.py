@@ -66,6 +66,7 @@ def test_a_probe_reports_identity_and_status_and_changes_nothing(endpoints: Endp
         said = probed(endpoints.url)
         output, other = HEALTH[said["dialect"]]
         assert said["output"] == output
+        assert 0 < said["answer_ms"] < 400
         assert control.state()["output"] is True
         assert other in said
 
@@ -111,6 +112,7 @@ def test_people_see_the_curve_and_units() -> None:
     probed_lines = touchbeam("device", "probe", "sim").stdout
     for line in ("output          off", "limit           200 V", "frequency       1 000 Hz"):
         assert line in probed_lines.splitlines()
+    assert re.search(r"^answer          [\d.]+ ms$", probed_lines, re.MULTILINE)
 
 
 def test_a_generator_uses_the_saved_calibration() -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from math import atan, cos, hypot, inf, isfinite, pi, sin, sqrt
-from typing import Any
+from typing import Any, Literal
 
 from protocol.address import BAUD
 from protocol.journal.records import BYTES_PER_COUNT, CHANNELS
@@ -237,9 +237,17 @@ class Prediction:
     rig: str = ""
 
 
+Resonance = Literal["measured", "kept", "missing"]
+"""Where a session has the rig's resonance from: measured before the first touch, or kept as the
+calibration of a device that measures none; else nothing can be driven."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """A cohort's plans, by slot, their durations, swaps and extremes, and the `slide`, if any."""
+    """A cohort's plans, by slot, their durations, swaps and extremes, and the `slide`, if any.
+
+    A kept `resonance` is the nominal one of the `study`.
+    """
 
     study: Study
     plans: tuple[Plan, ...]
@@ -250,11 +258,17 @@ class Preview:
     max_frequency_hz: float
     max_slew_v_per_us: float
     max_resonance_hz: float
+    resonance: Resonance
     slide: Plan | None
     slide_s: float
 
 
-def preview(study: Study, participants: int, at_levels: Iterable[Touch] = ()) -> Preview:
+def preview(
+    study: Study,
+    participants: int,
+    at_levels: Iterable[Touch] = (),
+    resonance: Resonance = "measured",
+) -> Preview:
     """Return the preview of the first sessions of that many participants.
 
     `at_levels` are the touches that tracks may make, which the plans do not have.
@@ -277,6 +291,7 @@ def preview(study: Study, participants: int, at_levels: Iterable[Touch] = ()) ->
             slew_v_per_us(it.peak_voltage_v, it.peak_frequency * nominal_hz) for it in touches
         ),
         max_resonance_hz=max_resonance_hz(study, touches),
+        resonance=resonance,
         slide=slide,
         slide_s=0.0 if slide is None else session_s(sliding, slide),
     )
@@ -360,6 +375,7 @@ def preview_record(shown: Preview, model: Prediction) -> dict[str, Any]:
         "max_voltage_v": shown.max_voltage_v,
         "max_frequency_hz": shown.max_frequency_hz,
         "max_slew_v_per_us": shown.max_slew_v_per_us,
+        "resonance": {"from": shown.resonance, "hz": shown.study.rig.nominal_resonance_hz},
         # No number in JSON is infinite: without a drive that follows it none is too high.
         "max_resonance_hz": round(highest_hz, 1) if isfinite(highest_hz) else None,
         "carryover": {

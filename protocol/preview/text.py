@@ -159,10 +159,15 @@ def _session_lines(shown: preview.Preview) -> Iterator[str]:
     yield f"Slew        up to {shown.max_slew_v_per_us:.1f} V/us; {limits[1]}"
     ends = f"above {shown.max_resonance_hz:.0f} Hz a limit would end the session"
     told = ends if follows else "no drive follows it"
-    yield f"Resonance   measured before the first touch; {told}"
+    yield f"Resonance   {_RESONANCE[shown.resonance].format(rig=rig)}; {told}"
     yield from _cohort_lines(shown.study)
 
 
+_RESONANCE = {
+    "measured": "measured before the first touch",
+    "kept": "{rig.nominal_resonance_hz:g} Hz (calibration.json)",
+    "missing": "a {rig.dialect} device measures none: write it to calibration.json",
+}
 _SCORE_WHEN = {
     "agrees": "if the answer agrees with the expectation",
     "noticed": "if the answer says that anything changed",

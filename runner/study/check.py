@@ -12,15 +12,16 @@ from device.study_limits import reach_problems
 from protocol.errors import Problem, WorkFailed
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
-from protocol.preview.preview import Prediction, preview, preview_record
+from protocol.preview.preview import Prediction, Resonance, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.study.participant_texts import read_in_reference, worded_as_built
 from protocol.study.study import Study
 from protocol.study.study_question import Question
 from protocol.study.touch import Touch
+from protocol.study_file.limits import problems_at
 from protocol.study_file.loading import StudyError, located, parsed_study, text_digest
-from runner.study.calibration import fitted_calibration
+from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.folder import DIALECTS, StudyFolder
 
 if TYPE_CHECKING:
@@ -74,13 +75,14 @@ def checked(
 ) -> tuple[list[str], list[str]]:
     """Return the lines to print, and the problems as lines: none, if the study is valid.
 
+    Drives are those at the resonance that a session will have, as far as it is known.
     The cohort has `participants`, by default the study's own, or else 1. With `as_json` the lines
     are one document. Raise `BadInput` if the study file is missing or unreadable.
     """
     source, text = str(folder.study_file), folder.text()
     rig = fitted_calibration(folder.path)
     try:
-        study = validated_study(text, source)
+        study, resonance = _at_kept_resonance(folder, validated_study(text, source), source)
         tracks = _tracks(study, rig, source, text)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
@@ -95,7 +97,7 @@ def checked(
         study = locked(study, registered.digest if registered else None)
     size = participants or study.design.participants or 1
     at_levels = (touch for track in tracks for touch in track.touches())
-    shown = preview(study, size, at_levels)
+    shown = preview(study, size, at_levels, resonance)
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
@@ -114,6 +116,30 @@ def checked(
         if (keys := read_in_reference(study, code))
     ]
     return said, []
+
+
+def _at_kept_resonance(folder: StudyFolder, study: Study, source: str) -> tuple[Study, Resonance]:
+    """Return the study with the resonance of its calibration as the nominal one, where it counts.
+
+    Raise `StudyError` if the study breaks a limit there, and `BadInput` for a damaged calibration.
+    """
+    # The default is known without the drivers, which take a while to import.
+    if study.rig.dialect == "board":
+        return study, "measured"
+    from device.drivers.driver import driver_of
+
+    if driver_of(study.rig.dialect).measures_vibration:
+        return study, "measured"
+    kept = kept_calibration(folder.path)
+    if kept is None:
+        return study, "missing"
+    hz = kept.frequency_hz
+    if problems := problems_at(study, hz):
+        there = f"at the resonance of calibration.json, {hz:g} Hz"
+        found = [replace(it, hint="; ".join(filter(None, (it.hint, there)))) for it in problems]
+        raise StudyError(source, located(folder.text(), found))
+    rig = study.rig.model_copy(update={"nominal_resonance_hz": hz})
+    return study.model_copy(update={"rig": rig}), "kept"
 
 
 def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[ShownTrack]":

@@ -226,6 +226,47 @@ def test_the_highest_resonance_within_the_limits_is_reported(
     assert (session["state"], session["trials_answered"], session["chain_ok"]) == ("idle", 0, True)
 
 
+GENERATOR = (
+    "[rig]\n",
+    '[rig]\ndialect = "keysight"\namplifier_gain = 20\ngenerator_max_vpp = 20\n',
+)
+
+
+def test_a_generator_has_the_resonance_that_is_kept_and_check_counts_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = study(tmp_path, "paper", GENERATOR)
+    assert typed("check", changed) == 0
+    missing = (
+        "Resonance   a keysight device measures none: write it to calibration.json; above 31831"
+    )
+    assert missing in capsys.readouterr().out
+    assert typed("check", changed, "--json") == 0
+    assert document(capsys)["resonance"] == {"from": "missing", "hz": 24_221}
+    kept = {"frequency_hz": 25_000.0, "tip_m_per_v": 9e-9}
+    (tmp_path / "calibration.json").write_text(json.dumps(kept), encoding="utf-8")
+    assert typed("check", changed) == 0
+    shown = capsys.readouterr().out
+    assert "Drive       up to 25000 Hz if the resonance is at 25000 Hz; limit 40000 Hz" in shown
+    assert "Slew        up to 31.4 V/us; limit 40 V/us" in shown
+    assert "Resonance   25000 Hz (calibration.json); above 31831 Hz a limit would end" in shown
+    assert typed("check", changed, "--json") == 0
+    found = document(capsys)
+    assert found["resonance"] == {"from": "kept", "hz": 25_000}
+    assert found["max_frequency_hz"] == 25_000
+    assert found["max_slew_v_per_us"] == pytest.approx(2e-6 * math.pi * 25_000 * 200)
+    # What a session would refuse is a problem now; a board measures, and does not look at it.
+    kept["frequency_hz"] = 32_000.0
+    (tmp_path / "calibration.json").write_text(json.dumps(kept), encoding="utf-8")
+    assert typed("check", changed, "--json") == 2
+    assert all(
+        problem["hint"].endswith("at the resonance of calibration.json, 32000 Hz")
+        for problem in document(capsys)["problems"]
+    )
+    assert typed("check", study(tmp_path)) == 0
+    assert "Resonance   measured before the first touch; above" in capsys.readouterr().out
+
+
 def test_where_every_drive_is_in_hz_no_resonance_is_too_high(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ The only module that imports pySerial on the host's side of the wire.
 """
 
 import errno
+import re
 import select
 import socket
 from pathlib import Path
@@ -114,7 +115,10 @@ def open_port(url: str) -> SerialPort:
     except PORT_ERRORS as error:
         bluetooth = any(word in url.lower() for word in ("rfcomm", "bluetooth"))
         pairing = "; a Bluetooth device must be paired and bound first" if bluetooth else ""
-        raise DeviceError(f"{url}: {advice(error)}{pairing}") from error
+        # A name with a point in it may be a host's, which no system can tell from a port's.
+        host = re.fullmatch(r"[\w-]+(\.[\w-]+)+", url)
+        network = f"; a device on the network is socket://{url}:5025" if host else ""
+        raise DeviceError(f"{url}: {advice(error)}{pairing}{network}") from error
     return SerialPort(port)
 
 

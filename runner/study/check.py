@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from device.friction.scenes import Calibration
 from device.study_limits import reach_problems
+from protocol.address import other_spelling
 from protocol.errors import Problem, WorkFailed
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
@@ -63,6 +64,13 @@ def require_proved(what: str, problems: Sequence[Problem]) -> None:
 
 
 def _placement_problems(study: Study) -> Iterator[Problem]:
+    # Not in the schema: an older study that names a device so must still be read.
+    addresses = {"rig.device": study.rig.device, "force_channel.gauge": study.force_channel.gauge}
+    for key, address in addresses.items():
+        if spelling := other_spelling(address or ""):
+            yield Problem.of_key(
+                key, "must be the address of a device", repr(address), f"it {spelling}"
+            )
     yield from reach_problems(study)
     if not worded_as_built(study):  # the built-in texts are known to fit
         from runner.window.preflight import fit_problems

@@ -2,6 +2,8 @@
 
 import json
 import re
+import socket
+import threading
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -18,7 +20,7 @@ from device.simulator.client import ControlClient, Endpoints, Friction, simulato
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.errors import BadInput
 from protocol.study.rig_settings import Rig as RigSettings
-from protocol.study_file.loading import template
+from protocol.study_file.loading import parsed_study, template
 from runner.launch.device_access import answered, probed, session_rig, swept
 from runner.study.calibration import keep_calibration, kept_calibration
 from tests.device.rigs import DRIVE, TOUCHBEAM, opened
@@ -198,6 +200,9 @@ def test_ports_are_listed_without_opening_any() -> None:
         ("/dev", 2, "got a plain folder"),
         ("socket://127.0.0.1:1", 1, "the connection was refused"),
         ("/dev/null", 1, "is not a serial port"),
+        ("TCPIP0::192.168.1.50::inst0::INSTR", 2, "a VISA name; write socket://192.168.1.50:5025"),
+        ("192.168.1.50", 2, "lacks the port; write socket://192.168.1.50:5025"),
+        ("generator.local", 1, "; a device on the network is socket://generator.local:5025"),
     ],
 )
 def test_a_port_that_does_not_work_gives_one_line(url: str, code: int, message: str) -> None:
@@ -205,6 +210,56 @@ def test_a_port_that_does_not_work_gives_one_line(url: str, code: int, message: 
     assert (done.returncode, done.stdout) == (code, "")
     assert done.stderr.count("\n") == 1
     assert message in done.stderr
+
+
+@pytest.mark.parametrize("name", ["TCPIP0::10.0.0.9::inst0::INSTR", "10.0.0.9:5025", "10.0.0.9"])
+def test_what_to_write_is_said_in_the_study_for_a_session_and_for_a_probe(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    for folder, device in (("study", "sim"), ("visa", name)):
+        (tmp_path / folder).mkdir()
+        text = template("paper").replace('device = "sim"', f'device = "{device}"')
+        (tmp_path / folder / "study.toml").write_text(text, encoding="utf-8")
+    person = ("--participant", "P01", "--ratings", "console")
+    for command in (
+        ("check", str(tmp_path / "visa")),
+        ("run", str(tmp_path / "visa"), *person),
+        ("run", str(tmp_path / "study"), *person, "--device", name),
+        ("device", "probe", name),
+    ):
+        assert typed(*command) == 2
+        message = capsys.readouterr()
+        assert message.out == ""
+        assert message.err.count("\n") == 1
+        assert name in message.err
+        assert "; write socket://10.0.0.9:5025 (5555 in place of 5025 at a Rigol)" in message.err
+    assert not list(tmp_path.glob("*/study.db"))
+
+
+def test_a_telnet_port_is_answered_with_the_port_for_programs() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def greet() -> None:
+            visitor, _ = listener.accept()
+            with visitor:
+                visitor.sendall(b"Welcome to the 33522A\r\n33522A> ")
+                while line := visitor.recv(100):
+                    visitor.sendall(line + b"Agilent Technologies,33522A,1,2\r\n33522A> ")
+
+        telnet = threading.Thread(target=greet)
+        telnet.start()
+        url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        done = touchbeam("device", "probe", url)
+        telnet.join()
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert re.search(r"(echoes commands|sends a prompt).*; a telnet port \(5024\) do", done.stderr)
+    assert "use the one for programs, such as socket://HOST:5025 (5555 at Rigol)" in done.stderr
+
+
+def test_an_older_study_with_such_a_name_is_still_read(tmp_path: Path) -> None:
+    name = "TCPIP0::10.0.0.9::inst0::INSTR"
+    text = template("paper").replace('device = "sim"', f'device = "{name}"')
+    assert parsed_study(text).rig.device == name
 
 
 def test_an_address_cannot_write_to_a_file(

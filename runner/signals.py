@@ -5,10 +5,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from protocol.errors import BadInput, WorkFailed
 
-# SIGHUP, SIGQUIT and SIGALRM do not exist on Windows.
+# Of all these, Windows has only SIGINT and SIGTERM.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 _AGAIN_S = 0.01
 """Time until a stop request is raised again that could not be raised, or got lost."""
@@ -25,6 +26,7 @@ class _Stop:
         self.request: Stopped | None = None
         self.raised = False
         self.shields = 0
+        self.suspension = False
 
     def handle(self, number: int, frame: FrameType | None = None) -> None:
         """Take the first signal as the request; ignore later ones.
@@ -36,6 +38,10 @@ class _Stop:
         # An interrupted import prints tracebacks of its own, or leaves half a module.
         if not (_importing(frame) and self.raise_later()):
             self.raise_request()
+
+    def refuse_suspension(self, *_: object) -> None:
+        """Take SIGTSTP, and keep it for `take_suspension`."""
+        self.suspension = True
 
     def raise_later(self) -> bool:
         """Have `handle` called again in a moment; return whether this system can do so."""
@@ -156,3 +162,37 @@ def stops_allowed() -> Iterator[None]:
         yield
     finally:
         stop.shields += 1
+
+
+@contextmanager
+def never_suspended(*, ends: bool = False) -> Iterator[None]:
+    """Let no signal but SIGSTOP suspend the program in the body: its device would go on driving.
+
+    Ctrl-Z (SIGTSTP) is kept for `take_suspension`; if it `ends` the body, it raises as Ctrl-C does.
+    In the background, reading from the terminal fails, and changing it does not wait.
+    """
+    _stop.suspension = False
+    handlers: dict[str, Any] = {
+        "SIGTSTP": _stop.handle if ends else _stop.refuse_suspension,
+        # Ignored: with a handler, the call that caused the signal would be made again and again.
+        "SIGTTIN": signal.SIG_IGN,
+        "SIGTTOU": signal.SIG_IGN,
+    }
+    before = {
+        number: signal.signal(number, handler)
+        for name, handler in handlers.items()
+        if (number := getattr(signal, name, None)) is not None
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def take_suspension() -> bool:
+    """Return whether somebody wanted to suspend the program since the last call."""
+    asked = _stop.suspension
+    if asked:  # else a signal that comes just now would be forgotten
+        _stop.suspension = False
+    return asked

@@ -32,7 +32,7 @@ from runner.journal.names import chain_name, chains_of, is_rehearsal, parsed_nam
 from runner.journal.opening import checked_place, mounts_of_this_machine, read_journal
 from runner.journal.store import Journal, JournalError
 from runner.people.participant_console import require_typist
-from runner.people.terminal import typed_answer
+from runner.people.terminal import at_terminal, require_foreground, typed_answer
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
 from runner.session.setup import OPERATOR_QUESTIONS, spoken
@@ -132,6 +132,8 @@ def requested(options: SessionOptions) -> Request:
     checked_place(options.folder.path, mounts_of_this_machine())
     if options.ratings != "virtual":
         require_typist(sys.stdin)
+    if request.pace == "wall" and at_terminal(sys.stdin):
+        require_foreground(sys.stdin)
     return request
 
 

@@ -48,7 +48,7 @@ from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import Finger, UntouchedBeam
 from runner.session.loop import require_resumable, run
 from runner.session.session import Session, SessionContext, answer_order, versions
-from runner.signals import Stopped
+from runner.signals import Stopped, never_suspended
 from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.check import require_proved
 from runner.study.registered import require_registered
@@ -97,6 +97,8 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     stack.enter_context(device_access.rig_locks(request.url, request.study.force_channel))
     # The window before the rig: without a window to instruct the participant nothing is driven.
     window = stack.enter_context(_window(request, say))
+    if request.pace == "wall":  # a stepped rig is simulated in this process, and stands still too
+        stack.enter_context(never_suspended())
     rig = stack.enter_context(_rig(request))
     if not request.rehearsal:
         device_access.require_real(rig.device.arm().idn, request.url)

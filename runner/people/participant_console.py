@@ -13,7 +13,7 @@ from protocol.study.participant_texts import Wording, band_names, label_text, qu
 from protocol.study.study_question import BETWEEN, StudyQuestion
 from runner import screens
 from runner.people.operator_console import OPERATOR_MARK, ORDERS
-from runner.people.terminal import at_terminal, legible
+from runner.people.terminal import at_terminal, legible, require_foreground
 
 # A source that never ends, such as a device, must not fill the memory.
 MOST_LINES = 1000
@@ -50,6 +50,7 @@ class TypedLines:
 
     def take(self) -> str | None:
         """Return the next line, None before it; raises `ParticipantGone` once the input ended."""
+        self._require_terminal()
         try:
             line = self._lines.get_nowait() if not self._ended else None
         except queue.Empty:
@@ -66,10 +67,15 @@ class TypedLines:
 
     def operator_typed(self, asked: bool) -> str:
         """Return the operator's next line: one with `OPERATOR_MARK`, or any line if `asked`."""
+        self._require_terminal()
         if not self._orders.empty():
             return self._orders.get_nowait()
         line = self.take() if asked else None
         return "" if line is None else f"{line}\n"
+
+    def _require_terminal(self) -> None:
+        if self.at_terminal:
+            require_foreground(self._source)
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):  # a closed terminal ends the input

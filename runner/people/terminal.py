@@ -23,8 +23,18 @@ _OBEYED_IN_JSON = re.compile(f"(?!\n){_OBEYED.pattern}")
 class TerminalGone(WorkFailed):
     """The operator's terminal takes and gives nothing any more."""
 
-    def __init__(self) -> None:
-        super().__init__("the operator's terminal is gone: it was closed, or its connection broke")
+    def __init__(self, why: str = "it was closed, or its connection broke") -> None:
+        super().__init__(f"the operator's terminal is gone: {why}")
+
+
+def require_foreground(terminal: TextIO) -> None:
+    """Raise `TerminalGone` if another program, such as the shell, has the keys of `terminal`."""
+    with suppress(OSError, AttributeError):  # no shell shares it; on Windows none does
+        if os.tcgetpgrp(terminal.fileno()) != os.getpgrp():
+            raise TerminalGone(
+                "the program is in the background, where no key reaches it; run it in the "
+                "foreground"
+            )
 
 
 def visible(text: str) -> str:
@@ -88,8 +98,8 @@ def said_in_background(say: Callable[[str], None]) -> Iterator[Callable[[str], N
 def terminal_keys() -> Iterator[Callable[[bool], str]]:
     """Yield a function that returns the characters typed since the last call, without waiting.
 
-    It raises `TerminalGone` once there is no terminal any more. The terminal does not echo in the
-    body; its settings are restored afterwards.
+    It raises `TerminalGone` once there is no terminal any more, or another program has it. The
+    terminal does not echo in the body; its settings are restored afterwards.
     """
     try:
         import termios
@@ -97,11 +107,13 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
     except ImportError:
         yield lambda _: _windows_keys()
         return
+    require_foreground(sys.stdin)  # the settings of another program are not changed
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     _take_keys(terminal)
 
     def typed(_: bool) -> str:
+        require_foreground(sys.stdin)  # a session that no key can stop must not go on
         try:
             return _typed(terminal)
         except (OSError, termios.error) as error:
@@ -110,7 +122,8 @@ def terminal_keys() -> Iterator[Callable[[bool], str]]:
     try:
         yield typed
     finally:
-        with suppress(termios.error):  # it is gone
+        with suppress(termios.error, TerminalGone):
+            require_foreground(sys.stdin)  # else the shell has restored them
             # Not TCSADRAIN, which waits for a terminal that takes no output.
             termios.tcsetattr(terminal, termios.TCSANOW, before)
 
@@ -130,9 +143,8 @@ def _take_keys(terminal: int) -> None:
 def _typed(terminal: int) -> str:
     import termios
 
-    # Shells switch back to whole lines when they continue a program that Ctrl-Z had stopped. A
-    # program in the background must not change the terminal.
-    if termios.tcgetattr(terminal)[3] & termios.ICANON and os.tcgetpgrp(terminal) == os.getpgrp():
+    # Shells switch back to whole lines when they continue a program that was stopped.
+    if termios.tcgetattr(terminal)[3] & termios.ICANON:
         _take_keys(terminal)
     ready, _, _ = select.select([terminal], [], [], 0)
     # A lone byte that is no UTF-8, from a broken connection for example, must not end a session.

@@ -94,11 +94,11 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
         # Only now: the page says "Saved" of nothing that a power cut could still take.
         context.participant.saved()
         _tell(context, given)
-    except RepeatTrial:
+    except RepeatTrial as wish:
         context.device.off()
         # The output is off before this is shown: a window that fails here cannot keep it on.
         show_page(context, Notice(text="touch.end"))
-        abort_trial(context.log, "repeated at the operator's request")
+        abort_trial(context.log, str(wish))
     if trial.kind == "practice":
         renew_practice(context)
 

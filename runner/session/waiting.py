@@ -12,7 +12,7 @@ from protocol.study.study_question import answer_text
 from runner import screens
 from runner.session.session import SessionContext
 from runner.session.track_levels import as_made, standing
-from runner.signals import raise_if_stopped
+from runner.signals import raise_if_stopped, take_suspension
 
 
 def show_page(context: SessionContext, screen: screens.Screen) -> None:
@@ -120,7 +120,7 @@ class StoppedByOperator(WorkFailed):
 
 
 class RepeatTrial(Exception):
-    """The operator asked to repeat the running trial."""
+    """The running trial is broken off, for the reason that the journal keeps, and repeated."""
 
 
 def obey(context: SessionContext) -> None:
@@ -129,8 +129,10 @@ def obey(context: SessionContext) -> None:
     Raises:
         StoppedByOperator: the operator stopped the session; an emergency stop has already sent
             the command that turns the output off.
-        RepeatTrial: the operator asked to repeat the running trial.
+        RepeatTrial: the operator asked to repeat the running trial, or to suspend the program.
     """
+    if take_suspension():
+        _refuse_suspension(context)
     match context.operator.order():
         case "emergency stop":
             # First, without waiting for the port: nothing is printed or recorded before it.
@@ -141,7 +143,7 @@ def obey(context: SessionContext) -> None:
             context.operator.notify("stopping; the output goes off")
             raise StoppedByOperator("stopped by the operator")
         case "repeat":
-            _repeat(context)
+            _repeat(context, "repeated at the operator's request")
         case "pause":
             context.pause_wanted = not context.pause_wanted
             context.operator.pausing(context.pause_wanted)
@@ -178,7 +180,16 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     return f"corrected: {wanted.name} {answer_text(answer)}{kept * bool(meant)}"
 
 
-def _repeat(context: SessionContext) -> None:
+def _refuse_suspension(context: SessionContext) -> None:
+    context.operator.notify(
+        "Ctrl-Z does not suspend a session; the order s stops it, and the same command resumes it"
+    )
+    # Whoever presses Ctrl-Z wants everything to stand still: a touch does not go on.
+    if context.log.state.trial is not None:
+        _repeat(context, "broken off by Ctrl-Z (SIGTSTP)")
+
+
+def _repeat(context: SessionContext, why: str) -> None:
     state, unit = context.log.state, context.session.unit
     if state.trial is None:
         context.operator.notify(f"there is no running {unit} to repeat")
@@ -187,7 +198,7 @@ def _repeat(context: SessionContext) -> None:
         context.operator.notify(f"this {unit} is being repeated already")
     else:
         context.operator.notify(f"the {unit} is broken off and will be repeated")
-        raise RepeatTrial
+        raise RepeatTrial(why)
 
 
 # Half of the time (0.1 s) after which the owner of the port feeds a watchdog of 0.5 s, because it

@@ -22,10 +22,12 @@ from runner.session.session import SessionContext
 from runner.signals import (
     Stopped,
     errors_are_last,
+    never_suspended,
     raise_if_stopped,
     signals_raise,
     stops_allowed,
     stops_deferred,
+    take_suspension,
 )
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
@@ -187,6 +189,30 @@ def test_earlier_handlers_are_restored() -> None:
     with signals_raise():
         assert signal.getsignal(signal.SIGTERM) != before
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_ctrl_z_suspends_nothing_and_is_told_once() -> None:
+    before = signal.getsignal(signal.SIGTSTP)
+    with signals_raise(), never_suspended():
+        send(signal.SIGTSTP)
+        send(signal.SIGTSTP)
+        assert [take_suspension(), take_suspension()] == [True, False]
+        for number in (signal.SIGTTIN, signal.SIGTTOU):
+            send(number)
+            assert signal.getsignal(number) is signal.SIG_IGN
+        assert not take_suspension()
+    assert signal.getsignal(signal.SIGTSTP) == before
+    assert signal.getsignal(signal.SIGTTIN) == signal.SIG_DFL
+
+
+def test_ctrl_z_ends_what_nobody_can_go_on_with() -> None:
+    def body() -> None:
+        with never_suspended(ends=True):
+            with stops_deferred():
+                send(signal.SIGTSTP)
+            send(signal.SIGINT)
+
+    assert stopped_by(body) == "stopped by SIGTSTP"
 
 
 class Tracer:

@@ -77,9 +77,10 @@ def device_sweep(
     """
     from runner.launch.device_access import swept
     from runner.launch.locks import rig_lock
+    from runner.signals import never_suspended
     from runner.study.calibration import keep_calibration
 
-    with rig_lock(url):
+    with rig_lock(url), never_suspended(ends=True):
         # Under the lock: this drives the beam, on which a participant's finger may lie.
         peak, idn = swept(url, near, dialect)
     now = WallClock().utc().isoformat(timespec="seconds")

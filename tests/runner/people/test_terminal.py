@@ -48,11 +48,16 @@ def test_a_key_arrives_without_enter_after_the_program_was_stopped(keyboard: int
 def test_in_the_background_the_terminal_is_left_alone(
     keyboard: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """No key reaches the program there, and the shell has changed the settings for itself."""
     with terminal_keys() as typed:
         monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp() + 1)
         switch_to_lines(sys.stdin.fileno())
-        assert typed(False) == ""
-        assert termios.tcgetattr(sys.stdin.fileno())[3] & termios.ICANON
+        shells = termios.tcgetattr(sys.stdin.fileno())
+        with pytest.raises(TerminalGone, match="the program is in the background, where no key"):
+            typed(False)
+    assert termios.tcgetattr(sys.stdin.fileno()) == shells
+    with pytest.raises(TerminalGone, match="in the background"), terminal_keys():
+        pass
 
 
 def test_a_terminal_that_was_closed_is_said_to_be_gone() -> None:

@@ -1,5 +1,7 @@
 """How a session ends, in any way: off first, then the journal, then one truthful word to all."""
 
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,12 @@ from protocol.journal.records import Identity, ReadBack
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal, JournalError, SessionLog
-from runner.screens import Instruction, Notice, OperatorView, Screen
+from runner.journal.verification import verdicts
+from runner.screens import Instruction, Notice, OperatorView, Screen, Wanted
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.session.waiting import StoppedByOperator
+from runner.signals import never_suspended
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper")
@@ -102,6 +106,35 @@ def test_a_repeated_touch_is_off_before_its_trial_is_aborted(tmp_path: Path) -> 
         ]
     assert device.off_in.count((True, "touching")) == 12 + 1, "each touch, and the repeated one"
     assert {state for on, state in device.off_in if on} == {"touching"}
+
+
+def test_ctrl_z_breaks_a_touch_off_and_does_nothing_between_trials(tmp_path: Path) -> None:
+    device = Repeating(lambda: made.log.state.name)
+    pressed: list[str] = []
+
+    class Operator(FakeOperator):
+        def order(self) -> Wanted | None:
+            name = made.log.state.name
+            if name in {"armed", "touching"} and name not in pressed:
+                pressed.append(name)
+                os.kill(os.getpid(), signal.SIGTSTP)
+            return None
+
+    operator = Operator(device)
+    with open_journal(tmp_path / "study.db") as journal, never_suspended():
+        made = context(journal, device, FakeParticipant(), TEXT, operator)
+        run(made)
+        assert payloads(journal, "trial-aborted") == [
+            {"index": 0, "why": "broken off by Ctrl-Z (SIGTSTP)"}
+        ]
+        assert [verdict.ok for verdict in verdicts(journal)] == [True]
+    assert device.off_in.count((True, "touching")) == 12 + 1, "each touch, and the one broken off"
+    assert pressed == ["armed", "touching"]
+    refusal = (
+        "Ctrl-Z does not suspend a session; the order s stops it, and the same command resumes it"
+    )
+    told = [refusal, refusal, "the trial is broken off and will be repeated"]
+    assert [text for text in operator.notices if "warning" not in text][-3:] == told
 
 
 def test_what_a_dead_process_left_open_is_closed_before_a_session_is_resumed(

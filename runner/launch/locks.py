@@ -1,5 +1,8 @@
 """Locks that allow one session per rig, and one process per session, at a time.
 
+They hold between the processes of one user: in a folder that all users can write to, one could keep
+another from a rig, or lead its locks elsewhere. docs/rig.md says what follows from that.
+
 Their files may outlive the process. They contain its number and nothing else, and their names tell
 nothing about participants: an erased participant leaves no trace here.
 """

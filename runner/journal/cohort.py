@@ -153,6 +153,12 @@ class Arrival:
         others = [state for name, state in self._theirs().items() if name != self.chain]
         return {name: answer for it in others for (name, _), answer in it.questions.items()}
 
+    def next_due(self, study: Study) -> "Due | None":
+        """Return when the next session is due; None at any time, or if none is left."""
+        completed = [state for state in self._theirs().values() if state.name == "completed"]
+        left = len(completed) < study.design.sessions
+        return due_between(study, completed[-1]) if completed and left else None
+
     def _theirs(self) -> dict[str, SessionState]:
         """Return the participant's sessions of the kind, those apart that do not count any more."""
         who = (self.participant, self.kind)

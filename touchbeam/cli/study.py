@@ -221,7 +221,8 @@ def run(
     An interrupted session resumes at the trial in which it stopped. With a simulated device or
     virtual ratings it is a rehearsal, which leaves the participant's name free.
     """
-    from runner.journal.cohort import due_between, due_in_words
+    from runner.journal.cohort import Arrival, due_in_words, states
+    from runner.journal.opening import read_journal
     from runner.launch.request import SessionOptions
     from runner.launch.run_session import run_session
 
@@ -253,8 +254,12 @@ def run(
     # A generator reads back no force, so that each of its touches would count.
     unfelt = sum(state.unfelt.values()) if asked.folder.study().rig.dialect == "board" else 0
     fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
-    due = due_between(asked.folder.study(), state)
-    following = f"; the next session is due {due_in_words(due)}" if due and not dry_run else ""
+    following = ""
+    if not dry_run:
+        with read_journal(asked.folder.journal) as journal:
+            who = Arrival(states(journal), participant, "participant")
+        if due := who.next_due(asked.folder.study()):
+            following = f"; the next session is due {due_in_words(due)}"
     say(
         f"{participant}/{session} is complete: {counted(len(state.answered), 'trial')} answered, "
         f"device off (read back){fingerless * (unfelt > 0)}"

@@ -9,6 +9,7 @@ import pytest
 
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened
+from protocol.journal.state import SessionState
 from protocol.study_file.loading import StudyError
 from runner.journal.cohort import due_between, due_in_words, states
 from runner.journal.opening import open_journal
@@ -99,6 +100,34 @@ def test_a_session_begins_when_it_is_due_or_with_a_reason(
     assert opened.override == "the train was late"
     assert typed("status", tmp_path, "--json") == 0
     assert '"next_due_utc": []' in capsys.readouterr().out
+
+
+def test_the_next_session_is_told_while_one_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study_in(tmp_path, "paper", ("[design]", "[design]\nsessions = 2\nhours_between = [20, 72]"))
+
+    def ran(number: int, *options: str) -> str:
+        def in_this_process(asked: SessionOptions, **_: object) -> SessionState:
+            run_session(tmp_path, asked.participant, number=asked.number)
+            with open_journal(tmp_path / "study.db") as journal:
+                return states(journal)[f"P01/{number}"]
+
+        monkeypatch.setattr("runner.launch.run_session.run_session", in_this_process)
+        given = ("run", tmp_path, "--participant", "P01", "--session", number, *options)
+        assert typed(*map(str, given)) == 0
+        return capsys.readouterr().out
+
+    def leave_out(number: int) -> None:
+        given = ("exclude", tmp_path, "--participant", "P01", "--session", number)
+        assert typed(*map(str, (*given, "--reason", "asleep"))) == 0
+        capsys.readouterr()
+
+    with_next = "P01/{} is complete: 7 trials answered, device off (read back); the next session is"
+    assert ran(1).startswith(with_next.format(1))
+    leave_out(1)
+    assert ran(2).startswith(with_next.format(2)), "one of two counts"
+    assert ran(3, "--extra").endswith("device off (read back).\n")
 
 
 def test_a_session_may_be_due_at_any_time_after_the_least_hours(

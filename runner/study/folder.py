@@ -153,6 +153,11 @@ class StudyFolder:
             files.require_no_link(self.study_file)
             return files.short_text(self.study_file)
         except FileNotFoundError:
+            if other := self._misnamed:
+                raise BadInput(
+                    f"{self.path}: the study's file must be called study.toml, got {other!r}; "
+                    "rename it (file managers may hide the end of a name)"
+                ) from None
             raise BadInput(
                 f"{self.path}: no study here (study.toml is missing); {self._instead}"
                 f"make one with: touchbeam new {shlex.quote(str(self.path))}"
@@ -161,6 +166,13 @@ class StudyFolder:
             raise self._not_a_folder() from None
         except OSError as error:
             raise BadInput(f"{self.study_file}: cannot be read ({error.strerror})") from error
+
+    @property
+    def _misnamed(self) -> str | None:
+        """The file that is meant to be the study's, by its name: study.toml.txt, Study.toml."""
+        names = {it.name.casefold(): it.name for it in self.path.glob("*") if it.is_file()}
+        close = get_close_matches(self.study_file.name, names, n=1, cutoff=0.7)
+        return printable(names[close[0]]) if close else None
 
     @property
     def _instead(self) -> str:

@@ -86,5 +86,7 @@ $(READY): pyproject.toml uv.lock | $(UV)
 
 # Debian ships Python without venv; the package that brings it is the only thing ever installed here.
 .uv/bin/uv:
-	$(PYTHON) -m venv .uv || { rm -rf .uv; apt-get install --yes --quiet python3-venv && $(PYTHON) -m venv .uv; }
-	.uv/bin/pip install --quiet --disable-pip-version-check 'uv>=0.9'
+	@echo "Installing uv, which installs the packages, into .uv ..."
+	@$(PYTHON) -m venv .uv >/dev/null || { rm -rf .uv; echo "Installing python3-venv ..."; \
+		apt-get install --yes --quiet python3-venv && $(PYTHON) -m venv .uv; }
+	@.uv/bin/pip install --quiet --disable-pip-version-check 'uv>=0.9'

@@ -1,5 +1,6 @@
 """What a release consists of: its two distributions, its changes, and how to cite it."""
 
+import os
 import re
 import subprocess
 import sys
@@ -26,6 +27,28 @@ NEEDED = {
     "protocol/languages/en.toml",
     "tests/data/published_scores.csv",
 }
+
+
+def test_make_tells_what_it_installs_in_words(tmp_path: Path) -> None:
+    """On a bare Debian, whose Python has no venv until a package brings it."""
+    python, apt = tmp_path / "python3", tmp_path / "apt-get"
+    python.write_text(
+        "#!/bin/sh\n[ -e installed ] || { echo 'ensurepip is not available'; exit 1; }\n"
+        "mkdir -p .uv/bin && echo '#!/bin/sh' >.uv/bin/pip && chmod +x .uv/bin/pip\n"
+    )
+    apt.write_text("#!/bin/sh\ntouch installed\n")
+    for program in (python, apt):
+        program.chmod(0o755)
+    make = ["make", "-f", str(ROOT / "Makefile"), ".uv/bin/uv", f"PYTHON={python}"]
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    done = subprocess.run(
+        make, cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "Installing uv, which installs the packages, into .uv ...",
+        "Installing python3-venv ...",
+    ]
 
 
 def built(kind: str, folder: Path) -> Path:

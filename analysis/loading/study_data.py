@@ -19,6 +19,7 @@ from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
+from protocol.study.fields import listed
 from protocol.study.rules import Exclusions
 
 # The study's rules on who and what is left out, settled beforehand, applied to all alike.
@@ -237,7 +238,7 @@ def withheld_beside_scores(trials: pd.DataFrame, least: float = 0.0) -> list[str
     partly = counted["condition"][given.groupby(cell).transform("any") & ~given]
     if partly.empty:
         return []
-    by_condition = ", ".join(f"{name} {n}" for name, n in Counter(partly).items())
+    by_condition = listed(f"{name} {n}" for name, n in Counter(partly).items())
     return [
         f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
         f"({by_condition}). The table has the mean of the others, which is too high if weaker "
@@ -261,10 +262,10 @@ def notes(
     ]
     subjects, conditions = unscored(table)
     if subjects:
-        said.append(f"No score at all, and not among the subjects analysed: {', '.join(subjects)}.")
+        said.append(f"No score at all, and not among the subjects analysed: {listed(subjects)}.")
     if conditions:
         said.append(
-            f"Scored by nobody, and not among the conditions analysed: {', '.join(conditions)}."
+            f"Scored by nobody, and not among the conditions analysed: {listed(conditions)}."
         )
     return said
 

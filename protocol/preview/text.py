@@ -9,6 +9,7 @@ from protocol.address import BAUD
 from protocol.plan.trials import Trial
 from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
+from protocol.study.fields import listed
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rules import hours_in_words
@@ -123,10 +124,10 @@ def _question_lines(shown: preview.Preview) -> Iterator[str]:
     yield from _by_time("Pages", read)
 
 
-def _by_time(heading: str, listed: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    for time, names in listed.items():
+def _by_time(heading: str, shown: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    for time, names in shown.items():
         if names:
-            yield f"{heading:<11} {time}: {', '.join(names)}"
+            yield f"{heading:<11} {time}: {listed(names)}"
             heading = ""
 
 
@@ -182,7 +183,7 @@ def _cohort_lines(study: Study) -> Iterator[str]:
         apart = hours_in_words(*design.hours_between) if design.hours_between else "any time"
         yield f"Sessions    {design.sessions} of each participant, {apart} between them"
     if study.group:
-        sizes = ", ".join(f"{group.name} {group.size}" for group in study.group)
+        sizes = listed(f"{group.name} {group.size}" for group in study.group)
         yield f"Groups      {sizes}; assigned {design.assign_groups}"
     if study.condition:
         never = ", never in catch trials" * bool(design.catch_trials)
@@ -217,7 +218,7 @@ def _group_lines(study: Study) -> Iterator[str]:
     met = {answer for rule in rules for answer in rule.answers}
     left = [value for value in question.values if value not in met] or _gaps(question, rules)
     if left:
-        told = ", ".join(left)
+        told = listed(left)
         yield f"Groups      no group is for people whose answer to {question.name} is {told}"
 
 

@@ -13,6 +13,7 @@ from protocol.plan.orders import scaled
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, combinations
+from protocol.study.fields import listed
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
@@ -191,7 +192,7 @@ def _key_problems(study: Study) -> Iterator[Problem]:
         hint = "give practice_trials, or leave practise_until out"
         yield told("design.practice_trials", rule, 0, hint)
     if study.touch.beam is None and any(touch.beam for touch in touches):
-        hint = f"one of {', '.join(study.beams)}" if study.beams else "name the beams in [beams]"
+        hint = f"one of {listed(study.beams)}" if study.beams else "name the beams in [beams]"
         yield told("touch.beam", "must be given when a touch names a beam", "nothing", hint)
     # A generator is set in volts before the amplifier: without its gain nothing is driven.
     if rig.dialect != "board" and rig.amplifier_gain is None:
@@ -441,7 +442,7 @@ def _above(value: float, limit: float, digits: int = 6) -> str:
 def _missing_beam(study: Study, where: str, path: Path, beam: str | None) -> Iterator[Problem]:
     if beam is not None and beam not in study.beams:
         none = "name it in [beams] with the spacing of its ciliary bodies in m, or leave it out"
-        rule, known = "the beam must be one of [beams]", ", ".join(study.beams)
+        rule, known = "the beam must be one of [beams]", listed(study.beams)
         hint = f"known: {known}" if known else none
         yield Problem(where, rule, repr(beam), hint, (*path, "beam"))
 

@@ -7,7 +7,7 @@ from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem, dotted, meant
 from protocol.study.columns import GROUP, REACTION_TIME, TAKEN, TRACK_COLUMNS, names_of
-from protocol.study.fields import UNWANTED, unprintable
+from protocol.study.fields import UNWANTED, listed, unprintable
 from protocol.study.languages import reference_texts
 from protocol.study.participant_texts import (
     band_name,
@@ -252,7 +252,7 @@ def _key_problems(study: Study, question: StudyQuestion) -> _Found:
         yield "when", rule, repr(question.when), ""
     for name in question.conditions:
         if name not in study.conditions:
-            known = f"known: {', '.join(study.conditions)}"
+            known = f"known: {listed(study.conditions)}"
             yield "conditions", "must be conditions of the study", repr(name), known
     for twice in _repeated(question.conditions):
         yield "conditions", "must differ", repr(twice), "name it once"

@@ -12,6 +12,7 @@ from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState
 from protocol.plan.plan import SlotState, arrivals, next_slot
 from protocol.plan.trials import Trial
+from protocol.study.fields import listed
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal, state_of
@@ -127,7 +128,7 @@ class Arrival:
         the order of arrival whose slot is free. Rehearsals are drawn unless one is asked for. Raise
         `BadInput` for no such group, another one, or if somebody has to say which, `by` an option.
         """
-        names, group, who = ", ".join(study.groups) or "none", self.known_group, self.participant
+        names, group, who = listed(study.groups) or "none", self.known_group, self.participant
         if asked is not None and asked not in study.groups:
             raise BadInput(f"{by} must be a group of the study ({names}), got {asked!r}")
         if not study.group or self.begun is not None:

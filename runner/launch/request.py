@@ -20,6 +20,7 @@ from protocol.journal.state import UNFINISHED
 from protocol.plan.plan import slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration, locked
+from protocol.study.fields import listed
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
 from protocol.study.study_question import BETWEEN, Answer, StudyQuestion
@@ -146,7 +147,7 @@ def _pace(options: SessionOptions, study: Study, url: str) -> Pace:
         raise BadInput(f"--people is for --ratings virtual, got {options.ratings}")
     if unknown := {*(options.people.groups if options.people else ())}.difference(study.groups):
         told = f"[group.{in_toml(min(unknown))}]"
-        names = ", ".join(study.groups) or "none"
+        names = listed(study.groups) or "none"
         raise BadInput(f"--people: {told} must name a group of the study, which has {names}")
     if options.at_window and options.ratings != "virtual":
         raise BadInput(f"--at-window is for --ratings virtual, got {options.ratings}")
@@ -232,7 +233,7 @@ def with_group(request: Request, say: Callable[[str], None]) -> Request:
         if by_answer:
             asked, noted = _group_answered(request, say)
         elif study.design.assign_groups == "by the operator":
-            names = ", ".join(study.groups)
+            names = listed(study.groups)
             text = f"Type the group of {options.participant} ({names}), then Enter."
 
             def read(typed: str) -> str | None:

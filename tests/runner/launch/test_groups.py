@@ -94,6 +94,14 @@ def test_the_operator_says_the_group_and_it_stays(tmp_path: Path) -> None:
         run_session(tmp_path, "P03", number=3, group="young")
 
 
+def test_names_with_commas_are_told_apart(tmp_path: Path) -> None:
+    grouped_in(
+        tmp_path, OPERATOR, ('"young"', '"young, right hand"'), ('"old"', '"old, left hand"')
+    )
+    with pytest.raises(BadInput, match="give one of young, right hand; old, left hand with"):
+        with_group(request(tmp_path, "P01"), say_nothing)
+
+
 def test_a_plan_in_python_is_of_the_group_that_is_asked_for(tmp_path: Path) -> None:
     grouped_in(tmp_path, OPERATOR)
     run_session(tmp_path, "P01", group="old")

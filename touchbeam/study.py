@@ -109,7 +109,8 @@ class Study:
 
     Its tables are made when they are first asked for. `columns` gives the meaning and the unit of
     each of their columns. Excluded trials and sessions are in the tables, flagged; only `scores`
-    and `contrasts` leave them out, as the report does. Withdrawn participants are not there.
+    and `contrasts` leave them out, and rehearsals of another study file, as the report does.
+    Withdrawn participants are not there.
     """
 
     folder: "StudyFolder"
@@ -142,7 +143,7 @@ class Study:
         from analysis.loading.study_data import study_data
 
         rules = self.file.exclusions
-        return study_data(self.recorded, rehearsals=self.rehearsals, rules=rules)
+        return study_data(reported(self), rehearsals=self.rehearsals, rules=rules)
 
     @property
     def participants(self) -> "pd.DataFrame":
@@ -295,7 +296,7 @@ class Study:
         asked = asked_report(self.folder, rehearsals=self.rehearsals, named=names, read=self._read)
 
         def found() -> Found:
-            return self.file, self._counted, self.broken, self.recorded
+            return self.file, self._counted, self.broken, reported(self)
 
         made = asked.written(found, figures=figures)
         folder = self.folder.report if out is None else Path(out)
@@ -322,6 +323,16 @@ class Study:
         options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
         rig = study_rig(self.file, self._rig)
         return predicted_frame(scenes, study_defaults(self.file, rig), {**options, "rig": rig})
+
+
+def reported(study: Study) -> "Sessions":
+    """Return what is recorded, of rehearsals those of the study file as it was loaded."""
+    from analysis.loading.sessions import rehearsed_with
+    from protocol.study_file.loading import text_digest
+
+    if not study.rehearsals:
+        return study.recorded
+    return rehearsed_with(study.recorded, text_digest(study._read[1]))
 
 
 Found = tuple["StudyFile", "StudyData", Sequence[str], "Sessions | None"]

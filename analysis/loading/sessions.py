@@ -49,6 +49,7 @@ class Sessions:
     - `withdrawn`: the number of withdrawn sessions, which are not in the tables, and
       `withdrawn_completed` how many of them had been completed.
     - `decisions`: on the study as a whole, each with its UTC.
+    - `other_rehearsals`: how many rehearsals `rehearsed_with` has left out.
     """
 
     sessions: pd.DataFrame
@@ -62,6 +63,7 @@ class Sessions:
     withdrawn: int = 0
     withdrawn_completed: int = 0
     decisions: Decisions = ()
+    other_rehearsals: int = 0
 
     @cached_property
     def trials(self) -> pd.DataFrame:
@@ -122,6 +124,16 @@ class Sessions:
 def _lines(attempts: pd.DataFrame, column: str) -> "pd.Series[str]":
     """Join the texts of each trial's attempts, one per line."""
     return attempts.dropna(subset=[column]).groupby(TRIAL)[column].agg("\n".join)
+
+
+def rehearsed_with(found: Sessions, study_sha256: str) -> Sessions:
+    """Return `found` without the rehearsals of other study files than that of the digest.
+
+    One of an early build, which does not tell its file, stays.
+    """
+    rehearsal = found.sessions["session_kind"].eq("rehearsal")
+    other = rehearsal & ~found.sessions["study_sha256"].fillna(study_sha256).eq(study_sha256)
+    return replace(found, sessions=found.sessions[~other], other_rehearsals=int(other.sum()))
 
 
 def load_sessions(chains: Iterable[Sequence[journal.StoredEvent]]) -> Sessions:

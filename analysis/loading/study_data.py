@@ -317,6 +317,7 @@ class StudyData:
     - `groups`: the group of each participant of these sessions who has one, left out or not.
     - `orders`: of the sessions that count, excluded trials among them; none of published scores.
     - `virtual`: true parameters of the virtual participants, by name; of their last sessions.
+    - `other_rehearsals`: how many rehearsals of another study file are left out.
     - `withdrawn_completed`: how many of the withdrawn sessions had been completed.
     - `lock`: the registration, None of a study without one.
     """
@@ -340,6 +341,7 @@ class StudyData:
     orders: tuple[SessionOrder, ...]
     virtual: Mapping[str, VirtualTruth]
     lock: StudyLock | None = None
+    other_rehearsals: int = 0
     withdrawn_completed: int = 0
     groups: Mapping[str, str] = field(default_factory=dict)
 
@@ -393,6 +395,11 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     sessions = found.sessions[~excluded if rehearsals else ~(excluded | rehearsal)]
     if sessions.empty:
         none = "no sessions here; record one with touchbeam run"
+        if found.other_rehearsals:
+            none = (
+                "nothing but rehearsals of another study.toml here "
+                f"({found.other_rehearsals}); rehearse the present one with touchbeam run"
+            )
         how = "add --rehearsals (in Python rehearsals=True) to include them"
         raise NothingToReport(f"nothing but rehearsals here; {how}" if rehearsal.any() else none)
     sessions = sessions.assign(participant=sessions["subject"])
@@ -427,6 +434,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         unfinished=tuple(sessions["participant"][~sessions["session_completed"]]),
         unfinished_sessions=tuple(sessions["session"][~sessions["session_completed"]]),
         sessions_excluded=int(excluded.sum()),
+        other_rehearsals=found.other_rehearsals,
         sessions_withdrawn=found.withdrawn,
         withdrawn_completed=found.withdrawn_completed,
         trials_excluded=len(trials_left_out),

@@ -11,16 +11,43 @@ from protocol.journal import events
 from protocol.journal.state import NotAllowed, in_words
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
-from runner.journal.names import STUDY_CHAIN, chains_of
+from runner.journal.names import REHEARSAL, STUDY_CHAIN, chains_of, is_rehearsal
 from runner.journal.store import Journal, SessionLog, close_interrupted, state_of
 from runner.journal.verification import in_force
 
 
+def is_locked(journal: Journal) -> bool:
+    """Return whether a changed study file must be accepted: not before the first session.
+
+    Rehearsals lock nothing, and a registration does.
+    """
+    # By the chains, because an erased session had accepted its file, too.
+    return bool(journal.events_of(events.StudyRegistered)) or any(
+        chain != STUDY_CHAIN and not is_rehearsal(journal, chain) for chain in journal.sessions()
+    )
+
+
 def accepted_digests(journal: Journal) -> list[str]:
     """Return the digests of the study files accepted so far, the current one last."""
+    if not is_locked(journal):  # what earlier versions had amended between rehearsals is no lock
+        return []
     held = journal.records_of(events.SessionOpened, events.StudyAmended, events.StudyRegistered)
-    digests = (getattr(record, "study_sha256", None) for _, record in held)
+    digests = (
+        getattr(record, "study_sha256", None)
+        for _, record in held
+        if getattr(record, "kind", None) != REHEARSAL
+    )
     return [digest for digest in digests if digest is not None]
+
+
+def changed_since_rehearsal(journal: Journal, study_text: str) -> bool:
+    """Return whether the rehearsal that was begun last was of another study file."""
+    rehearsed = [
+        record.study_sha256
+        for _, record in journal.records_of(events.SessionOpened)
+        if record.kind == REHEARSAL and record.participant not in events.NOBODY
+    ]
+    return bool(rehearsed) and rehearsed[-1] not in {None, text_digest(study_text)}
 
 
 def exclude(

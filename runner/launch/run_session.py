@@ -24,6 +24,7 @@ from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.registration.registration import locked
 from protocol.study.study import Study
 from runner.clock import Clock, WallClock
+from runner.journal.amendments import changed_since_rehearsal
 from runner.journal.cohort import Arrival, states
 from runner.journal.names import chains_of
 from runner.journal.opening import journal_if_used
@@ -112,12 +113,15 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     had = Arrival(states(journal), options.participant, request.kind, chain).known_group
     if request.rehearsal and (number := lacking_before(request, journal)):
         say(f"WARNING: session {number} of {options.participant} is not completed.")
+    changed = not options.slides and changed_since_rehearsal(journal, request.text)
     session = opened_session(request, journal, clock)
     log = SessionLog(journal, chain, clock)
     if session.group is not None:
         drawn = request.rehearsal and had is None and options.group is None
         chance = ", drawn by chance for this rehearsal: --group names another" * drawn
         say(f"{options.participant} belongs to the group {session.group}{chance}.")
+    if changed:
+        say("study.toml has changed since the last rehearsal.")
     if new and not request.rehearsal and chains_of(journal, options.participant, rehearsal=True):
         say(f"{options.participant} was a rehearsal before; this is the session itself.")
     if earlier and earlier[0] != (now := versions()["touchbeam"]):

@@ -240,7 +240,7 @@ def require_resumable(
     rehearsal = session.kind == "rehearsal"
     chain = chain_name(journal, session.participant, session.number, rehearsal=rehearsal)
     # A new session, too, must follow the study file of the others, or its latest amendment.
-    accepted = accepted_digests(journal)
+    accepted = [] if rehearsal else accepted_digests(journal)
     if accepted and text_digest(session.study_text) != accepted[-1]:
         raise BadInput(
             "study.toml has changed since the last session; restore it, its pictures and language "
@@ -255,7 +255,8 @@ def require_resumable(
             "and choose another participant or --session"
         )
     if before.is_excluded or before.name in {"completed", "withdrawn"}:
-        raise BadInput(f"{name} is already {before.shown_name}; {_instead(session)}")
+        what = f"the rehearsal {name}" if rehearsal else name
+        raise BadInput(f"{what} is already {before.shown_name}; {_instead(session)}")
     assert before.opened is not None, "session-opened is the first event of every session"
     if why := cannot_go_on(session.study, session.plan.trials, before):
         own = chains_of(journal, session.participant, rehearsal=rehearsal)
@@ -270,11 +271,8 @@ def _instead(session: Session) -> str:
     if session.slides:
         return f"--session {session.number + 1} draws the block anew"
     if session.kind == "rehearsal":
-        return (
-            "rehearse as another participant; a rehearsal does not use up the session of "
-            f"{session.participant}"
-        )
-    return "choose another participant or --session"
+        return "to rehearse again give another --participant (rehearsals do not use up the session)"
+    return "give another --participant or --session"
 
 
 def _require_fresh(name: str, session: Session, last_event: datetime | None, now: datetime) -> None:

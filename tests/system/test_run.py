@@ -1,5 +1,6 @@
 """`touchbeam run` in use: interrupted, with files changed while it runs, with closed streams."""
 
+import json
 import signal
 import sqlite3
 import subprocess
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import touchbeam
 from device.simulator.client import ControlClient, simulator_process
 from protocol.journal.events import Event, SessionOpened, SessionResumed, TouchStarted
 from runner.journal.opening import read_journal
@@ -33,7 +35,10 @@ def test_a_completed_session_is_not_run_again(capsys: pytest.CaptureFixture[str]
         "P01/1 is complete: 7 trials answered, device off (read back); this was a rehearsal."
     )
     assert typed(*arguments) == 2
-    assert "P01/1 is already completed; rehearse as another participant" in capsys.readouterr().err
+    assert (
+        "the rehearsal P01/1 is already completed; to rehearse again give another --participant"
+        in capsys.readouterr().err
+    )
     assert typed("run", "study", "--participant", "p1", "--ratings", "virtual") == 2
     assert "p1 resembles P01, who has a session here" in (said := capsys.readouterr().err)
     assert said.endswith("give --participant P01 if that is meant, else add --new\n")
@@ -72,7 +77,9 @@ def test_a_dry_run_on_a_real_device_is_a_rehearsal_with_the_same_watchdog(
         assert journal.sessions() == ["P01/1 (rehearsal)"]
 
 
-def test_a_session_of_a_changed_study_is_not_resumed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rehearsal_of_a_changed_study_goes_on_and_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     typed("new", "study")
     study = Path("study/study.toml")
     study.write_text(study.read_text().replace("= 24221 ", "= 12000 "))
@@ -80,8 +87,28 @@ def test_a_session_of_a_changed_study_is_not_resumed(capsys: pytest.CaptureFixtu
     assert typed(*arguments) == 1
     assert "no resonance between 11400 and 12600 Hz" in capsys.readouterr().err
     study.write_text(study.read_text().replace("= 12000 ", "= 24221 "))
-    assert typed(*arguments) == 2
-    assert "study.toml has changed since the last session" in capsys.readouterr().err
+    assert typed(*arguments) == 0
+    assert "study.toml has changed since the last rehearsal." in capsys.readouterr().out
+
+
+def test_a_report_of_rehearsals_shows_those_of_the_present_study(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("hold_s = 2.0", "hold_s = 2.5"))
+    report = ("report", "study", "--rehearsals", "--sections", "trials")
+    assert typed(*report) == 2
+    assert "nothing but rehearsals of another study.toml here (1)" in capsys.readouterr().err
+    assert typed("run", "study", "--participant", "P02", "--ratings", "virtual") == 0
+    assert typed(*report) == 0
+    assert "Left out: rehearsals of another study.toml: 1" in capsys.readouterr().out
+    trials = json.loads(Path("study/report/report.json").read_text(encoding="utf-8"))["trials"]
+    assert {trial["subject"] for trial in trials} == {"P02"}
+    loaded = touchbeam.load("study", rehearsals=True)
+    assert list(loaded.scores.index) == ["P02"]
+    assert set(loaded.trials["participant"]) == {"P01", "P02"}
 
 
 def test_a_session_is_resumed_by_the_virtual_person_who_began_it(

@@ -135,7 +135,8 @@ def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
     with suppress(BadInput):  # what is recorded is told all the same
         registered = registration_of(folder.path)
         file = locked(folder.study(), registered.digest if registered else None)
-        accepted = amendments.accepted_digests(journal)[-1:] == [text_digest(folder.text())]
+        latest = amendments.accepted_digests(journal)[-1:]
+        accepted = latest in ([], [text_digest(folder.text())])
     return Progress(
         folder=folder.path,
         study=file,
@@ -209,8 +210,9 @@ include = _decision(
 
 @app.command()
 def amend(study: options.StudyArgument, reason: options.ReasonOption) -> None:
-    """Accept changes to study.toml."""
+    """Accept changes to study.toml, which the first session or a registration locks."""
     from runner.journal.amendments import amend as accept
+    from runner.journal.amendments import is_locked
     from runner.study.check import proved_study
 
     folder = options.study_folder(study)
@@ -218,6 +220,9 @@ def amend(study: options.StudyArgument, reason: options.ReasonOption) -> None:
     # Before it is accepted: an accepted file cannot be taken back, only replaced.
     proved_study(text, str(folder.study_file))
     with options.study_journal(folder, to_write=True) as journal:
+        if not is_locked(journal):
+            say("Nothing to accept: rehearsals do not lock study.toml, the first session does.")
+            return
         broken = accept(journal, clock := WallClock(), text, reason)
         stranded = list(_progress(folder, journal).stranded())
     but = ", but for those named below" * bool(stranded)

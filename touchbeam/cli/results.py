@@ -12,7 +12,7 @@ from typer import Argument, Option, Typer
 from protocol.errors import BadInput
 from runner.people.terminal import at_terminal
 from touchbeam.cli import options, output
-from touchbeam.study import asked_report, read_study
+from touchbeam.study import asked_report, read_study, reported
 
 if TYPE_CHECKING:
     from runner.study.folder import StudyFolder
@@ -254,9 +254,10 @@ def _found(
     require_sections(shown or ())
     bar = partial(output.followed, "sessions", alone=alone)
     study = read_study(folder, rehearsals=rehearsals, followed=bar)
-    data = study_data(study.recorded, rehearsals=rehearsals, rules=study.file.exclusions)
+    recorded = reported(study)
+    data = study_data(recorded, rehearsals=rehearsals, rules=study.file.exclusions)
     # All sessions may be large, and few reports need them.
-    return study.file, data, study.broken, study.recorded if asks_for_multiverse(shown) else None
+    return study.file, data, study.broken, recorded if asks_for_multiverse(shown) else None
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

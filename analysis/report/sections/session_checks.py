@@ -333,6 +333,9 @@ def _table(
 
 
 _MOST_LINES = 12
+_OTHER_REHEARSALS = "rehearsals of another study.toml"
+_TOLD = ("rehearsals", _OTHER_REHEARSALS, "sessions withdrawn")
+"""What the terminal is told of besides the exclusions, if there is any."""
 
 
 def left_out_lines(loaded: StudyData) -> list[str]:
@@ -341,7 +344,7 @@ def left_out_lines(loaded: StudyData) -> list[str]:
     if (more := len(said) - _MOST_LINES) > 0:
         said[_MOST_LINES:] = [f"{more} more, listed under Exclusions in the report"]
     counts = _counts(loaded)
-    said += [f"{of}: {counts[of]}" for of in ("rehearsals", "sessions withdrawn") if counts[of]]
+    said += [f"{of}: {counts[of]}" for of in _TOLD if counts.get(of)]
     return [
         *(f"Left out: {each}" for each in said),
         *(f"Not finished: {which}" for which in _unfinished(loaded)[:_MOST_LINES]),
@@ -357,6 +360,7 @@ def _counts(loaded: StudyData) -> dict[str, int]:
     by_rule = [entry for entry in loaded.left_out if entry.by == "rule"]
     return {
         "rehearsals": loaded.rehearsals_left_out,
+        **({_OTHER_REHEARSALS: loaded.other_rehearsals} if loaded.other_rehearsals else {}),
         "sessions excluded": loaded.sessions_excluded,
         "sessions withdrawn": loaded.sessions_withdrawn,
         "trials excluded": loaded.trials_excluded,

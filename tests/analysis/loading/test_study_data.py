@@ -1,15 +1,19 @@
 """From events to scores: who counts, what is missing, and what is left out."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.loading.study_data import NothingToReport, StudyData, load_study_data
+from analysis.loading.sessions import load_sessions, rehearsed_with
+from analysis.loading.study_data import NothingToReport, StudyData, load_study_data, study_data
+from analysis.report.sections.session_checks import left_out_lines
 from protocol.journal.events import (
     Event,
     SessionExcluded,
     SessionIncluded,
+    SessionOpened,
     StudyAmended,
     TrialExcluded,
     TrialIncluded,
@@ -55,6 +59,22 @@ def test_rehearsals_are_left_out_unless_asked_for() -> None:
     assert (without.table.subjects, without.rehearsals_left_out) == (("P01",), 1)
     everything = loaded(*sessions, rehearsals=True)
     assert (everything.table.subjects, everything.rehearsals_left_out) == (("P01", "P02"), 0)
+
+
+def test_rehearsals_of_another_study_file_are_counted_and_left_out() -> None:
+    def begun(who: str, digest: str | None, kind: str = "rehearsal") -> list[Event]:
+        first, *rest = session(who, {"voltage": 9}, kind)
+        assert isinstance(first, SessionOpened)
+        return [replace(first, study_sha256=digest), *rest]
+
+    everybody = [begun("P01", "old"), begun("P02", "new"), begun("P03", None)]
+    everybody.append(begun("P04", "old", "participant"))
+    found = load_sessions(map(chain, everybody))
+    data = study_data(rehearsed_with(found, "new"), rehearsals=True)
+    assert data.table.subjects == ("P02", "P03", "P04")
+    assert left_out_lines(data) == ["Left out: rehearsals of another study.toml: 1"]
+    with pytest.raises(NothingToReport, match=r"rehearsals of another study.toml here \(1\)"):
+        study_data(rehearsed_with(load_sessions([chain(everybody[0])]), "new"), rehearsals=True)
 
 
 def test_a_rehearsal_stays_apart_from_the_session_of_that_name() -> None:

@@ -1,14 +1,27 @@
 """The studies that a journal accepts: those of its sessions and amendments, in order."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, StudyRegistered
 from protocol.study_file.loading import template, text_digest
 from runner.clock import WallClock
-from runner.journal.amendments import accepted_digests, amend, withdraw
+from runner.journal.amendments import (
+    accepted_digests,
+    amend,
+    changed_since_rehearsal,
+    is_locked,
+    withdraw,
+)
 from runner.journal.names import STUDY_CHAIN
-from runner.journal.opening import open_journal
+from runner.journal.opening import open_journal, read_journal
 from runner.journal.store import SessionLog
+from runner.journal.verification import verdicts
+from runner.session.loop import require_resumable
+from tests.runner.command_line import typed
 from tests.runner.fakes import FakeDevice, FakeParticipant, context
 
 CLOCK = WallClock()
@@ -30,6 +43,52 @@ def test_the_accepted_studies_are_those_of_readable_events_in_order(tmp_path: Pa
         assert accepted_digests(journal) == [first, second, first]
         withdraw(journal, CLOCK, "P01")
         assert accepted_digests(journal) == [second, first]
+
+
+def test_rehearsals_accept_nothing_and_need_no_acceptance(tmp_path: Path) -> None:
+    text = template("paper")
+    with open_journal(tmp_path / "study.db") as journal:
+        context(journal, FakeDevice(), FakeParticipant(), text, kind="rehearsal")
+        # As an earlier version needed.
+        amend(journal, CLOCK, amended(text), "between rehearsals")
+        assert not is_locked(journal)
+        assert accepted_digests(journal) == []
+        for told in (text, amended(text)):
+            asked = context(journal, FakeDevice(), FakeParticipant(), told, kind="rehearsal")
+            require_resumable(journal, asked.session, None, CLOCK.utc())
+            assert changed_since_rehearsal(journal, told) is (told != text)
+        first = context(journal, FakeDevice(), FakeParticipant(), text).session
+        assert accepted_digests(journal) == [text_digest(amended(text)), text_digest(text)]
+        changed = replace(first, study_text=amended(text))
+        with pytest.raises(BadInput, match="has changed since the last session"):
+            require_resumable(journal, changed, None, CLOCK.utc())
+        require_resumable(journal, replace(changed, kind="rehearsal"), None, CLOCK.utc())
+        assert all(verdict.ok for verdict in verdicts(journal))
+        withdraw(journal, CLOCK, "P01")
+        assert is_locked(journal), "by a session that was erased"
+
+
+def test_a_registration_locks_a_study_that_was_only_rehearsed(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal")
+        registered = StudyRegistered(registration="7" * 64, study_sha256="8" * 64, text="")
+        SessionLog(journal, STUDY_CHAIN, CLOCK).append(registered)
+        assert accepted_digests(journal) == ["8" * 64]
+
+
+def test_nothing_is_amended_between_rehearsals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ("run", tmp_path, "--participant", "P01", "--ratings", "virtual")
+    (tmp_path / "study.toml").write_text(template("paper"), encoding="utf-8")
+    assert typed(*run) == 0
+    (tmp_path / "study.toml").write_text(amended(template("paper")), encoding="utf-8")
+    capsys.readouterr()
+    assert typed("amend", tmp_path, "--reason", "longer touches") == 0
+    told = "Nothing to accept: rehearsals do not lock study.toml, the first session does.\n"
+    assert capsys.readouterr().out == told
+    with read_journal(tmp_path / "study.db") as journal:
+        assert journal.sessions() == ["P01/1 (rehearsal)"]
 
 
 def test_a_session_of_an_early_build_does_not_say_which_study_it_accepted(tmp_path: Path) -> None:

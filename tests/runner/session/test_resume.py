@@ -97,7 +97,9 @@ def test_a_rehearsed_name_is_free_for_the_session_itself(tmp_path: Path) -> None
         assert verdicts(journal)[0].line().startswith("ok    P01/1 (rehearsal)  completed")
         rehearsed = context(journal, FakeDevice(), FakeParticipant(), kind="rehearsal").session
         state = states(journal)["P01/1 (rehearsal)"]
-        with pytest.raises(BadInput, match=r"P01/1 is already completed; rehearse as another"):
+        with pytest.raises(
+            BadInput, match=r"^the rehearsal P01/1 is already completed; to rehearse again"
+        ):
             require_resumable(journal, rehearsed, state, FakeClock().utc())
 
 

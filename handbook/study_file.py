@@ -78,8 +78,11 @@ _QUESTIONS = """\
 [An example](how-to/question.md) asks two questions. With
 `asked_if = { question = "noticed", is = ["yes"] }` one is asked only where a change was noticed,
 with `{ question = "score", at_least = 5 }` after high scores. What could never be asked is refused.
-Lengths count every question. In exported data a question that was not asked has no reaction time;
-one that was skipped has.
+A question after a trial or a block depends on the answer after that same trial or block, if the
+other question is asked there, too; else on the answer that was given once in this session, or in
+the first one where `sessions = "first"`. Nothing is asked about a block once the next one has
+begun. Lengths count every question. In exported data a question that was not asked has no reaction
+time; one that was skipped has.
 
 A question needs a text in every one of `session.languages`. A resumed session does not repeat
 answered questions `before`, `after` or after a `block`. Answers about a trial are journalled

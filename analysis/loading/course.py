@@ -242,7 +242,7 @@ class Course:
         return len(after.turned_at) > len(before.turned_at)
 
     def _question_answered(self, event: journal.QuestionAnswered) -> None:
-        row = self._at_desk.get(event.name)
+        row = self._at_desk.get(event.name) if event.when == "desk" else None
         if row is not None:  # the operator corrects it
             row.answer, row.reaction_time_s = _plain(event.answer), event.reaction_time_s
         else:

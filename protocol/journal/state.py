@@ -88,8 +88,8 @@ class SessionState:
 
     name: str = "new"
     opened: Opening | None = None
-    has_begun: bool = False
-    """Whether a trial was begun, whatever became of it."""
+    begun: set[int] = field(default_factory=set)
+    """Trials that were begun, whatever became of them."""
     trial: int | None = None
     touch: int | None = None
     windowless: bool = False
@@ -179,7 +179,8 @@ class SessionState:
         self.questions[event.name, event.block] = event.answer
 
     def _trial_started(self, event: events.TrialStarted) -> None:
-        self.trial, self.touch, self.has_begun = event.index, None, True
+        self.trial, self.touch = event.index, None
+        self.begun.add(event.index)
 
     def _touch_started(self, event: events.TouchStarted) -> None:
         self.touch = event.touch

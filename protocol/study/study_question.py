@@ -222,6 +222,10 @@ class StudyQuestion(Record):
     unit: _Shown | None = setting(None, "unit of a `number`, shown beside it and in exported data")
     max_length: Count | None = setting(None, "longest `text`, in characters; by default 60", le=200)
 
+    def follows(self, given: Mapping[str, Answer]) -> bool:
+        """Return whether it is asked after these answers, by question."""
+        return self.asked_if is None or self.asked_if.met_by(given)
+
     @property
     def values(self) -> tuple[str, ...]:
         """What may be chosen: the values of the labels; none where the labels name places."""

@@ -149,10 +149,12 @@ class Arrival:
             raise BadInput(f"{who} {why} the group {group}, got {by} {asked}; leave it out")
         return group
 
-    def told(self) -> dict[str, Any]:
-        """Return the latest answers, by question, of the participant's other sessions."""
+    def told(self, study: Study) -> dict[str, Any]:
+        """Return the participant's answers to what is asked in the first session alone."""
+        once = {question.name for question in study.question if question.sessions == "first"}
         others = [state for name, state in self._theirs().items() if name != self.chain]
-        return {name: answer for it in others for (name, _), answer in it.questions.items()}
+        given = [answer for state in others for answer in state.questions.items()]
+        return {name: answer for (name, block), answer in given if block is None and name in once}
 
     def next_due(self, study: Study) -> "Due | None":
         """Return when the next session is due; None at any time, or if none is left."""

@@ -261,7 +261,7 @@ def _group_answered(request: Request, say: Callable[[str], None]) -> tuple[str, 
     ]
     asked += [(each.name, spoken(each), each) for each in study.questions("desk")]
     for name, text, question in asked:
-        if name not in needed or (question.asked_if and not question.asked_if.met_by(given)):
+        if name not in needed or not question.follows(given):
             continue
 
         def read(typed: str, question: StudyQuestion = question, name: str = name) -> str | None:

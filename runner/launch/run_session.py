@@ -227,7 +227,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             seed=request.seed,
             virtual=_virtual_truth(request, sessions.get(chain), group),
             override=options.override,
-            told=who.told(),
+            told=who.told(study),
             volts=solved_volts(study, rig),
             registration=digest,
             calibration=RigCalibration(**vars(rig)) if rig.origin else None,

@@ -46,7 +46,7 @@ class Session:
     override: str | None = None
     """Why it began before or after it was due."""
     told: Mapping[str, Answer] = field(default_factory=dict)
-    """Answers of the participant's earlier sessions, by question."""
+    """Answers to what is asked in the first session alone, in a later one."""
     volts: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Voltages of the levels of tracks on the axis of contrast, by track."""
     registration: str | None = None
@@ -81,12 +81,15 @@ class Session:
         return kind(**{each.name: known[each.name] for each in fields(kind)})
 
 
-def known_before(session: Session, state: SessionState) -> dict[str, Answer]:
-    """Return the latest answer to each question asked before or between trials, by its name.
+def known_before(
+    session: Session, state: SessionState, block: int | None = None
+) -> dict[str, Answer]:
+    """Return the answers on which a question may depend that is asked after `block`, by name.
 
-    What was asked in the first session alone is known in the later ones.
+    Those after this block alone, and those that are given once; without a block the latter alone.
     """
-    return {**session.told, **{name: answer for (name, _), answer in state.questions.items()}}
+    given = state.questions.items()
+    return {**session.told, **{name: answer for (name, of), answer in given if of in {None, block}}}
 
 
 def answer_order(study: Study, slot: int, before: SessionState | None) -> AnswerOrder:

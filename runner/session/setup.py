@@ -109,8 +109,8 @@ def ask_at_desk(context: SessionContext) -> None:
     """
     session, log = context.session, context.log
     for question in session.study.questions("desk", session.number):
-        rule, known = question.asked_if, known_before(session, log.state)
-        if (question.name, None) in log.state.questions or not (rule is None or rule.met_by(known)):
+        known = known_before(session, log.state)
+        if (question.name, None) in log.state.questions or not question.follows(known):
             continue
         began_s = context.clock.monotonic_s()
         drawn = str if session.virtual is None else partial(_drawn, session, question)

@@ -74,13 +74,12 @@ def introduce(context: SessionContext, trial: Trial, last: Trial | None) -> None
 
 def due(session: Session, state: SessionState) -> list[Due]:
     """Return the study's own questions that are due in `state`, in the order of asking."""
-    known = known_before(session, state)
     return [
         (when, block, question)
         for when, block in _times(session, state)
         for question in session.study.questions(when, session.number)
         if (question.name, block) not in state.questions
-        and (question.asked_if is None or question.asked_if.met_by(known))
+        and question.follows(known_before(session, state, block))
     ]
 
 
@@ -89,8 +88,9 @@ def _times(session: Session, state: SessionState) -> Iterator[tuple[When, int | 
     over = state.answered | state.not_needed
     left = {trial.block for trial in trials if trial.index not in over}
     yield "before", None
-    # Block 0 is what comes before the first block, such as practice.
-    for block in sorted({trial.block for trial in trials} - left - {0}):
+    # Of the last block that was begun alone: what is answered later is about another one.
+    block = max((trial.block for trial in trials if trial.index in state.begun), default=0)
+    if block not in {*left, 0}:  # block 0 is what comes before the first one, such as practice
         yield "block", block
     if not left:
         yield "after", None
@@ -297,7 +297,7 @@ def ask(context: SessionContext, trial: Trial, judged: Sequence[records.Complian
     known |= facts_of_trial(trial.question, change, trial.expected, score)
     own: list[records.QuestionAnswer] = []
     for question in context.session.study.questions_after(trial.condition):
-        if question.asked_if is None or question.asked_if.met_by(known):
+        if question.follows(known):
             own.append(_asked(context, question))
             known[question.name] = own[-1].answer
     return Answered(

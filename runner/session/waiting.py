@@ -162,7 +162,7 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     answered = [name for name in asked if (name, None) in state.questions]
     if wanted.name not in answered:
         return f"{wanted.name!r} has no answer to correct; answered: {', '.join(answered) or '-'}"
-    if state.has_begun and not wanted.note:
+    if state.begun and not wanted.note:
         return "the session has begun: add the reason, as in `age 31 because misheard`"
     try:
         answer = asked[wanted.name].answer(wanted.answer)

@@ -96,8 +96,8 @@ def test_a_trial_is_running_until_it_is_answered_or_aborted() -> None:
 )
 def test_a_session_has_begun_with_its_first_trial(became: list[Happened]) -> None:
     armed = ("device-armed", ARMED)
-    assert not after(armed).has_begun
-    assert after(armed, started(0), *became).has_begun
+    assert after(armed).begun == set()
+    assert after(armed, started(0), *became).begun == {0}
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,11 @@ import pytest
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, StudyAmended, Withdrawn
 from protocol.journal.state import EXCLUDED, SessionState
+from protocol.study_file.loading import parsed_study, template
 from runner.journal.cohort import Arrival, planned_trials, session_summaries, states
 from runner.journal.names import STUDY_CHAIN
 from runner.journal.store import Journal, SessionLog
+from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import IMPORTED, FakeClock, FakeDevice, FakeParticipant, context
 
 
@@ -144,3 +146,13 @@ def test_the_plan_is_the_last_one_and_a_session_without_one_is_refused(
     for chain in ("1/1", "P01/1"):
         with pytest.raises(BadInput, match=f"^{chain} has no plan: withdrawn, or imported scores$"):
             planned_trials(journal, chain)
+
+
+def test_only_what_is_asked_in_the_first_session_alone_is_known_in_a_later_one(
+    opened: SessionOpened,
+) -> None:
+    """What is asked in every session is that session's, also where it was not asked there."""
+    study = parsed_study(template("paper") + OWN_QUESTIONS)
+    first = state(opened, "P01", 0, "completed")
+    first.questions |= {("age", None): 31, ("remarks", None): "warm", ("sensations", 2): ["none"]}
+    assert Arrival({"P01/1": first}, "P01", "participant", "P01/2").told(study) == {"age": 31}

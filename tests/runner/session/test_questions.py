@@ -1,22 +1,26 @@
 """A study's own questions in a session: asked when they are due, and never twice."""
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
+from analysis.export.trial_table import frames
+from analysis.loading.sessions import load_sessions
 from protocol.journal.events import Answered, QuestionAnswered, SessionOpened
 from protocol.journal.state import SessionState
 from protocol.plan.plan import plan
 from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal, SessionLog
-from runner.screens import Ask, Instruction
+from runner.journal.verification import readable_chains
+from runner.screens import Ask, Correction, Instruction, Response
 from runner.session.loop import run
 from runner.session.session import Session, answer_order
 from runner.session.trial import due
 from tests.protocol.studies import OWN_QUESTIONS
-from tests.runner.fakes import FakeDevice, FakeParticipant, context
+from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
 TEXT = template("paper").replace("[design]", "[design]\nrepeats = 2") + OWN_QUESTIONS
 ANSWERS = {
@@ -199,3 +203,96 @@ def test_an_answer_of_the_first_session_counts_in_the_second(tmp_path: Path) -> 
                 SessionState(answers=dict.fromkeys(range(99), ""), questions={}),
             )
         }
+
+
+def yes_or_no(name: str, *keys: str) -> str:
+    labels = '{ value = "yes", en = "yes", zh = "是" }, { value = "no", en = "no", zh = "否" }'
+    text = 'text = { en = "And?", zh = "呢？" }'
+    question = ("[[question]]", f'name = "{name}"', 'kind = "choice"', text, *keys)
+    return "\n".join(["", *question, f"labels = [{labels}]", ""])
+
+
+THREE_BLOCKS = template("paper").replace("[design]", "[design]\nrepeats = 3")
+PAIN = yes_or_no("pain", 'when = "block"') + yes_or_no(
+    "pain_where", 'when = "block"', 'asked_if = { question = "pain", is = ["yes"] }'
+)
+
+
+@dataclass
+class InTurn(FakeParticipant):
+    """Answers each question of `turns` differently each time that it is asked."""
+
+    turns: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def poll(self) -> Response | None:
+        asked = [page.question.name for page in self.shown if isinstance(page, Ask)]
+        if isinstance(self.shown[-1], Ask) and asked[-1] in self.turns:
+            answer = self.turns[asked[-1]][asked.count(asked[-1]) - 1]
+            return Response(answer=answer, reaction_time_s=1.0)
+        return super().poll()
+
+
+@pytest.mark.parametrize("stops_at", ["", "name='pain_where'"])
+def test_a_question_after_a_block_follows_from_the_answer_after_that_block(
+    tmp_path: Path, stops_at: str
+) -> None:
+    """So it does in the journal, in a session that was interrupted, and in the exported table."""
+    turns = {"pain": ("yes", "no", "yes"), "pain_where": ("no", "yes")}
+    with open_journal(tmp_path / "study.db") as journal:
+        if stops_at:
+            with pytest.raises(KeyboardInterrupt):
+                carried_out(journal, InTurn(turns=turns, stops_at=stops_at), THREE_BLOCKS + PAIN)
+            turns = {"pain": ("no", "yes"), "pain_where": ("no", "yes")}
+        carried_out(journal, InTurn(turns=turns), THREE_BLOCKS + PAIN)
+        records = [event.record for event in journal.events("P01/1")]
+        tables = frames(
+            parsed_study(THREE_BLOCKS + PAIN),
+            load_sessions(readable_chains(journal, [])),
+            rehearsals=False,
+        )
+    given = [(e.name, e.block, e.answer) for e in records if isinstance(e, QuestionAnswered)]
+    assert given == [
+        ("pain", 1, "yes"), ("pain_where", 1, "no"), ("pain", 2, "no"), ("pain", 3, "yes"),
+        ("pain_where", 3, "yes"),
+    ]  # fmt: skip
+    exported = tables.trials[["block", "pain_where"]].dropna().drop_duplicates()
+    assert [*exported.itertuples(index=False, name=None)] == [(1, "no"), (3, "yes")]
+
+
+def test_a_correction_leads_to_no_question_about_a_block_that_is_long_over(tmp_path: Path) -> None:
+    """What the operator corrects in the third block counts from then on."""
+    text = THREE_BLOCKS + yes_or_no("glasses", 'when = "desk"')
+    text += yes_or_no("eyes", 'when = "block"', 'asked_if = { question = "glasses", is = ["yes"] }')
+    text += PAIN
+    device = FakeDevice()
+
+    class Late(FakeOperator):
+        def order(self) -> Correction | None:  # type: ignore[override]
+            over = ("pain", 2) in made.log.state.questions
+            return super().order() if over else None  # type: ignore[return-value]
+
+    correction = Correction(name="glasses", answer="yes", note="seen")
+    operator = Late(device, [("touching", correction)], answers=["no"])
+    turns = {"pain": ("no",) * 3}
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, device, InTurn(turns=turns), text, operator)
+        run(made)
+        asked = recorded(journal)
+    assert [block for name, block in asked if name == "eyes"] == [3]
+
+
+def test_nothing_is_asked_about_blocks_that_a_track_has_left_out() -> None:
+    study = parsed_study(THREE_BLOCKS + PAIN)
+    made = plan(study, slot=0)
+    session = Session(
+        participant="P01",
+        number=1,
+        kind="participant",
+        study=study,
+        study_text=THREE_BLOCKS + PAIN,
+        plan=made,
+    )
+    first = {trial.index for trial in made.trials if trial.block <= 1}
+    rest = {trial.index for trial in made.trials} - first
+    state = SessionState(answers=dict.fromkeys(first, ""), begun=first, not_needed=rest)
+    assert [(question.name, block) for _, block, question in due(session, state)] == [("pain", 1)]

@@ -25,6 +25,7 @@ amended    study-amended amended      study-registered registered
 registered study-amended amended      study-registered registered
 idle       session-resumed idle       practice-renewed idle      device-armed armed
 idle       session-completed completed
+idle       rig-described idle         question-answered idle
 armed      watchdog-tested armed      rig-described armed        resonance-measured armed
 armed      beam-mounted armed         trial-started trial        question-answered armed
 armed      paused paused              device-off idle            practice-renewed armed
@@ -42,7 +43,8 @@ dropped    session-included idle
 excluded   session-included completed
 """
 # A session is completed only from `idle`: none counts as complete whose output was not read back as
-# off. In a trial the operator corrects an answer. A touch that is broken off has no end of its own.
+# off. What decides on the group is answered before the device is armed, and in a trial the operator
+# corrects an answer. A touch that is broken off has no end of its own.
 TRANSITIONS: dict[tuple[str, str], str] = {
     **{
         (state, TAGS[tag].TAG): after

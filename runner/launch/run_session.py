@@ -49,6 +49,7 @@ from runner.people.terminal import said_in_background
 from runner.people.virtual_participant import Finger, UntouchedBeam
 from runner.session.loop import require_resumable, run
 from runner.session.session import Session, SessionContext, answer_order, versions
+from runner.session.setup import answered_before
 from runner.signals import Stopped, never_suspended
 from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.check import require_proved
@@ -234,7 +235,10 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
         )
         require_resumable(journal, session, sessions.get(chain), clock.utc())
         if chain not in sessions:
-            SessionLog(journal, chain, clock).append(session.recorded_as(SessionOpened))
+            log = SessionLog(journal, chain, clock)
+            # With it, so that a session that is resumed asks for nothing that decided on its group.
+            for event in (session.recorded_as(SessionOpened), *answered_before(session)):
+                log.append(event)
     return session
 
 

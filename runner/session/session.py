@@ -42,7 +42,7 @@ class Session:
     virtual: records.VirtualTruth | None = None
     group: str | None = None
     noted: Mapping[str, str] = field(default_factory=dict)
-    """What the operator answered before it was opened."""
+    """What the operator answered before it was opened, because the group follows from it."""
     override: str | None = None
     """Why it began before or after it was due."""
     told: Mapping[str, Answer] = field(default_factory=dict)

@@ -1,6 +1,6 @@
 """Session setup: arm the device, ask the operator, mount the beam, measure its resonance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from random import Random
 
@@ -13,7 +13,14 @@ from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.measured import tare
 from runner.session.session import Session, SessionContext, known_before
-from runner.session.waiting import operator_answer, response, show_page, update_view, wait
+from runner.session.waiting import (
+    keeps_its_group,
+    operator_answer,
+    response,
+    show_page,
+    update_view,
+    wait,
+)
 from runner.session.watchdog import require_watchdog
 
 _optional = partial(StudyQuestion, required=False)
@@ -54,10 +61,12 @@ def prepare(context: SessionContext) -> None:
     update_view(context, warning="; ".join(identity.remarks))
     # Before any drive above 0 V: from here on the watchdog is relied on.
     require_watchdog(context, identity.idn)
+    deciding = {group.when.question for group in study.group if group.when}
     answers: dict[str, str] = {}
     for asked in study.session.operator_asks:
-        noted = context.session.noted.get(asked)
-        answer = noted or _possible_answer(context, *OPERATOR_QUESTIONS[asked])
+        # Another answer, in a session that is resumed, would be that of another group.
+        known = context.log.state.described.get(asked) if asked in deciding else None
+        answer = known or _possible_answer(context, *OPERATOR_QUESTIONS[asked])
         # An empty one says that nothing was noted.
         answers[asked] = "" if answer is None else str(answer)
     if answers:
@@ -85,21 +94,31 @@ def prepare(context: SessionContext) -> None:
 
 
 def _possible_answer(
-    context: SessionContext,
-    text: str,
-    question: StudyQuestion,
-    typed: str = "",
-    drawn: Callable[[], str] = str,
+    context: SessionContext, text: str, question: StudyQuestion, drawn: Callable[[], str] = str
 ) -> Answer:
-    """Return what was `typed` before or is typed now, once it is possible; else what is `drawn`."""
-    if not typed:
-        context.operator.ask(text)
+    """Return what the operator types, once it is possible; what is `drawn` if that is nothing."""
+    context.operator.ask(text)
     while True:
         try:
-            return question.answer(typed or operator_answer(context) or drawn())
+            return question.answer(operator_answer(context) or drawn())
         except ValueError as error:
-            typed = ""
             context.operator.ask(f"{error}. {text}")
+
+
+def answered_before(session: Session) -> Iterator[events.Event]:
+    """Yield what the operator answered before the session was opened, to follow its opening."""
+    study, noted = session.study, session.noted
+    described = {asked: noted[asked] for asked in study.session.operator_asks if asked in noted}
+    if described:
+        yield events.RigDescribed(answers=described)
+    for question in study.questions("desk"):
+        if question.name in noted:
+            yield _at_desk(question, question.answer(noted[question.name]))
+
+
+def _at_desk(question: StudyQuestion, answer: Answer, took_s: float = 0.0) -> events.Event:
+    given = QuestionAnswer(name=question.name, answer=answer, reaction_time_s=took_s, trace=None)
+    return events.QuestionAnswered(when="desk", **vars(given))
 
 
 def ask_at_desk(context: SessionContext) -> None:
@@ -114,14 +133,10 @@ def ask_at_desk(context: SessionContext) -> None:
             continue
         began_s = context.clock.monotonic_s()
         drawn = str if session.virtual is None else partial(_drawn, session, question)
-        noted = session.noted.get(question.name, "")
-        answer = _possible_answer(context, spoken(question), question, noted, drawn)
-        took_s = context.clock.monotonic_s() - began_s
-        given = QuestionAnswer(
-            name=question.name, answer=answer, reaction_time_s=took_s, trace=None
-        )
-        log.append(events.QuestionAnswered(when="desk", **vars(given)))
-        context.operator.notify(f"noted: {question.name} {answer_text(answer)}")
+        answer = _possible_answer(context, spoken(question), question, drawn)
+        log.append(_at_desk(question, answer, context.clock.monotonic_s() - began_s))
+        kept = keeps_its_group(context, question.name)
+        context.operator.notify(f"noted: {question.name} {answer_text(answer)}{kept}")
 
 
 def _drawn(session: Session, question: StudyQuestion) -> str:

@@ -10,7 +10,7 @@ from protocol.journal.records import QuestionAnswer, ReadBack
 from protocol.plan.trials import Trial, remaining_s
 from protocol.study.study_question import answer_text
 from runner import screens
-from runner.session.session import SessionContext
+from runner.session.session import SessionContext, known_before
 from runner.session.track_levels import as_made, standing
 from runner.signals import raise_if_stopped, take_suspension
 
@@ -170,14 +170,23 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
         return str(error)
     given = QuestionAnswer(name=wanted.name, answer=answer, reaction_time_s=0.0, trace=None)
     context.log.append(QuestionAnswered(when="desk", **vars(given), note=wanted.note or None))
-    rules = [group for group in session.study.group if group.when and group.name != session.group]
-    meant = next((it.name for it in rules if it.when and it.when.met_by({wanted.name: answer})), "")
+    kept = keeps_its_group(context, wanted.name)
+    return f"corrected: {wanted.name} {answer_text(answer)}{kept}"
+
+
+def keeps_its_group(context: SessionContext, name: str) -> str:
+    """Return what to do if the answer to `name`, just given, leads to another group; else ''."""
+    session, known = context.session, known_before(context.session, context.log.state)
+    rules = {group.name: group.when for group in session.study.group if group.when}
+    leads_to = next((group for group, rule in rules.items() if rule.met_by(known)), None)
+    decides = name in {rule.question for rule in rules.values()}
+    if not decides or leads_to in {None, session.group}:
+        return ""
     # The journal begins with the plan of the group, and proves it: it cannot be drawn anew.
-    kept = (
+    return (
         f"; the session keeps its group, {session.group}, because its trials are planned: for "
-        f"{meant} end it, exclude it with the reason, and run the participant's next session"
+        f"{leads_to} end it, exclude it with the reason, and run the participant's next session"
     )
-    return f"corrected: {wanted.name} {answer_text(answer)}{kept * bool(meant)}"
 
 
 def _refuse_suspension(context: SessionContext) -> None:

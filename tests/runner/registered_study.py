@@ -48,6 +48,7 @@ def run_session(
     override: str | None = None,
     group: str | None = None,
     noted: Mapping[str, str] | None = None,
+    operator: FakeOperator | None = None,
 ) -> None:
     """Run or resume a session as `touchbeam run` does; without `device` and `person` to its end."""
     folder = StudyFolder(path=place)
@@ -79,7 +80,7 @@ def run_session(
             session=session,
             device=device,
             participant=person or FakeParticipant(),
-            operator=FakeOperator(device),
+            operator=operator or FakeOperator(device),
             clock=clock,
             log=SessionLog(journal, request.chain(journal), clock),
             opened_now=new,

@@ -25,7 +25,7 @@ amended    study-amended amended        study-registered registered
 registered study-amended amended        study-registered registered
 idle       session-resumed idle         practice-renewed idle        trial-excluded idle
 idle       device-armed armed           session-completed completed  session-excluded dropped
-idle       trial-included idle
+idle       trial-included idle          rig-described idle           question-answered idle
 armed      watchdog-tested armed        rig-described armed          resonance-measured armed
 armed      beam-mounted armed           trial-started trial          paused paused
 armed      device-off idle              practice-renewed armed       question-answered armed

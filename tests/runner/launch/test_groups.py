@@ -13,6 +13,7 @@ import touchbeam
 from analysis.export.trial_table import plan_frame
 from analysis.loading.study_data import load_study_data
 from analysis.trials.trial_checks import OrderAsRun, order_as_run
+from device.errors import DeviceError
 from protocol.errors import BadInput
 from protocol.journal.events import QuestionAnswered, RigDescribed, SessionOpened
 from protocol.plan.plan import arrivals, plan
@@ -23,7 +24,7 @@ from runner.journal.opening import open_journal
 from runner.launch.request import Request, SessionOptions, requested, with_group
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import typed
-from tests.runner.fakes import FakeParticipant
+from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant
 from tests.runner.registered_study import run_session, study_in
 
 BOARD = "/dev/ttyUSB0"
@@ -207,8 +208,9 @@ def test_an_answer_leads_to_the_group_and_is_kept(tmp_path: Path, terminal: io.S
     assert any("must be a number" in line for line in said)
     run_session(tmp_path, "P01", group="old", noted=found.options.noted)
     with open_journal(tmp_path / "study.db") as journal:
-        (kept,) = (event for _, event in journal.records_of(RigDescribed))
-    assert kept.answers["room temperature"] == "31.5"
+        described = [event.answers for _, event in journal.records_of(RigDescribed)]
+    assert described[0] == {"room temperature": "31.5"}, "before the rest is asked"
+    assert described[1:] == [{"room temperature": "31.5", "cleaning": ""}]
 
 
 def test_an_answer_that_leads_to_no_group_is_refused(tmp_path: Path, terminal: io.StringIO) -> None:
@@ -342,3 +344,53 @@ def test_a_group_to_which_no_answer_leads_is_refused(
     place = grouped_in(tmp_path, ANSWER, *AGES.items(), ("[design]", f"{DESK}\n[design]"), changed)
     with pytest.raises(BadInput, match=told):
         requested(SessionOptions(folder=StudyFolder(path=place), participant="P01", device=BOARD))
+
+
+DECIDED = pytest.mark.parametrize(
+    ("changes", "noted", "text"),
+    [
+        ((), {"room temperature": "31.5"}, "temperature"),
+        ((*AGES.items(), ("[design]", f"{DESK}\n[design]")), {"age": "64"}, "Age?"),
+    ],
+)
+
+
+@DECIDED
+def test_what_decides_on_the_group_is_written_when_the_session_is_opened(
+    tmp_path: Path, changes: tuple[tuple[str, str], ...], noted: dict[str, str], text: str
+) -> None:
+    """A session that ends before its device is armed, and is resumed, asks for none of it."""
+    grouped_in(tmp_path, ANSWER, *changes)
+    with pytest.raises(DeviceError, match="arm failed"):
+        run_session(tmp_path, "P01", group="old", noted=noted, device=FakeDevice(fails="arm"))
+    operator = FakeOperator(device := FakeDevice(), answers=["", "", "70"])
+    run_session(tmp_path, "P01", device=device, operator=operator)
+    assert not [asked for asked in operator.asked if text in asked]
+    with open_journal(tmp_path / "study.db") as journal:
+        tags = [event.tag for event in journal.events("P01/1")]
+        state = states(journal)["P01/1"]
+    assert tags[1] in {"rig-described", "question-answered"}
+    known = {name: str(answer) for (name, _), answer in state.questions.items()}
+    assert noted.items() <= (known | dict(state.described)).items()
+    assert typed("verify", tmp_path) == 0
+
+
+def test_opening_and_what_decided_on_the_group_are_written_together_or_not_at_all(
+    tmp_path: Path,
+) -> None:
+    grouped_in(tmp_path, ANSWER, *AGES.items(), ("[design]", f"{DESK}\n[design]"))
+    with pytest.raises(ValueError, match="the answer to age must be a whole number"):
+        run_session(tmp_path, "P01", group="old", noted={"age": "old"})
+    assert not (tmp_path / "study.db").exists()
+
+
+def test_an_answer_of_a_later_session_that_means_another_group_says_what_to_do(
+    tmp_path: Path,
+) -> None:
+    every = DESK.replace('sessions = "first"\n', "")
+    grouped_in(tmp_path, ANSWER, *AGES.items(), ("[design]", f"{every}\n[design]"))
+    run_session(tmp_path, "P01", group="young", noted={"age": "35"})
+    operator = FakeOperator(device := FakeDevice(), answers=["", "", "70"])
+    run_session(tmp_path, "P01", number=2, device=device, operator=operator)
+    said = next(text for text in operator.notices if text.startswith("noted: age 70"))
+    assert "the session keeps its group, young, because its trials are planned: for old" in said

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from device.friction.scenes import Calibration
     from protocol.journal.events import StoredEvent
     from protocol.study.study import Study as StudyFile
-    from runner.journal.store import Journal
     from runner.study.folder import StudyFolder
 
     Chains = Iterable[Sequence[StoredEvent]]
@@ -67,6 +66,7 @@ def read_study(
     text, file = folder.text(), folder.study()
     with read_journal(path) as journal:
         shelf = kept_files(journal)
+        withdrawals = journal.withdrawals()
     # Not while it is open here, when it has a log; and what is not kept needs no name.
     digest = journal_digest(path) if shelf else ""
 
@@ -99,6 +99,7 @@ def read_study(
         broken=tuple(broken),
         # What a session added meanwhile is in the tables or not: no digest tells.
         _read=(digest if shelf and (not loaded or unchanged()) else "", text),
+        _withdrawals=withdrawals,
     )
 
 
@@ -120,6 +121,8 @@ class Study:
     broken: tuple[str, ...]
     _read: tuple[str, str]
     """The digest of the journal and the text of the study, as they were loaded."""
+    _withdrawals: int
+    """How many sessions had been withdrawn when it was loaded."""
 
     def __repr__(self) -> str:
         count = len(self.sessions)
@@ -293,7 +296,13 @@ class Study:
         # A text is a sequence, too: of its letters.
         named = (sections,) if isinstance(sections, str) else sections
         names = None if named is None else tuple(named)
-        asked = asked_report(self.folder, rehearsals=self.rehearsals, named=names, read=self._read)
+        asked = asked_report(
+            self.folder,
+            rehearsals=self.rehearsals,
+            named=names,
+            read=self._read,
+            withdrawals=self._withdrawals,
+        )
 
         def found() -> Found:
             return self.file, self._counted, self.broken, reported(self)
@@ -302,7 +311,9 @@ class Study:
         folder = self.folder.report if out is None else Path(out)
         # A folder that the user names may be a link; one within the study may come from a stranger.
         own = self.folder.path if out is None else None
-        write_files(made.files, folder, replaced=made.figure_files, study=own)
+        write_files(
+            made.files, folder, made.figure_files, study=own, confirm=asked.require_no_withdrawal
+        )
         return folder / "report.html"
 
     def predict(
@@ -407,8 +418,6 @@ class AskedReport:
 
         Of a journal whose bytes are as they were, it is the report that was made then.
         """
-        from protocol.errors import WorkFailed
-        from runner.journal.opening import read_journal
         from runner.study.kept_files import journal_digest
 
         def whole(made: Written) -> bool:
@@ -421,12 +430,14 @@ class AskedReport:
         known = (self.journal, self.text, self.unlocked, self.rig, asked)
         make = partial(self._written, load, figures=figures)
         made = self.keep.made(make, Written, *known, worth=whole)
-        with read_journal(self.folder.journal) as journal:
-            if _withdrawals(journal) != self.withdrawals:
-                raise WorkFailed(
-                    "somebody withdrew meanwhile, so nothing is written; make it again"
-                )
+        self.require_no_withdrawal()
         return made
+
+    def require_no_withdrawal(self) -> None:
+        """Raise `WorkFailed` if somebody withdrew since it was asked for, or its data loaded."""
+        from runner.journal.verification import require_no_withdrawal
+
+        require_no_withdrawal(self.folder.journal, self.withdrawals)
 
     def _written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         from analysis.loading.study_data import marks
@@ -459,8 +470,11 @@ def asked_report(
     rehearsals: bool,
     named: tuple[str, ...] | None,
     read: tuple[str, str] | None = None,
+    withdrawals: int | None = None,
 ) -> AskedReport:
     """Return what a report on the study depends on now; or, of journal and text, when `read`.
+
+    There were so many `withdrawals` then.
 
     Raises:
         BadInput: nothing is recorded yet, or a file of the study cannot be read.
@@ -477,7 +491,7 @@ def asked_report(
         # What was read before a withdrawal must not come back to where that has deleted it.
         shelf = kept_files(journal) if digest == now else None
         unlocked = registration_problem(journal, folder)
-        withdrawals = _withdrawals(journal)
+        withdrawals = journal.withdrawals() if withdrawals is None else withdrawals
     return AskedReport(
         folder=folder,
         journal=digest,
@@ -490,9 +504,3 @@ def asked_report(
         keep=Kept(shelf, code_version()),
         withdrawals=withdrawals,
     )
-
-
-def _withdrawals(journal: "Journal") -> int:
-    from protocol.journal.events import Withdrawn
-
-    return len(journal.events_of(Withdrawn))

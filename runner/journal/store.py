@@ -21,7 +21,14 @@ from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 from pydantic_core import from_json
 
 from protocol.errors import IMPOSSIBLE, WorkFailed
-from protocol.journal.events import DeviceOff, Event, SessionOpened, StoredEvent, TrialAborted
+from protocol.journal.events import (
+    DeviceOff,
+    Event,
+    SessionOpened,
+    StoredEvent,
+    TrialAborted,
+    Withdrawn,
+)
 from protocol.journal.state import NotAllowed, SessionState, damage, folded, next_state
 from runner.clock import Clock
 from runner.journal import database
@@ -263,6 +270,13 @@ class Journal:
                 if isinstance(record, kinds):
                     records.append((event.utc, record))
         return records
+
+    def withdrawals(self) -> int:
+        """Return how many sessions have been withdrawn so far."""
+        with self._errors_explained("read"):
+            query = "SELECT count(*) FROM event WHERE tag = ?"
+            (count,) = self._connection.execute(query, (Withdrawn.TAG,)).fetchone()
+        return int(count)
 
     def chain(self, session: str) -> Iterator[ChainLink]:
         """Yield the events of `session` with their hashes."""

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import IMPOSSIBLE, BadInput
+from protocol.errors import IMPOSSIBLE, BadInput, WorkFailed
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
 from protocol.journal.state import NotAllowed, SessionState, damage, folded, in_words
@@ -303,6 +303,8 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
     `file`.
     """
     _require_new(file)
+    with read_journal(path, to_verify=True) as journal:
+        withdrawals = journal.withdrawals()
     # On the same disk, so that it can be renamed, and under a name that nobody takes for a backup.
     beside = file.with_name(f".touchbeam-{secrets.token_hex(8)}")
     try:
@@ -317,6 +319,11 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
             # Before it gets its name, which must not lead to half a file after a power cut.
             os.fsync(written.fileno())
         _take_name(beside, file)
+        try:
+            require_no_withdrawal(path, withdrawals)
+        except BaseException:
+            file.unlink()
+            raise
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(file)) from error
     finally:
@@ -324,6 +331,17 @@ def backed_up(path: Path, file: Path) -> tuple[tuple[str, ...], list[SessionVerd
         for ending in ("", "-journal", "-wal", "-shm"):
             beside.with_name(f"{beside.name}{ending}").unlink(missing_ok=True)
     return result
+
+
+def require_no_withdrawal(path: Path, before: int) -> None:
+    """Raise `WorkFailed` unless the journal has as many withdrawals as before it was read.
+
+    Who writes a person's data asks once they are written, and then takes them away. So either this
+    sees the withdrawal, or the withdrawal came later and can name what was written.
+    """
+    with read_journal(path, to_verify=True) as journal:
+        if journal.withdrawals() != before:
+            raise WorkFailed("somebody withdrew meanwhile, so nothing is written; make it again")
 
 
 def _require_new(file: Path) -> None:

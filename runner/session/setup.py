@@ -108,8 +108,8 @@ def _possible_answer(
 def answered_before(session: Session) -> Iterator[events.Event]:
     """Yield what the operator answered before the session was opened, to follow its opening."""
     study, noted = session.study, session.noted
-    described = {asked: noted[asked] for asked in study.session.operator_asks if asked in noted}
-    if described:
+    asked: set[str] = {*study.session.operator_asks}
+    if described := {name: answer for name, answer in noted.items() if name in asked}:
         yield events.RigDescribed(answers=described)
     for question in study.questions("desk"):
         if question.name in noted:

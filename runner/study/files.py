@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from errno import ENOTDIR
 from functools import partial
@@ -222,12 +222,14 @@ def write_files(
     replaced: Iterable[str] = (),
     *,
     study: Path | None = None,
+    confirm: Callable[[], None] = lambda: None,
 ) -> None:
     """Write `contents`, by relative path, into `folder`, made if missing, each file atomically.
 
     Paths `replaced`, of an earlier call, are removed unless `contents` has them. `study` is the
     folder of a study in which touchbeam, not the user, named `folder`: `own_file` must then allow
-    each file, or nothing is written. Raise `OSError`, which names the file.
+    each file, or nothing is written. If `confirm` raises, they are removed again: it is called when
+    they are written. Raise `OSError`, which names the file.
     """
     # Without its folder a file is gone already; a link in the folder's place is looked at all the
     # same, wherever it leads.
@@ -247,15 +249,23 @@ def write_files(
             stack.enter_context(made_folder(place))
         for name, data in contents.items():
             write_whole(folder / name, data, _PRIVATE_FILE)
+        try:
+            confirm()
+        except BaseException:
+            take_away(folder / name for name in (*contents, *gone))
+            raise
         # Only after the new files are there: a failure before leaves the old report whole.
         for name in gone:
             (folder / name).unlink(missing_ok=True)
 
 
-def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
+def write_new_folder(
+    contents: Mapping[str, bytes], folder: Path, confirm: Callable[[], None] = lambda: None
+) -> None:
     """Write `contents`, by relative path, into the new folder `folder`: whole, or nothing at all.
 
-    Raise `BadInput` for a file or a folder that is not empty, `OSError` if it cannot be written.
+    If `confirm` raises, the folder is removed again: it is called when all is written. Raise
+    `BadInput` for a file or a folder that is not empty, `OSError` if it cannot be written.
     """
     place = Path(os.path.realpath(folder))
     if place.exists() and not place.is_dir():
@@ -263,12 +273,12 @@ def write_new_folder(contents: Mapping[str, bytes], folder: Path) -> None:
     if place.exists() and any(place.iterdir()):
         raise BadInput(f"{folder}: must be a new or empty folder, but it contains files")
     try:
-        _write(contents, place)
+        _write(contents, place, confirm)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(folder)) from error
 
 
-def _write(contents: Mapping[str, bytes], place: Path) -> None:
+def _write(contents: Mapping[str, bytes], place: Path, confirm: Callable[[], None]) -> None:
     with (
         made_folder(place.parent) as parent,
         TemporaryDirectory(prefix=".touchbeam-", dir=parent) as beside,
@@ -282,3 +292,8 @@ def _write(contents: Mapping[str, bytes], place: Path) -> None:
         if place.exists():
             place.rmdir()  # it is empty; Windows cannot rename a folder onto another
         whole.rename(place)
+        try:
+            confirm()
+        except BaseException:
+            take_away([place])
+            raise

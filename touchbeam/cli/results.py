@@ -224,7 +224,9 @@ def write_report(
         raise BadInput(f"{place}: must be a folder for the report, got a file")
     # A folder that the user named may contain a link; one in a study may be a stranger's.
     own = None if out else folder.path
-    write_files(made.files, place, replaced=made.figure_files, study=own)
+    write_files(
+        made.files, place, made.figure_files, study=own, confirm=asked.require_no_withdrawal
+    )
     if as_json:
         output.print_json_text(made.files["report.json"].decode())
         return

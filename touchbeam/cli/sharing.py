@@ -98,13 +98,14 @@ def export(
     from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
     from device.friction.scenes import NOMINAL
     from runner.journal.opening import read_journal
-    from runner.journal.verification import readable_chains
+    from runner.journal.verification import readable_chains, require_no_withdrawal
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
 
     source = options.study_folder(study)
     with options.study_journal(source) as journal:
         _require_known(participant, journal.sessions())
+        withdrawals = journal.withdrawals()
     broken: list[str] = []
     bar, tables = partial(followed, "sessions"), None
     # Tables alone need no events: those that a report has kept will do.
@@ -135,7 +136,8 @@ def export(
         from analysis.export.rocrate import METADATA, crate_metadata
 
         files[METADATA] = crate_metadata(data, files, datetime.now(UTC).date()).encode()
-    write_new_folder(files, folder)
+    # Who withdrew while it was made is in what was read before.
+    write_new_folder(files, folder, partial(require_no_withdrawal, source.journal, withdrawals))
     say(f"Written: {folder}, {data.summary()}")
 
 

@@ -269,7 +269,7 @@ def test_a_correction_leads_to_no_question_about_a_block_that_is_long_over(tmp_p
     class Late(FakeOperator):
         def order(self) -> Correction | None:  # type: ignore[override]
             over = ("pain", 2) in made.log.state.questions
-            return super().order() if over else None  # type: ignore[return-value]
+            return super().order() if over else None
 
     correction = Correction(name="glasses", answer="yes", note="seen")
     operator = Late(device, [("touching", correction)], answers=["no"])

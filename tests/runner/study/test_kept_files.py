@@ -23,6 +23,7 @@ from analysis.statistics.summary import reading
 from analysis.trials.contrasts import contrasts_by_law
 from device.friction.changes import CONDITIONS, RUNG
 from device.friction.scenes import NOMINAL
+from protocol.errors import WorkFailed
 from protocol.journal.events import StoredEvent
 from runner.journal.opening import open_journal
 from runner.study import kept_files
@@ -312,8 +313,9 @@ def test_commands_and_python_make_a_report_once_and_none_comes_back_after_a_with
     assert typed("report", study, "--out", tmp_path / "d", "--sections", "sensitivity") == 0
     assert len(made) == 2
     assert typed("withdraw", study, "--participant", "3", "--yes") == 0
-    loaded.report(tmp_path / "e")
-    assert len(made) == 3
+    with pytest.raises(WorkFailed, match="somebody withdrew meanwhile"):
+        loaded.report(tmp_path / "e")
+    assert not (tmp_path / "e").exists()
     assert [path.suffix for path in cache.rglob("*")] == [".withdrawn"]
 
 

@@ -4,6 +4,7 @@ Nothing here tells what the device does in a trial or which answer is expected: 
 is all that differs.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -58,12 +59,25 @@ def study_wording(study: Study, code: str) -> Wording:
     # Only these texts: the fields of others are filled where they are shown.
     for key in finger_texts():
         if key in texts:
-            texts[key] = texts[key].format(**fingers)
+            texts[key] = filled(texts[key], **fingers)
     pages = enumerate(study.page)
     texts |= {page_key(number): page.text[code] for number, page in pages if code in page.text}
     return Wording(
         code=code, texts=texts, bands=read.bands, fonts=read.fonts, font_package=read.font_package
     )
+
+
+_FIELD = re.compile(r"\{(\w+)\}")
+
+
+def filled(text: str, **values: object) -> str:
+    """Return `text` with each value in the place of its name in braces, and nothing else changed.
+
+    >>> filled("{number} of {total}", number=3, total=9), filled("{total:>9}", total=9)
+    ('3 of 9', '{total:>9}')
+    """
+    # Not `format`, whose widths would fill the memory with a text that somebody else wrote.
+    return _FIELD.sub(lambda field: str(values.get(field[1], field[0])), text)
 
 
 def finger_texts() -> tuple[str, ...]:
@@ -115,7 +129,7 @@ def question_text(question: StudyQuestion, wording: Wording) -> str:
         return own
     if question.name == SCORE:
         ends = {"minimum": question.place(0), "maximum": question.place(question.places)}
-        return wording.texts[SCORE].format(**ends)
+        return filled(wording.texts[SCORE], **ends)
     return wording.texts[f"question.{question.name}"]
 
 

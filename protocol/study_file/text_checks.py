@@ -1,8 +1,8 @@
 """What is wrong with the texts of a study: its own, those of its languages, the names of bands."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
-from string import Formatter
 from unicodedata import category, normalize
 
 from protocol.errors import Path, Problem, dotted, meant
@@ -161,17 +161,8 @@ def _allowed_fields(key: str) -> list[list[str]]:
 
 
 def _fields(text: str) -> list[str]:
-    """What stands in braces; a brace that is not closed counts as one of its own."""
-    try:
-        # Read by what fills the texts later, so that both agree on what is a field.
-        parsed = list(Formatter().parse(text))
-    except ValueError:
-        return ["{"]
-    return sorted(
-        f"{{{name}{f'!{conversion}' if conversion else ''}{f':{form}' if form else ''}}}"
-        for _, name, form, conversion in parsed
-        if name is not None
-    )
+    """What stands in braces; a brace without its other one counts as one of its own."""
+    return sorted(re.findall(r"\{[^{}]*\}|[{}]", text))
 
 
 # What is wrong with a study's own questions and pages: names, keys, labels, places and texts.

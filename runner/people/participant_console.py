@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TextIO
 
 from protocol.errors import BadInput, WorkFailed
-from protocol.study.participant_texts import Wording, band_names, label_text, question_text
+from protocol.study.participant_texts import Wording, band_names, filled, label_text, question_text
 from protocol.study.study_question import BETWEEN, StudyQuestion
 from runner import screens
 from runner.people.operator_console import OPERATOR_MARK, ORDERS
@@ -113,7 +113,7 @@ class ConsoleParticipant(screens.Participant):
         self._shown_s = self.monotonic_s()
 
     def progress(self, number: int, total: int) -> None:
-        self.say(self._texts["progress"].format(number=number, total=total))
+        self.say(filled(self._texts["progress"], number=number, total=total))
 
     def poll(self) -> screens.Response | None:
         if self._screen is None or isinstance(

@@ -10,7 +10,7 @@ from math import ceil
 from typing import get_args
 
 from device.beam.beam import Beam
-from protocol.study.participant_texts import Wording, is_own_page
+from protocol.study.participant_texts import Wording, filled, is_own_page
 from runner import screens
 from runner.window import question_pages as parts
 from runner.window.elements import (
@@ -187,7 +187,7 @@ def target_at(screen: screens.Screen, x: float, y: float) -> Target | None:
 
 
 def _welcome(screen: screens.Welcome, view: parts.PageState, texts: Mapping[str, str]) -> Page:
-    filed = texts["consent"].format(reference=screen.consent)
+    filed = filled(texts["consent"], reference=screen.consent)
     return (
         Text(text=texts["welcome"], box=parts.MIDDLE, size=Size.TITLE),
         *([] if screen.consent is None else [_small(filed, _CONSENT)]),
@@ -210,7 +210,7 @@ def _instruction(
     if view.passed_s < screen.after_s:
         left_s = ceil(screen.after_s - view.passed_s)
         time = f"{left_s // 60}:{left_s % 60:02}"
-        drawn = (parts.hint(texts["break.left"].format(time=time), parts.HINT),)
+        drawn = (parts.hint(filled(texts["break.left"], time=time), parts.HINT),)
     title = Text(text=texts[screen.text], box=box, size=size)
     return (title, *drawn, *parts.button("button.ready", view, texts))
 
@@ -252,7 +252,7 @@ def _around(screen: screens.Screen, view: parts.PageState, texts: Mapping[str, s
     progress: Page = ()
     if view.progress is not None and not isinstance(screen, screens.Welcome):
         number, total = view.progress
-        shown = texts["progress"].format(number=number, total=total)
+        shown = filled(texts["progress"], number=number, total=total)
         progress = (_small(shown, _PROGRESS),)
     call = Text(text=texts["button.call"], box=_CALL, size=Size.SMALL)
     called = Text(text=texts["operator.called"], box=_BANNER, size=Size.BANNER, colour=WHITE)

@@ -8,7 +8,7 @@ from itertools import chain, product
 from protocol.errors import BadInput, Path, Problem, dotted
 from protocol.study import participant_texts
 from protocol.study.study import Item, Study
-from protocol.study_file.text_checks import question_problems
+from protocol.study_file.limits import limit_problems
 from runner import screens
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text, text_height, text_width, wrapped
@@ -95,10 +95,10 @@ def misfits(
 def fit_problems(study: Study) -> Iterator[Problem]:
     """Yield a problem for a scale that is too long, and for every text that does not fit its place.
 
-    Checks each required language whose texts are complete. A question in which something else is
-    wrong has no page that could be drawn.
+    Checks each required language whose texts are complete. A question or a track in which something
+    else is wrong has no page that could be drawn.
     """
-    unsound = {problem.path[1] for problem in question_problems(study)}
+    unsound = {problem.path[:2] for problem in limit_problems(study)}
     if study.rating.span > MOST_STEPS:
         lowest, highest = study.rating.minimum, study.rating.maximum
         rule = (
@@ -111,9 +111,12 @@ def fit_problems(study: Study) -> Iterator[Problem]:
             rule = f"a scale must have at most {MOST_STEPS} steps, for the participant's screen"
             path: Path = ("question", number, "step")
             yield Problem(where, rule, str(question.places), hint, path)
-            unsound.add(number)
-    sound = [question for at, question in enumerate(study.question) if at not in unsound]
-    shown = foreseen(study.model_copy(update={"question": tuple(sound)}), consent=None)
+            unsound.add(("question", number))
+    sound = {
+        kind: tuple(it for at, it in enumerate(items) if (kind, at) not in unsound)
+        for kind, items in (("question", study.question), ("track", study.track))
+    }
+    shown = foreseen(study.model_copy(update=sound), consent=None)
     for code in participant_texts.required_codes(study):
         # What is missing is reported elsewhere; a page without it cannot be measured.
         if any(participant_texts.lacking(study, code)):

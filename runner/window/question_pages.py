@@ -7,7 +7,7 @@ from itertools import count, pairwise
 from math import ceil
 from typing import Any, Literal
 
-from protocol.study.participant_texts import Wording, band_name, label_text, question_text
+from protocol.study.participant_texts import Wording, band_name, filled, label_text, question_text
 from protocol.study.rules import Band
 from protocol.study.study_question import BETWEEN, Label, StudyQuestion
 from runner.screens import Ask, OwnFinger
@@ -296,7 +296,7 @@ def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
     return (
         Text(text=question_text(question, wording), box=TITLE, size=Size.TITLE),
         *shown,
-        hint(texts[key].format(last=len(question.labels)), HINT),
+        hint(filled(texts[key], last=len(question.labels)), HINT),
         *button(label, view, texts, usable=chosen is not None or skips),
     )
 

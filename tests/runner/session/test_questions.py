@@ -15,7 +15,7 @@ from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import open_journal
 from runner.journal.store import Journal, SessionLog
 from runner.journal.verification import readable_chains
-from runner.screens import Ask, Correction, Instruction, Response
+from runner.screens import Ask, Correction, Instruction, Response, Wanted
 from runner.session.loop import run
 from runner.session.session import Session, answer_order
 from runner.session.trial import due
@@ -267,7 +267,7 @@ def test_a_correction_leads_to_no_question_about_a_block_that_is_long_over(tmp_p
     device = FakeDevice()
 
     class Late(FakeOperator):
-        def order(self) -> Correction | None:  # type: ignore[override]
+        def order(self) -> Wanted | None:
             over = ("pain", 2) in made.log.state.questions
             return super().order() if over else None
 

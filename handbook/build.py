@@ -1,9 +1,10 @@
-"""The documentation's site: `python -m handbook.build`, which is `make docs`.
+"""The documentation's site: `python -m handbook.build`, which `make docs` and each wheel run.
 
 Zensical builds it from `docs/` after `zensical.toml`. Its search on pages that are opened as files
 loads a script from the internet; here it gets one of our own, so that nothing needs a network.
 """
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,5 +34,13 @@ def build(root: Path = ROOT) -> Path:
     return site
 
 
+def build_in(folder: Path) -> Path:
+    """Build the site of a copy of the pages in `folder`, as `build` does."""
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    shutil.copy(ROOT / "zensical.toml", folder)
+    return build(folder)
+
+
 if __name__ == "__main__":
-    print(f"open {build() / 'index.html'}")
+    built = build_in(Path(sys.argv[1])) if sys.argv[1:] else build()
+    print(f"open {built / 'index.html'}")

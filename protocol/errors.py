@@ -47,6 +47,15 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 
+def page(title: str) -> str:
+    """Return how a message names a page of the documentation.
+
+    >>> f"see {page('Journal')}"
+    "see 'Journal' (touchbeam docs)"
+    """
+    return f"'{title}' (touchbeam docs)"
+
+
 def meant(name: object, known: Iterable[str], more: Iterable[str] = ()) -> str:
     """Return a hint that names what was probably meant, `more` of it possible; else all `known`."""
     from difflib import get_close_matches

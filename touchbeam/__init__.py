@@ -4,7 +4,8 @@
 >>> float(touchbeam.friction(voltage_v=0))
 0.4
 
-docs/python.md shows the rest. Only `open_rig` drives anything or writes to a journal.
+'touchbeam in Python' (touchbeam docs) shows the rest. Only `open_rig` drives anything or writes to
+a journal.
 """
 
 from importlib import import_module

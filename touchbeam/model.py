@@ -26,8 +26,8 @@ def predict(
     A missing `frequency_hz` in the result is the resonance.
 
     Args:
-        scenes: the columns that docs/model.md lists; each is optional, missing cells take the
-            paper's values.
+        scenes: the columns that 'Friction model' (touchbeam docs) lists; each is optional,
+            missing cells take the paper's values.
         law: the friction law.
         rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
         tolerance: the largest error in μ' that `auto` allows.
@@ -75,9 +75,9 @@ def friction(
         law: the friction law.
         rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
         tolerance: the largest error in μ' that `auto` allows.
-        **scene: values of the columns that docs/model.md lists, such as `voltage_v` and `x_m`;
-            numbers, words, or arrays of a common shape. What is left out, NaN or None is the
-            paper's.
+        **scene: values of the columns that 'Friction model' (touchbeam docs) lists, such as
+            `voltage_v` and `x_m`; numbers, words, or arrays of a common shape. What is left out,
+            NaN or None is the paper's.
     """
     import numpy as np
 

@@ -18,6 +18,7 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensi
 from device.friction.changes import CONDITIONS, predicted_contrast
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene
+from protocol.errors import page
 
 # Claims about single participants: their scores and the sensitivity of their skin.
 
@@ -196,7 +197,9 @@ def _third_subject_like_others() -> Outcome:
     )
 
 
-_ASSUMED = "the law's contrasts assume the scenes of docs/model.md: a finger of 0.5 N and 10 mm"
+_ASSUMED = "the law's contrasts assume a finger of 0.5 N and 10 mm, the scenes of " + page(
+    "Friction model"
+)
 REFERENCE_SCENE = Scene(touch=FingerContact(finger_load_n=0.5))
 
 

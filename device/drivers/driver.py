@@ -30,6 +30,7 @@ from device.force_channel.recording import ForceSource
 from device.link.codec import number, number_text, queued_error, switch
 from device.link.link import ANSWER_TIMEOUT_S, EVENT_ENABLE, HANDSHAKE_S, Link, Register
 from protocol.address import AddressError
+from protocol.errors import page
 from protocol.journal.records import Identity, ReadBack
 
 # A board's queue has room for 20 errors: more than 32 is a queue that fills as it is read.
@@ -194,7 +195,7 @@ class Driver(ABC):
         """Return what a person does where the device measures no vibration."""
         return (
             f"a {cls.dialect} device measures no vibration: find the resonance another way and "
-            "write it to calibration.json in the study's folder (docs/rig.md)"
+            "write it to calibration.json in the study's folder; see " + page("Set up the rig")
         )
 
     def watchdog_trips(self) -> bool:

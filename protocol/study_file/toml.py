@@ -10,7 +10,7 @@ from itertools import count
 from tomllib import TOMLDecodeError
 from typing import Any
 
-from protocol.errors import Path, Problem
+from protocol.errors import Path, Problem, page
 
 # What is wrong with a line that is not TOML, and how to write it: the usual slips.
 #
@@ -110,7 +110,7 @@ def _remedy_of_value(key: str, value: str) -> str:
                 "truth": _TRUTH.get(value, ""),
             }
             return remedy.format(value, *groups, key=key, **worked_out)
-    return "docs/study-file.md shows how each value is written"
+    return f"{page('Study file')} shows how each value is written"
 
 
 LONGEST_TEXT = 262_144

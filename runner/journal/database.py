@@ -20,13 +20,14 @@ from pathlib import Path
 from random import uniform
 from tempfile import TemporaryDirectory, gettempdir
 
+from protocol.errors import page
 from runner.signals import raise_if_stopped, stops_deferred
 
 SQLITE_VERSION = sqlite3.sqlite_version
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 """What SQLite raises on a damaged file; names in its messages may be damaged, too."""
 _OF_DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
-RESTORE = "restore the journal from a backup (docs/journal.md)"
+RESTORE = f"restore the journal from a backup, see {page('Journal')}"
 """The way out of damage: to go on without what is damaged would be to lose it unseen."""
 # Of SQLite's virtual machine: Ctrl-C must end the reading of a damaged file, which may never end.
 _STEPS_BETWEEN_SIGNALS = 10_000

@@ -7,8 +7,13 @@ import sys
 import tarfile
 import zipfile
 from pathlib import Path
+from typing import Any
+
+import pytest
+from hatchling.metadata.core import ProjectMetadata
 
 import touchbeam
+from handbook import wheel
 from handbook.build import ROOT
 
 NEEDED = {
@@ -24,6 +29,7 @@ NEEDED = {
     "docs/index.md",
     "docs/pictures/rig.svg",
     "handbook/build.py",
+    "handbook/wheel.py",
     "protocol/languages/en.toml",
     "tests/data/published_scores.csv",
 }
@@ -64,14 +70,31 @@ def built(kind: str, folder: Path) -> Path:
     return distribution
 
 
-def test_the_wheel_has_every_file_of_the_packages_and_nothing_else(tmp_path: Path) -> None:
+def test_the_wheel_has_every_file_of_the_packages_and_the_documentation(tmp_path: Path) -> None:
     packages = ("protocol", "device", "runner", "analysis", "touchbeam")
     found = {path for package in packages for path in (ROOT / package).rglob("*") if path.is_file()}
     files = {path.relative_to(ROOT).as_posix() for path in found if path.suffix != ".pyc"}
-    with zipfile.ZipFile(built("wheel", tmp_path)) as wheel:
-        names = {name for name in wheel.namelist() if ".dist-info/" not in name}
-    assert names == files
+    with zipfile.ZipFile(built("wheel", tmp_path)) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    site = {name for name in names if name.startswith("touchbeam/documentation/")}
+    assert names - site == files
     assert "analysis/report/report.html" in names  # data are packed, too
+    pages = {path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md")}
+    assert site >= {f"touchbeam/documentation/{page.with_suffix('.html')}" for page in pages}
+    assert {"touchbeam/documentation/search.js", "touchbeam/documentation/pictures/rig.svg"} <= site
+
+
+def test_an_editable_installation_neither_needs_nor_builds_the_site(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert any("zensical" in name for name in wheel.get_requires_for_build_wheel())
+    assert not any("zensical" in name for name in wheel.get_requires_for_build_editable())
+    project: ProjectMetadata[Any] = ProjectMetadata(str(ROOT), None)
+    hook = wheel.Documentation(str(ROOT), {}, None, project, str(tmp_path), "wheel")
+    data: dict[str, dict[str, str]] = {"force_include": {}}
+    hook.initialize("editable", data)
+    assert data == {"force_include": {}}
 
 
 def test_the_source_distribution_has_what_a_laboratory_needs(tmp_path: Path) -> None:

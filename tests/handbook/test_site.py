@@ -13,7 +13,7 @@ from selenium import webdriver
 from selenium.webdriver import ActionChains
 from selenium.webdriver.support.wait import WebDriverWait
 
-from handbook.build import ROOT, build
+from handbook.build import ROOT, build_in
 from tests.headless_browser import PROGRAMS, headless_browser
 
 pytestmark = pytest.mark.skipif(
@@ -33,10 +33,7 @@ LOOKED_AT = (
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("documentation")
-    shutil.copytree(ROOT / "docs", root / "docs")
-    shutil.copy(ROOT / "zensical.toml", root)
-    return build(root)
+    return build_in(tmp_path_factory.mktemp("documentation"))
 
 
 @pytest.fixture(scope="module")

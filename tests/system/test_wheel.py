@@ -6,10 +6,12 @@ import re
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
 from pathlib import Path
 
 import pytest
+import typer
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,6 +43,39 @@ def test_the_wheel_works_outside_the_tree(tmp_path: Path) -> None:
     assert shown.stdout.startswith(str(tmp_path / "site"))
     assert "8.31" in shown.stdout
     assert (tmp_path / "study" / "report" / "report.html").is_file()
+
+
+def test_an_installed_wheel_opens_its_documentation(tmp_path: Path) -> None:
+    """In an environment with nothing but what touchbeam needs, far from its source."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    venv.create(tmp_path / "env", with_pip=False)
+    (packages,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(packages)
+    # The installed packages of the tests stand in for a package index; touchbeam is not among them.
+    (packages / "needed.pth").write_text(f"{Path(typer.__file__).parents[1]}\n")
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > "{tmp_path}/opened"\n')
+    browser.chmod(0o755)
+    (tmp_path / "home").mkdir()
+    python = tmp_path / "env" / "bin" / "python"
+    for words, title in (((), "touchbeam"), (("Study", "file"), "Study file")):
+        docs = subprocess.run(
+            [python, "-c", "import touchbeam.cli; touchbeam.cli.main()", "docs", *words],
+            cwd=tmp_path / "home",
+            env={"HOME": str(tmp_path / "home"), "BROWSER": str(browser)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (docs.returncode, docs.stderr) == (0, "")
+        page = Path(docs.stdout.strip())
+        assert page.is_relative_to(packages)
+        assert f"<title>{title} - touchbeam</title>" in page.read_text(encoding="utf-8")
+        assert (tmp_path / "opened").read_text() == f"{page.as_uri()}\n"
+    assert [*(tmp_path / "home").iterdir()] == []
 
 
 @pytest.mark.soak

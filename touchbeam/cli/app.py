@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from runner.signals import signals_raise
 from touchbeam.cli.output import WORK_FAILED, complain_of, say, warnings_in_lines
 
-_MODULES = ("study", "slide", "sharing", "results", "power", "journal", "device")
+_MODULES = ("study", "slide", "sharing", "results", "power", "journal", "device", "documentation")
 """Where the commands are, in the order in which help lists them."""
 
 

@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand
 
 from protocol.address import checked_address
-from protocol.errors import BadInput
+from protocol.errors import BadInput, page
 
 if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
@@ -131,7 +131,8 @@ PeopleOption = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Virtual people: one person, or a population to draw from (docs/people.md).",
+        help="Virtual people: one person, or a population to draw from; see "
+        + page("Virtual people"),
     ),
 ]
 OverlapOption = Annotated[

@@ -75,7 +75,7 @@ def power(
     """Simulate a study many times: its power and its precision.
 
     Results are kept in STUDY/power, so that an interrupted run goes on and a longer one goes
-    further. docs/power.md explains every number.
+    further. 'Plan participants: power' (touchbeam docs) explains every number.
     """
     from importlib.metadata import version
     from time import perf_counter

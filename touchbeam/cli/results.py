@@ -70,8 +70,8 @@ def predict(
 ) -> None:
     """Predict the friction of many scenes.
 
-    Every column is optional; docs/model.md lists them. If any cell is invalid, nothing is
-    written.
+    Every column is optional; 'Friction model' (touchbeam docs) lists them. If any cell is
+    invalid, nothing is written.
     """
     from analysis.model.predict import PredictOptions, study_defaults, study_rig
     from analysis.model.predict import predict as predicted

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from protocol.errors import BadInput
+from protocol.errors import BadInput, page
 from runner.clock import Pace, WallClock
 from touchbeam.cli import options, output
 from touchbeam.cli.output import complain, counted, print_json, program, say
@@ -69,10 +69,10 @@ def new(
         tests = folder / "test_study.py"
         write_whole(tests, template_tests().encode())
     place = shlex.quote(str(folder))
-    say(f"Edit {study.study_file}; docs/study-file.md describes every key. Then:")
+    say(f"Edit {study.study_file}; {page('Study file')} describes every key. Then:")
     say(f"  {program()} check {place}")
     say(f"  {program()} run {place} --participant P01 --ratings virtual    # a rehearsal")
-    say(f"{tests} tests the study with pytest (docs/study-tests.md); you may delete it.")
+    say(f"{tests} tests the study with pytest, see {page('Test a study')}; you may delete it.")
 
 
 @app.command()

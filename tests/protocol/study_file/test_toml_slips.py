@@ -36,7 +36,7 @@ def problem(text: str) -> Problem:
         ("seed 1", "a key and its value need = between them"),
         ("[touch", "the name of a table stands in brackets: [rig], or [[condition]]"),
         ("path_m = [0.01, 0.08", "what is opened here with [ or { must be closed with ] or }"),
-        ("a = 1]", "docs/study-file.md shows how each value is written"),
+        ("a = 1]", "'Study file' (touchbeam docs) shows how each value is written"),
     ],
 )
 def test_the_usual_slips_have_a_remedy(line: str, remedy: str) -> None:

@@ -6,16 +6,17 @@ The import of psychopy needs a display, so only the window's own process imports
 import ctypes
 import sys
 import time
+from functools import partial
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from pathlib import Path
 from typing import Any
 
 import pyglet
 import scipy
-from pyglet.window import key, mouse
+from pyglet.window import mouse
 
 from protocol.errors import WorkFailed
-from runner.window import elements
+from runner.window import elements, keyboard
 from runner.window.messages import Settings
 
 # Psychopy imports it for the calibration of monitors alone, which no session has: the window opens
@@ -31,22 +32,8 @@ from psychopy import logging, visual
 SMALL_WINDOW_PX = (800, 600)
 MOST_KEPT = 1000
 LOOK_FOR_WINDOW_EVERY_S = 0.5
-
-_KEYS = {
-    key.ENTER: "enter",
-    key.NUM_ENTER: "enter",
-    key.BACKSPACE: "backspace",
-    key.ESCAPE: "escape",
-    key.LEFT: "left",
-    key.RIGHT: "right",
-    key.UP: "up",
-    key.DOWN: "down",
-    **{getattr(key, f"_{digit}"): str(digit) for digit in range(10)},
-    **{getattr(key, f"NUM_{digit}"): str(digit) for digit in range(10)},
-    **dict.fromkeys((key.MINUS, key.NUM_SUBTRACT), "-"),
-    **dict.fromkeys((key.PERIOD, key.COMMA, key.NUM_DECIMAL), "."),
-}
-_SYMBOLS = {name: symbol for symbol, name in _KEYS.items()}
+# The constants of X and of its window managers (ICCCM 4.1.3.1).
+_BELOW_POINTER, _VIEWABLE, _ICONIC = 1, 2, 3
 
 
 class PsychopyCanvas:
@@ -69,18 +56,20 @@ class PsychopyCanvas:
         self._drawn: dict[elements.Element, list[Any]] = {}
         self._inputs: list[tuple[float, elements.Input]] = []
         self.closed = False
+        self.state = {"has_keys": self._has_keys(), "is_shown": True}
         self._looked_s = 0.0
         self._window.setMouseVisible(True)
         self._handle.push_handlers(
-            on_mouse_press=lambda x, y, *_: self._latched(
-                elements.Pressed(**self._on_canvas(x, y))
-            ),
-            on_mouse_drag=lambda x, y, *_: self._latched(elements.Dragged(**self._on_canvas(x, y))),
-            on_mouse_release=lambda *_: self._latched(elements.Released()),
-            on_key_press=self._on_key,
-            on_text=lambda text: not text.isprintable() or self._latched(elements.Typed(text=text)),
+            on_mouse_press=self._on_press,
+            on_mouse_drag=self._on_drag,
+            on_mouse_release=self._on_release,
+            on_activate=partial(self.state.update, has_keys=True),
+            on_deactivate=partial(self.state.update, has_keys=False),
+            on_show=partial(self.state.update, is_shown=True),
+            on_hide=partial(self.state.update, is_shown=False),
             on_close=self._on_close,
         )
+        keyboard.listen(self._handle, self._latched)
 
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen; None where the system does not report one."""
@@ -138,6 +127,8 @@ class PsychopyCanvas:
         if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
             self._looked_s = flipped_s
             self.closed = self.closed or not self.is_there()
+            # No event tells it on a desktop that keeps minimised windows and only hides them.
+            self.state["is_shown"] = self._is_shown()
         return flipped_s
 
     def inputs(self) -> list[tuple[float, elements.Input]]:
@@ -150,7 +141,7 @@ class PsychopyCanvas:
         put = self._handle.dispatch_event
         match given:
             case elements.Key(name=name):
-                put("on_key_press", _SYMBOLS[name], 0)
+                put("on_key_press", keyboard.SYMBOLS[name], 0)
             case elements.Typed(text=text):
                 put("on_text", text)
             case elements.Pressed(x=x, y=y):
@@ -206,10 +197,16 @@ class PsychopyCanvas:
             if line
         ]
 
-    def _on_key(self, symbol: int, _modifiers: int) -> bool:
-        """Latch a key; returning True keeps pyglet from closing the window at Escape."""
-        name = _KEYS.get(symbol)
-        return True if name is None else self._latched(elements.Key(name=name))
+    # The other buttons of a mouse decide nothing.
+
+    def _on_press(self, x: int, y: int, button: int, _: int) -> bool:
+        return button != mouse.LEFT or self._latched(elements.Pressed(**self._on_canvas(x, y)))
+
+    def _on_drag(self, x: int, y: int, _dx: int, _dy: int, buttons: int, _: int) -> bool:
+        return not buttons & mouse.LEFT or self._latched(elements.Dragged(**self._on_canvas(x, y)))
+
+    def _on_release(self, _x: int, _y: int, button: int, _: int) -> bool:
+        return button != mouse.LEFT or self._latched(elements.Released())
 
     def _on_close(self) -> bool:
         # The loop of the server ends, and tells the session before it closes the window.
@@ -228,13 +225,46 @@ class PsychopyCanvas:
 
     def is_there(self) -> bool:
         """Ask the X server whether the window exists: no event reports that it was destroyed."""
+        attributes = self._attributes()
+        return attributes is None or attributes.root != 0
+
+    def _attributes(self) -> Any:
+        """Return what the X server knows of the window, all 0 if it is gone; None elsewhere."""
         if not sys.platform.startswith("linux"):
-            return True
+            return None
         from pyglet.libs.x11 import xlib
 
         attributes = xlib.XWindowAttributes()
         display, window = self._handle._x_display, self._handle._window
-        return bool(xlib.XGetWindowAttributes(display, window, ctypes.byref(attributes)))
+        xlib.XGetWindowAttributes(display, window, ctypes.byref(attributes))
+        return attributes
+
+    def _has_keys(self) -> bool:
+        """Return whether keys reach the window as it opens; later events tell it."""
+        if not sys.platform.startswith("linux"):
+            return True
+        from pyglet.libs.x11 import xlib
+
+        focus = ctypes.c_ulong()
+        xlib.XGetInputFocus(
+            self._handle._x_display, ctypes.byref(focus), ctypes.byref(ctypes.c_int())
+        )
+        # Without a window manager keys may go to whatever lies below the pointer.
+        return focus.value in {self._handle._window, self._handle._view, _BELOW_POINTER}
+
+    def _is_shown(self) -> bool:
+        """Return whether the window is on the screen and not minimised."""
+        attributes = self._attributes()
+        if attributes is None:
+            return self.state["is_shown"]  # as events told
+        from pyglet.libs.x11 import xlib
+
+        name = xlib.XInternAtom(self._handle._x_display, b"WM_STATE", True)
+        data, length = self._handle.get_single_property(self._handle._window, name, name)
+        value = ctypes.cast(data, ctypes.POINTER(ctypes.c_ulong))[0] if length else None
+        if data:
+            xlib.XFree(data)
+        return attributes.map_state == _VIEWABLE and value != _ICONIC
 
     def _millimetres_per_pixel(self) -> float | None:
         """Return the size that the X server reports; None on other systems."""

@@ -117,7 +117,7 @@ def pixels_per_unit(width_px: float, height_px: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Pressed:
-    """A mouse button or a fingertip goes down."""
+    """The left mouse button or a fingertip goes down."""
 
     x: float
     y: float
@@ -138,9 +138,17 @@ class Released:
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """A key goes down: a digit, `-`, `.`, left, right, up, down, enter, backspace or escape."""
+    """A key goes down: a digit, `-`, `.`, left, right, up, down, enter, backspace or escape.
+
+    It goes down once and is then `repeated` while it is held.
+    """
 
     name: str
+    repeated: bool = False
+
+
+STOP = Key(name="emergency stop")
+"""Ctrl-E, which goes to the session and to no page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +156,7 @@ class Typed:
     """Text from the keyboard, as the system composes it; a key that makes it also goes down."""
 
     text: str
+    repeated: bool = False
 
 
 Input = Pressed | Dragged | Released | Key | Typed

@@ -4,7 +4,7 @@ At first nothing is chosen. A choice becomes an answer only when it is confirmed
 only once the page has been readable for long enough.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from runner.screens import Ask, Screen
@@ -31,14 +31,17 @@ class PendingResponse:
     path: list[dict[str, Any]] = field(default_factory=list, init=False)
     early: int = field(default=0, init=False)
     _held: bool = field(default=False, init=False)
+    _began: set[Input] = field(default_factory=set, init=False)
+    """What began on this page, so that a key that is held may go on with it."""
 
     def take(self, given: Input, t_s: float) -> None:
         # A confirmed answer is on its way to the journal and cannot change any more.
-        if self.answer is not None:
+        if self.answer is not None or not self._is_meant(given):
             return
         if t_s < EARLY_S:
             self.early += isinstance(given, Pressed | Key)
             return
+        self._began.add(given)
         match given:
             case Key(name="enter"):
                 self._confirm(t_s)
@@ -52,6 +55,16 @@ class PendingResponse:
                 self._mark(x, t_s)
             case Released():
                 self._held = False
+
+    def _is_meant(self, given: Input) -> bool:
+        """Return whether an input is meant for this page: not what a held key repeats from another.
+
+        A held Enter confirms nothing, so that each decision has a press of its own.
+        """
+        if not isinstance(given, Key | Typed) or not given.repeated:
+            return True
+        first = replace(given, repeated=False)
+        return first in self._began and first != Key(name="enter")
 
     @property
     def earliest_s(self) -> float:

@@ -145,7 +145,7 @@ class Desk:
         ]
         window = ["xterm", "-title", CONSOLE, "-geometry", "100x30+20+40", "-fa", "Monospace"]
         with self.running(*window, "-e", *words, **(environment or {})) as process:
-            self.window(CONSOLE)
+            self.focus(CONSOLE)
             yield Terminal(process, kept)
 
     # Windows.
@@ -164,8 +164,13 @@ class Desk:
     def focus(self, title: str) -> None:
         """Give a window the keyboard, as a click on it or on its name in the task bar does."""
         number = self.window(title)
-        self.run("xdotool", "windowactivate", number)
-        until(lambda: self.focused() == title)
+
+        def has_it() -> bool:
+            # Again, because a window that opens just now takes the keyboard after this one.
+            self.run("xdotool", "windowactivate", number)
+            return self.focused() == title
+
+        until(has_it)
 
     def focused(self) -> str:
         """Return the title of the window that has the keyboard; nothing if none has it."""
@@ -207,6 +212,10 @@ class Desk:
         """Press and release keys, each named by what it types or, from 10, by its number."""
         self.run("xdotool", "key", *names)
 
+    def move(self, title: str, x: int, y: int) -> None:
+        """Move a window, so that others are seen beside it."""
+        self.run("xdotool", "windowmove", self.window(title), str(x), str(y))
+
     def hold(self, name: str, seconds: float) -> None:
         """Press a key, hold it, release it."""
         self.run("xdotool", "keydown", name, "sleep", f"{seconds:g}", "keyup", name)
@@ -247,7 +256,11 @@ class Terminal:
 
     def watch(self, shown: str, within_s: float = _WITHIN_S) -> float:
         """Look until `shown` stands on the screen; return after how many seconds it did."""
-        return until(lambda: shown in self.text, within_s)
+        try:
+            return until(lambda: shown in self.text, within_s)
+        except AssertionError as error:
+            error.add_note(self.text)
+            raise
 
     def end(self) -> int:
         """Wait until the program has ended; return its exit code."""

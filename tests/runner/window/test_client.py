@@ -130,11 +130,11 @@ def test_keys_are_pressed_when_the_page_can_take_them() -> None:
     at.poll(ALIVE, after_s=0.45)
     assert presses(at) == []
     at.poll(ALIVE, after_s=0.1)
-    assert presses(at) == [[{"input": "Key", "name": "2"}]]
+    assert presses(at) == [[{"input": "Key", "name": "2", "repeated": False}]]
     at.poll(ALIVE, after_s=0.4)
     assert len(presses(at)) == 1
     at.poll(ALIVE, after_s=0.1)
-    assert presses(at)[1:] == [[{"input": "Key", "name": "enter"}]]
+    assert presses(at)[1:] == [[{"input": "Key", "name": "enter", "repeated": False}]]
     at.poll(ALIVE)
     assert len(presses(at)) == 2
 

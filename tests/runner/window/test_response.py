@@ -192,6 +192,29 @@ def test_enter_ten_times_a_second_confirms_one_mark_of_a_page_that_could_be_read
     assert len(pending.changes) == has_mark
 
 
+@pytest.mark.parametrize("screen", [CHANGE, SCORE, Instruction(text="remember"), Welcome()])
+def test_a_held_enter_confirms_nothing(screen: Screen) -> None:
+    pending = PendingResponse(screen, readable_s=1.0)
+    pending.take(Key(name="1"), 0.5)
+    pending.take(Key(name="enter"), 0.9)  # too early, and still held when the button works
+    for repeat in range(100):
+        pending.take(Key(name="enter", repeated=True), 1.0 + repeat / 10)
+    assert (pending.answer, pending.early) == (None, 1)
+    pending.take(Key(name="enter"), 12.0)
+    assert pending.confirmed_s == 12.0
+
+
+def test_a_key_held_since_another_page_chooses_nothing_and_is_not_early() -> None:
+    pending = PendingResponse(SCORE)
+    for t_s in (0.1, 0.5, 1.0):
+        pending.take(Key(name="right", repeated=True), t_s)
+    assert (pending.choice.chosen, pending.early) == (None, 0)
+    # One that went down on this page goes on while it is held.
+    pending.take(Key(name="right"), 2.0)
+    pending.take(Key(name="right", repeated=True), 2.5)
+    assert pending.choice.chosen == "1"
+
+
 def test_an_answer_may_be_marked_before_it_can_be_confirmed() -> None:
     pending = PendingResponse(CHANGE, readable_s=1.0)
     for t_s, name in ((0.2, "2"), (0.6, "enter"), (1.2, "enter")):

@@ -156,6 +156,19 @@ class Response:
 
 
 @dataclass(frozen=True, kw_only=True)
+class WindowState:
+    """Whether keys reach the participant's window, and whether it is shown, not minimised."""
+
+    has_keys: bool
+    is_shown: bool
+
+    def __str__(self) -> str:
+        if not self.is_shown:
+            return "the participant's window is minimised"
+        return f"keys {'' if self.has_keys else 'do not '}go to the participant's window"
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanLine:
     """A trial of the plan, as the operator sees it; `answer` is None until it is answered."""
 
@@ -385,7 +398,7 @@ class Device(Protocol):
 class Participant(Protocol):
     """The person who touches the beam and answers, or a simulation. No method blocks.
 
-    Who inherits from this needs neither `saved` nor `felt`.
+    Who inherits from this needs none of `saved`, `felt`, `stops` and `window_state`.
     """
 
     def show(self, screen: Screen) -> None:
@@ -404,6 +417,14 @@ class Participant(Protocol):
 
     def poll(self) -> Response | None:
         """Return the answer to the current screen, None before it is given."""
+
+    def stops(self) -> bool:
+        """Return whether the emergency stop was pressed where the participant answers."""
+        return False
+
+    def window_state(self) -> WindowState | None:
+        """Return the state of the participant's window; None before it is known, or without one."""
+        return None
 
 
 class Operator(Protocol):
@@ -427,8 +448,14 @@ class Operator(Protocol):
     def order(self) -> Wanted | None:
         """Return the operator's next order, None if there is none."""
 
-    def page(self, name: str) -> None:
-        """Show that the participant is on another page from now on."""
+    def page(self, name: str, *, typed: bool = False) -> None:
+        """Show that the participant is on another page from now on.
+
+        While an answer to it is `typed`, no letter is an order: the participant may type it here.
+        """
+
+    def window(self, state: WindowState) -> None:
+        """Show where the keyboard's keys go."""
 
     def recall(self, messages: Sequence[tuple[str, str]]) -> None:
         """Show what was told before the session was interrupted, with the times of day."""

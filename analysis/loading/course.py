@@ -283,6 +283,11 @@ class Course:
             self._early_notes.append(event.text)
         self._incident("note", event.text)
 
+    def _window_changed(self, event: journal.WindowChanged) -> None:
+        # Where keys go changes with each note of the operator; a page that nobody saw is worth one.
+        if not event.is_shown:
+            self._incident("window minimised")
+
     def _device_off(self, event: journal.DeviceOff) -> None:
         # To switch off is the normal end; only a voltage that may still be there is worth a note.
         if not event.confirmed:

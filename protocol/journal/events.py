@@ -229,6 +229,13 @@ class NoteTaken(Event, tag="note"):
     text: str = key("what the operator typed", missing="")
 
 
+class WindowChanged(Event, tag="window-changed"):
+    """The participant's window opened, got or lost the keyboard, was minimised or came back."""
+
+    has_keys: bool = key("whether keys of this computer's keyboard reach it")
+    is_shown: bool = key("whether it is on the screen, not minimised")
+
+
 class DeviceOff(Event, tag="device-off"):
     """The device is no longer armed."""
 

@@ -51,7 +51,11 @@ TRANSITIONS: dict[tuple[str, str], str] = {
         for state, *moves in map(str.split, _TABLE.strip().splitlines())
         for tag, after in zip(moves[::2], moves[1::2], strict=True)
     },
-    **{(state, events.NoteTaken.TAG): state for state in _LIVING},
+    **{
+        (state, tag): state
+        for state in _LIVING
+        for tag in (events.NoteTaken.TAG, events.WindowChanged.TAG)
+    },
     **{(state, events.Withdrawn.TAG): "withdrawn" for state in (*_LIVING, *EXCLUDED)},
 }
 """(state, event) → state. `armed`: the device may be driven. `idle`: it is off and not armed."""

@@ -13,7 +13,16 @@ from typing import Literal, Protocol
 from protocol.journal import events
 from protocol.journal.events import StoredEvent
 from protocol.study.study_question import answer_text
-from runner.screens import Correction, Note, OperatorView, Order, PlanUnit, Wanted, said_of
+from runner.screens import (
+    Correction,
+    Note,
+    OperatorView,
+    Order,
+    PlanUnit,
+    Wanted,
+    WindowState,
+    said_of,
+)
 
 _CTRL_E = "\x05"
 KEYS: dict[str, Order] = {
@@ -37,6 +46,11 @@ EXPLAINED = (
 ORDERS = {"e", "help", *(key for key, _, _ in EXPLAINED)}
 """What an operator may type in lines."""
 EMERGENCY = "EMERGENCY STOP: output off at once"
+STOP_KEYS = "EMERGENCY STOP: e, space, Ctrl-E"
+IN_WINDOW = "EMERGENCY STOP: Ctrl-E alone; KEYS GO TO THE PARTICIPANT'S WINDOW"
+TYPES = "EMERGENCY STOP: Ctrl-E alone while the participant types an answer"
+"""Instead of all stop keys, where a letter is none."""
+NO_ORDER = "no order: the participant types an answer; Ctrl-E is the emergency stop, Ctrl-C stops"
 TYPING = ("Enter finish", "Ctrl-C stop", "Ctrl-E EMERGENCY STOP")
 _WORDS = {"pause": "p", "stop": "s", "repeat": "r", "note": "n", "help": "?", "h": "?"}
 
@@ -46,7 +60,7 @@ OPERATOR_MARK = ":"
 _ENTER, _BACKSPACE, _ESCAPE = "\r\n", "\x7f\b", "\x1b"
 _FUNCTION_KEY = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.)")
 """What an arrow or a function key sends: several characters, none of which was typed."""
-Wish = Literal["help", "answer call", "unknown key"]
+Wish = Literal["help", "answer call", "unknown key", "letter of an answer"]
 _TYPED = {"n": "Note", "c": "Name, answer [because reason]"}
 """Keys that begin a line, and what is then typed."""
 _WISHES: dict[str, Wish] = {"?": "help", "h": "help", "a": "answer call"}
@@ -70,8 +84,11 @@ class OperatorKeys:
 
     While an answer is expected, or after `n`, characters form a line; otherwise each key is an
     order, and Enter confirms if a confirmation is expected. An emergency stop is always one key
-    away: Ctrl-E, or a space at the beginning of a line.
+    away: Ctrl-E, or a space at the beginning of a line. While the `participant_types`, it is
+    Ctrl-E alone, and no other key is an order: the answer may be typed here by mistake.
     """
+
+    participant_types = False
 
     def __init__(self) -> None:
         self._orders: deque[Wanted] = deque()
@@ -117,8 +134,11 @@ class OperatorKeys:
         self._wishes.extend(["unknown key"] * function_keys)
         for character in characters:
             # A space at the beginning of a line is an emergency stop, as it is outside of lines.
-            if character == _CTRL_E or (character == " " and self.line == ""):
+            stops = character == " " and self.line == "" and not self.participant_types
+            if character == _CTRL_E or stops:
                 self._orders.append("emergency stop")
+            elif self.participant_types and self.line is None:
+                self._wishes.append("letter of an answer")
             elif self.line is not None:
                 self._collect(character)
             else:
@@ -254,7 +274,8 @@ class Told:
 
     `messages` are all so far, each with the time of day, the first `recalled` of them from before
     an interruption. `calls` counts the participant's calls since the last answer to one. `page` is
-    what the participant sees since `page_s` on the display's clock.
+    what the participant sees since `page_s` on the display's clock; `types` says that an answer to
+    it is typed. `window` is the state of the participant's window, None without one.
     """
 
     question: str = ""
@@ -265,6 +286,8 @@ class Told:
     recalled: int = 0
     page: str = ""
     page_s: float = 0.0
+    types: bool = False
+    window: WindowState | None = None
 
 
 @dataclass(kw_only=True)
@@ -387,9 +410,14 @@ class OperatorConsole:
     def confirm(self, text: str) -> None:
         self._ask(text, lambda: self._keys.expect_confirmation(any_line=self.piped))
 
-    def page(self, name: str) -> None:
+    def page(self, name: str, *, typed: bool = False) -> None:
         self._told.page, self._told.page_s = name, time.monotonic()
+        self._told.types = self._keys.participant_types = typed
         self._redraw()
+
+    def window(self, state: WindowState) -> None:
+        self._told.window = state
+        self.notify(str(state))
 
     def recall(self, messages: Sequence[tuple[str, str]]) -> None:
         self._told.messages = (*messages, *self._told.messages)
@@ -432,14 +460,22 @@ class OperatorConsole:
             self._keys.feed(characters)
             self._redraw()
         while (wish := self._keys.wish()) is not None:
-            if wish == "help":
+            self._grant(wish)
+
+    def _grant(self, wish: Wish) -> None:
+        match wish:
+            case "help":
                 self._told.help = not self._told.help
                 self._redraw()
-            elif wish == "unknown key":
-                self.notify("that key does nothing here; ? shows the keys")
-            else:
+            case "answer call":
                 calls, self._told.calls = self._told.calls, 0
                 self.notify("you answered the participant's call" if calls else "nobody is calling")
+            case "unknown key":
+                self.notify("that key does nothing here; ? shows the keys")
+            case "letter of an answer":
+                # Once, because an answer has many letters.
+                if not self._told.messages or self._told.messages[-1][1] != NO_ORDER:
+                    self.notify(NO_ORDER)
 
     def _redraw(self) -> None:
         # Before the first view there is nothing to show.

@@ -22,7 +22,17 @@ from device.drivers.driver import Reading
 from device.errors import UNKNOWN
 from device.force_channel.recording import Forces
 from protocol.journal.records import LIFTED_N
-from runner.people.operator_console import DRY_RUN, EMERGENCY, EXPLAINED, TYPING, Frame, Picture
+from runner.people.operator_console import (
+    DRY_RUN,
+    EMERGENCY,
+    EXPLAINED,
+    IN_WINDOW,
+    STOP_KEYS,
+    TYPES,
+    TYPING,
+    Frame,
+    Picture,
+)
 from runner.people.terminal import TerminalGone, visible
 from runner.screens import Aim, OperatorView, PlanUnit, said_of
 
@@ -324,6 +334,8 @@ def _facts(frame: Frame, moment: Instant) -> list[Text]:
     ]
     minutes, seconds = divmod(int(moment.now_s - frame.page_s), 60)
     page = [f"participant: {visible(frame.page)}, for {minutes}:{seconds:02d}"] * bool(frame.page)
+    if page and frame.window is not None:
+        page.append("keys: " + ("the window" if frame.window.has_keys else "elsewhere"))
     told = (course, device, page) if page else (course, device)
     return [Text(" " + "   ".join(filter(None, facts))) for facts in told]
 
@@ -380,6 +392,12 @@ def _alert(frame: Frame) -> Text:
         times = "" if frame.calls == 1 else f" ({frame.calls} times)"
         alerts.append(f" PARTICIPANT CALLS{times}: press a ", "bold black on yellow")
         alerts.append(" ")
+    if frame.window is not None and not frame.window.is_shown:
+        alerts.append(" THE PARTICIPANT'S WINDOW IS MINIMISED ", "bold white on red")
+        alerts.append(" ")
+    elif frame.window is not None and frame.types and not frame.window.has_keys:
+        alerts.append(" THE PARTICIPANT CANNOT TYPE: click the window ", "bold black on yellow")
+        alerts.append(" ")
     if frame.view.state == "paused":
         alerts.append(" PAUSED: p continues ", "bold black on cyan")
     elif frame.pausing:
@@ -401,10 +419,14 @@ def _question(frame: Frame, moment: Instant, width: int) -> list[Text]:
 
 
 def _keys(frame: Frame, width: int) -> list[Text]:
+    in_window = frame.window is not None and frame.window.has_keys
+    stop = Text(f" {IN_WINDOW} ", "bold white on red") if in_window else Text()
     if frame.typed is not None:
-        return [Text(), *_legend(TYPING, width)]
+        return [stop, *_legend(TYPING, width)]
+    if not in_window:
+        stop = Text(f" {TYPES if frame.types else STOP_KEYS}", "bold red")
     keys = [f"{key} {said_of(frame.view.unit, short)}" for key, short, _ in EXPLAINED]
-    return [*_legend(keys, width), Text(" EMERGENCY STOP: e, space, Ctrl-E", "bold red")]
+    return [*_legend(keys, width), stop]
 
 
 def _legend(keys: Iterable[str], width: int) -> list[Text]:

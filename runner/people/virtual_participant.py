@@ -326,6 +326,12 @@ class VirtualAtWindow(screens.Participant):
     def felt(self, finger: screens.OwnFinger) -> None:
         self.window.felt(finger)
 
+    def stops(self) -> bool:
+        return self.window.stops()
+
+    def window_state(self) -> screens.WindowState | None:
+        return self.window.window_state()
+
     def poll(self) -> screens.Response | None:
         """Return the answer that the window took, None before it did.
 

@@ -17,7 +17,7 @@ from protocol.study.study_question import Answer
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.store import SessionLog
-from runner.screens import Device, Operator, Participant, PlanUnit
+from runner.screens import Device, Operator, Participant, PlanUnit, WindowState
 
 SessionKind = Literal["participant", "rehearsal", "slide"]
 _Kind = TypeVar("_Kind", SessionOpened, SessionResumed)
@@ -151,6 +151,8 @@ class SessionContext:
     pause_wanted: bool = field(default=False, init=False)
     beam_in_doubt: bool = field(default=False, init=False)
     zero: Zero | None = field(default=None, init=False)
+    window_state: WindowState | None = field(default=None, init=False)
+    """As last recorded."""
 
     @property
     def order(self) -> list[Trial]:

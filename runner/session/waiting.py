@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, TypeVar
+from typing import Literal, NoReturn, TypeVar
 
 from protocol.errors import WorkFailed
-from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpaused
+from protocol.journal.events import NoteTaken, Paused, QuestionAnswered, Unpaused, WindowChanged
 from protocol.journal.records import QuestionAnswer, ReadBack
 from protocol.plan.trials import Trial, remaining_s
 from protocol.study.study_question import answer_text
@@ -18,7 +18,8 @@ from runner.signals import raise_if_stopped, take_suspension
 def show_page(context: SessionContext, screen: screens.Screen) -> None:
     context.participant.show(screen)
     blind = context.session.study.session.blind_operator
-    context.operator.page(screens.page_name(screen, blind=blind))
+    typed = isinstance(screen, screens.Ask) and screen.question.form == "typed"
+    context.operator.page(screens.page_name(screen, blind=blind), typed=typed)
 
 
 def update_view(
@@ -124,21 +125,20 @@ class RepeatTrial(Exception):
 
 
 def obey(context: SessionContext) -> None:
-    """Carry out the operator's next order, if there is one.
+    """Carry out the next order, of the operator or of a stop key in the participant's window.
 
     Raises:
         StoppedByOperator: the operator stopped the session; an emergency stop has already sent
             the command that turns the output off.
         RepeatTrial: the operator asked to repeat the running trial, or to suspend the program.
     """
+    if context.participant.stops():
+        _stop_at_once(context, "emergency stop in the participant's window")
     if take_suspension():
         _refuse_suspension(context)
     match context.operator.order():
         case "emergency stop":
-            # First, without waiting for the port: nothing is printed or recorded before it.
-            context.device.emergency_stop()
-            context.operator.notify("emergency stop: off was sent")
-            raise StoppedByOperator("emergency stop")
+            _stop_at_once(context, "emergency stop")
         case "stop":
             context.operator.notify("stopping; the output goes off")
             raise StoppedByOperator("stopped by the operator")
@@ -153,6 +153,25 @@ def obey(context: SessionContext) -> None:
             context.operator.notify(f"noted: {text}")
         case screens.Correction() as correction:
             context.operator.notify(_corrected(context, correction))
+    _follow_window(context)
+
+
+def _stop_at_once(context: SessionContext, why: str) -> NoReturn:
+    # First, without waiting for the port: nothing is printed or recorded before it.
+    context.device.emergency_stop()
+    context.operator.notify(f"{why}: off was sent")
+    raise StoppedByOperator(why)
+
+
+def _follow_window(context: SessionContext) -> None:
+    """Record and show where the keyboard's keys go, when that has changed."""
+    state = context.participant.window_state()
+    if state is None or state == context.window_state:
+        return
+    context.window_state = state
+    # Shown first, because the operator may need a stop key before a slow disk has stored it.
+    context.operator.window(state)
+    context.log.append(WindowChanged(**vars(state)))
 
 
 def _corrected(context: SessionContext, wanted: screens.Correction) -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import IO, Any, Protocol
 
 from protocol.errors import WorkFailed
-from runner.screens import Ask, OwnFinger, Response, Screen, is_last
+from runner.screens import Ask, OwnFinger, Response, Screen, WindowState, is_last
 from runner.signals import Stopped, is_stopping
 from runner.window import messages
 from runner.window.elements import Input, Key
@@ -60,6 +60,8 @@ class WindowParticipant:
     _screen: Screen | None = field(default=None, init=False)
     _shown_s: float | None = field(default=None, init=False)
     _due: list[tuple[float, tuple[Input, ...]]] = field(default_factory=list, init=False)
+    _state: WindowState | None = field(default=None, init=False)
+    _stopped: bool = field(default=False, init=False)
     is_at_end: bool = field(default=False, init=False)
 
     def show(self, screen: Screen) -> None:
@@ -94,6 +96,24 @@ class WindowParticipant:
 
     def poll(self) -> Response | None:
         """Return the answer, if any; raises `WindowGone` if it is closed, gone or silent."""
+        # An answer that came before the window ended still counts.
+        if self._answer is None:
+            self._listen()
+        passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
+        while self._due and self._due[0][0] <= passed_s:
+            self.peer.send(messages.press_message(self._due.pop(0)[1]))
+        answer, self._answer = self._answer, None
+        return answer
+
+    def stops(self) -> bool:
+        self._listen()
+        return self._stopped
+
+    def window_state(self) -> WindowState | None:
+        return self._state
+
+    def _listen(self) -> None:
+        """Take what the window sent; raises `WindowGone` if it is closed, gone or silent."""
         received = self.peer.received()
         for message in received:
             self._take(message)
@@ -103,11 +123,6 @@ class WindowParticipant:
         self._silent_s = 0.0 if received else self._silent_s + min(quiet_s, _COUNTED_S)
         if self._silent_s > SILENT_S:
             raise WindowGone(f"does not respond (silent for {SILENT_S:g} s)")
-        passed_s = -1.0 if self._shown_s is None else self.monotonic_s() - self._shown_s
-        while self._due and self._due[0][0] <= passed_s:
-            self.peer.send(messages.press_message(self._due.pop(0)[1]))
-        answer, self._answer = self._answer, None
-        return answer
 
     def linger(self, longest_s: float) -> None:
         """Wait until the last page is closed, or a signal; return at once on another page."""
@@ -131,6 +146,9 @@ class WindowParticipant:
             raise WindowGone("was closed")
         if "broken" in message:
             raise WindowGone(f"cannot draw ({message['broken']})")
+        self._stopped |= "stop" in message
+        if "state" in message:
+            self._state = WindowState(**message["state"])
         if "operator" in message:
             self.call_operator()
         elif message.get("shown") == self._number:

@@ -5,8 +5,9 @@ journal has the answer, `{"progress": [number, total]}` before each trial, `{"fi
 during a touch whose page shows the participant's finger, `{"press": […]}` for the keys of a
 virtual participant, and `{"end": true}`: a pipe that ends without it is that of a session whose
 process is gone. From the window:
-`opened` or `failed` once; then `alive` periodically, `shown` when a screen is first displayed,
-`answer`, `operator` when the participant calls, and `closed` or `broken` at an unexpected end.
+`opened` or `failed` once; then `alive` periodically and when the window's `state`, which it tells,
+changes; `shown` when a screen is first displayed, `answer`, `operator` when the participant
+calls, `stop` for the emergency stop, and `closed` or `broken` at an unexpected end.
 """
 
 import json

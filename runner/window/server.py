@@ -22,7 +22,7 @@ from protocol.errors import WorkFailed
 from protocol.study.participant_texts import Wording
 from protocol.study.study_question import SCORE
 from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen, is_last
-from runner.window.elements import Input, Key, Page, Pressed
+from runner.window.elements import STOP, Input, Key, Page, Pressed
 from runner.window.messages import Settings, inputs_of, line_of, message_of, screen_of, settings_of
 from runner.window.pages import page, states, target_at, targets
 from runner.window.question_pages import Button, PageState, look
@@ -154,6 +154,8 @@ class Canvas(Protocol):
     """The window's drawing surface and inputs."""
 
     closed: bool
+    state: dict[str, bool]
+    """Of the window: `has_keys` if keys reach it, `is_shown` unless it is minimised."""
 
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen."""
@@ -200,10 +202,11 @@ class WindowServer:
     _due_s: float = field(default=0.0, init=False)
     _share: float = field(default=1.0, init=False)
     _drawn: Page | None = field(default=None, init=False)
+    _told: dict[str, bool] = field(default_factory=dict, init=False)
 
     def run(self) -> None:
         """Show a page that asks to wait, then serve."""
-        self._display = self.canvas.look()
+        self._display, self._told = self.canvas.look(), dict(self.canvas.state)
         self._interval_s = 1 / (self._display["refresh_hz"] or _USUAL_REFRESH_HZ)
         # A page from the beginning: the session may need a while before it sends the first one.
         self._show(0, Notice(text="wait"))
@@ -300,16 +303,20 @@ class WindowServer:
         self._due_s = from_s + self._interval_s * self._share
         if first and self._standing.number:
             self.send({"shown": self._standing.number, "at_s": flipped_s})
-        if flipped_s - self._alive_s >= ALIVE_EVERY_S:
-            self._alive_s = flipped_s
+        if flipped_s - self._alive_s >= ALIVE_EVERY_S or self._told != self.canvas.state:
+            self._alive_s, self._told = flipped_s, dict(self.canvas.state)
             # Sent from here: it says that frames are drawn, not only that a process exists.
-            self.send({"alive": flipped_s})
+            self.send({"alive": flipped_s, "state": self._told})
 
     def _page(self) -> Page:
         return self._standing.page(self.now_s(), self.settings.wording)
 
     def _take_inputs(self) -> None:
         for t_s, given in self.canvas.inputs():
+            if isinstance(given, Key) and given.name == STOP.name:
+                # Before all else and on every page, because a finger may lie on the beam.
+                self.send({"stop": True})
+                continue
             standing = self._standing
             answered, called = standing.pending.answer, len(standing.called_s)
             standing.take(given, t_s)

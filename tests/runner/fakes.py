@@ -30,6 +30,7 @@ from runner.screens import (
     Screen,
     Wanted,
     Welcome,
+    WindowState,
 )
 from runner.session.session import Session, SessionContext, SessionKind
 
@@ -158,6 +159,8 @@ class FakeParticipant:
     stops_at: str = ""
     fingers: list[tuple[Screen, OwnFinger]] = field(default_factory=list)
     """What was shown of the finger, each with the screen on which it was."""
+    states: list[WindowState] = field(default_factory=list)
+    """What is said of the window, one at a time."""
 
     def show(self, screen: Screen) -> None:
         self.shown.append(screen)
@@ -172,6 +175,12 @@ class FakeParticipant:
 
     def saved(self) -> None:
         pass
+
+    def stops(self) -> bool:
+        return False
+
+    def window_state(self) -> WindowState | None:
+        return self.states.pop(0) if self.states else None
 
     def poll(self) -> Response | None:
         match self.shown[-1]:
@@ -225,8 +234,11 @@ class FakeOperator:
             return cast(Wanted, self.orders.pop(0)[1])
         return None
 
-    def page(self, name: str) -> None:
+    def page(self, name: str, *, typed: bool = False) -> None:
         self.pages.append(name)
+
+    def window(self, state: WindowState) -> None:
+        self.notices.append(str(state))
 
     def recall(self, messages: Sequence[tuple[str, str]]) -> None:
         pass

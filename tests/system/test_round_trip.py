@@ -24,6 +24,7 @@ from protocol.journal.events import (
     TrialExcluded,
     TrialStarted,
     WatchdogTested,
+    WindowChanged,
 )
 from protocol.journal.records import QuestionAnswer
 from protocol.study.columns import COLUMNS
@@ -66,6 +67,7 @@ def eventful(study: Study, slot: int, rng: np.random.Generator, name: str) -> It
             if event.TAG == "device-armed":
                 yield WatchdogTested(tripped=True, idn="test", address="/dev/ttyUSB7")
                 yield RigDescribed(answers={"skin state": "dry"})
+                yield WindowChanged(has_keys=False, is_shown=False)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from runner.journal.opening import open_journal
 from runner.journal.store import Journal
 from runner.journal.verification import verdicts
 from runner.people.operator_console import OperatorConsole, PlainDisplay
-from runner.screens import Instruction, OwnFinger, Pacing, Response, Screen
+from runner.screens import Instruction, OwnFinger, Pacing, Participant, Response, Screen
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from tests.device.fault_table import BOARD, Row
@@ -45,7 +45,7 @@ FAILING_TOUCH = 3
 
 
 @dataclass
-class Provoking:
+class Provoking(Participant):
     """A participant who makes the device fail during a touch or just before it."""
 
     control: ControlClient

@@ -21,6 +21,7 @@ from protocol.journal.events import (
     TrialAborted,
     TrialExcluded,
     TrialStarted,
+    WindowChanged,
 )
 from protocol.journal.state import NotAllowed
 from protocol.plan.trials import Trial
@@ -137,12 +138,16 @@ def test_interruptions_and_notes_are_incidents() -> None:
     events = paper_session()
     events[-1:] = [
         NoteTaken(text="the phone rang"),
+        WindowChanged(has_keys=True, is_shown=True),
+        WindowChanged(has_keys=False, is_shown=True),
+        WindowChanged(has_keys=False, is_shown=False),
         DeviceOff(confirmed=False, why="the session was interrupted"),
         SessionResumed.from_json({}),
     ]
     told = [(entry.what, entry.text) for entry in load_sessions([chain(events)]).incidents]
     assert told == [
         ("note", "the phone rang"),
+        ("window minimised", ""),
         ("device off, not confirmed", "the session was interrupted"),
         ("resumed", ""),
     ]

@@ -204,6 +204,7 @@ PAYLOADS: dict[str, dict[str, Any]] = {
     "paused": {},
     "unpaused": {},
     "note": {"text": "the phone rang"},
+    "window-changed": {"has_keys": False, "is_shown": True},
     "device-off": {"confirmed": True, "why": "end of session"},
     "session-completed": {},
     "trial-excluded": {"index": 4, "reason": "noise"},

@@ -6,13 +6,14 @@ import pytest
 
 from protocol.journal.records import ReadBack
 from runner.people.operator_console import (
+    NO_ORDER,
     Frame,
     OperatorConsole,
     OperatorKeys,
     PlainDisplay,
     line_help,
 )
-from runner.screens import Correction, Note
+from runner.screens import Correction, Note, WindowState
 from tests.runner.views import plan, view
 
 ON = ReadBack(
@@ -48,6 +49,49 @@ def test_each_order_is_one_key(key: str, order: str) -> None:
     keys.feed(key)
     assert keys.order() == order
     assert keys.order() is None
+
+
+@pytest.mark.parametrize("typed", ["teacher", "e e e", " ", "spring", "never sure\r", "n c e"])
+def test_no_letter_is_an_order_while_the_participant_types(typed: str) -> None:
+    keys = OperatorKeys()
+    keys.participant_types = True
+    keys.feed(typed)
+    assert (keys.order(), keys.line) == (None, None)
+    keys.feed("\x05")
+    assert keys.order() == "emergency stop"
+    keys.participant_types = False
+    keys.feed("e")
+    assert keys.order() == "emergency stop"
+
+
+def test_a_note_goes_on_while_the_participant_types() -> None:
+    keys = OperatorKeys()
+    keys.feed("n")
+    keys.participant_types = True
+    keys.feed(" eager\r")
+    assert keys.order() == Note(text="eager")
+
+
+def test_an_order_in_a_line_of_its_own_counts_while_the_participant_types() -> None:
+    keys = OperatorKeys()
+    keys.participant_types = True
+    assert keys.feed_order("e\n")
+    assert keys.order() == "emergency stop"
+
+
+def test_the_console_says_once_that_letters_are_no_orders() -> None:
+    said: list[str] = []
+    operator = console(["teach", "er", "\x05"], said)
+    operator.show(view())
+    operator.page("question job", typed=True)
+    assert [operator.order() for _ in range(3)] == [None, None, "emergency stop"]
+    assert said.count(NO_ORDER) == 1
+    operator.window(WindowState(has_keys=True, is_shown=True))
+    operator.window(WindowState(has_keys=False, is_shown=False))
+    assert said[-2:] == [
+        "keys go to the participant's window",
+        "the participant's window is minimised",
+    ]
 
 
 def test_other_keys_do_nothing() -> None:

@@ -13,10 +13,10 @@ from rich.console import Console, Group
 
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
-from runner.people.operator_console import Frame
+from runner.people.operator_console import IN_WINDOW, STOP_KEYS, TYPES, Frame
 from runner.people.operator_screen import Instant, LiveDisplay, screen_lines
 from runner.people.terminal import TerminalGone, visible
-from runner.screens import Aim, PlanLine
+from runner.screens import Aim, PlanLine, WindowState
 from tests.runner.views import plan, view
 
 SIZES = [(80, 24), (120, 40), (60, 20), (30, 16), (10, 3), (200, 60)]
@@ -293,6 +293,41 @@ def test_the_participants_page_is_shown_with_the_time_on_it() -> None:
     found = lines(Frame(view=view(), page="question age", page_s=now.now_s - 75), now)
     assert row(found, "participant:") == " participant: question age, for 1:15"
     assert not any("participant:" in line for line in lines(Frame(view=view()), now))
+
+
+KEYS_ELSEWHERE = WindowState(has_keys=False, is_shown=True)
+KEYS_IN_WINDOW = WindowState(has_keys=True, is_shown=True)
+
+
+@pytest.mark.parametrize(
+    ("window", "types", "last", "style"),
+    [
+        (None, False, STOP_KEYS, "bold red"),
+        (KEYS_ELSEWHERE, False, STOP_KEYS, "bold red"),
+        (KEYS_ELSEWHERE, True, TYPES, "bold red"),
+        (KEYS_IN_WINDOW, False, IN_WINDOW, "bold white on red"),
+        (KEYS_IN_WINDOW, True, IN_WINDOW, "bold white on red"),
+    ],
+)
+def test_the_last_line_has_the_stop_keys_that_work(
+    window: WindowState | None, types: bool, last: str, style: str
+) -> None:
+    frame = Frame(view=view(), window=window, types=types)
+    shown = screen_lines(frame, moment(), 80, 24)[-1]
+    assert (shown.plain.strip(), shown.style) == (last, style)
+    noting = lines(replace(frame, typed="skin d"))
+    assert ("PARTICIPANT'S WINDOW" in "".join(noting[-3:])) is (window == KEYS_IN_WINDOW)
+    assert "Ctrl-E EMERGENCY STOP" in noting[-1]
+
+
+def test_where_keys_go_stands_beside_the_page() -> None:
+    for window, place in ((KEYS_IN_WINDOW, "the window"), (KEYS_ELSEWHERE, "elsewhere")):
+        found = lines(Frame(view=view(), page="question job", window=window))
+        assert row(found, "participant:").endswith(f"   keys: {place}")
+    away = lines(Frame(view=view(), window=WindowState(has_keys=False, is_shown=False)))
+    assert any("THE PARTICIPANT'S WINDOW IS MINIMISED" in line for line in away)
+    mute = lines(Frame(view=view(), window=KEYS_ELSEWHERE, types=True))
+    assert any("THE PARTICIPANT CANNOT TYPE: click the window" in line for line in mute)
 
 
 def test_the_log_has_what_was_told_before_an_interruption() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from protocol.journal.events import DeviceArmed
+from protocol.journal.events import DeviceArmed, WindowChanged
 from runner.journal.opening import open_journal
-from runner.screens import Instruction, Notice, Response, Screen, Welcome
+from runner.screens import Instruction, Notice, Response, Screen, Welcome, WindowState
 from runner.session.loop import run
 from runner.session.session import SessionContext
 from runner.session.setup import prepare
@@ -123,6 +123,28 @@ def test_a_question_is_withdrawn_where_the_wait_for_it_fails(scene: Scene) -> No
     with pytest.raises(StoppedByOperator, match="stop"):
         operator_answer(scene.made)
     assert scene.operator.asked == [""]
+
+
+def test_a_stop_key_in_the_window_turns_the_output_off_at_once(scene: Scene) -> None:
+    scene.participant.stops = lambda: True  # type: ignore[method-assign]
+    with pytest.raises(StoppedByOperator, match="in the participant's window"):
+        tick(scene.made, 1.0)
+    assert (scene.device.calls[-1], scene.clock.slept) == ("emergency stop", [])
+    assert scene.operator.notices == ["emergency stop in the participant's window: off was sent"]
+
+
+def test_where_keys_go_is_shown_and_recorded_when_it_changes(scene: Scene) -> None:
+    here, away, hidden = (
+        WindowState(has_keys=has_keys, is_shown=is_shown)
+        for has_keys, is_shown in ((True, True), (False, True), (False, False))
+    )
+    scene.participant.states = [here, here, away, away, hidden, here]
+    for _ in range(8):
+        tick(scene.made, 0.05)
+    recorded = [state for _, state in scene.made.log.journal.records_of(WindowChanged)]
+    expected = [here, away, hidden, here]
+    assert [vars(state) for state in recorded] == [vars(state) for state in expected]
+    assert scene.operator.notices == list(map(str, expected))
 
 
 def test_a_signal_ends_a_wait_before_anything_else(

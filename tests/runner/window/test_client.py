@@ -20,7 +20,7 @@ from protocol.errors import WorkFailed
 from protocol.study.languages import built_in
 from protocol.study.participant_texts import study_wording
 from protocol.study_file.loading import parsed_study, template
-from runner.screens import Instruction, Notice, Response, ask_change
+from runner.screens import Instruction, Notice, Response, WindowState, ask_change
 from runner.signals import errors_are_last, signals_raise
 from runner.window.client import (
     SILENT_S,
@@ -205,6 +205,35 @@ def test_a_window_that_cannot_draw_ends_the_session() -> None:
     at = At()
     with pytest.raises(WindowGone, match=r"cannot draw \(out of memory\); .*--ratings console"):
         at.poll({"broken": "out of memory"})
+
+
+def test_the_emergency_stop_of_the_window_stays_and_is_no_answer() -> None:
+    at = At()
+    at.participant.show(Notice(text="pause"))
+    assert not at.participant.stops()
+    at.peer.said.append({"stop": True})
+    assert at.participant.stops()
+    assert at.poll(ALIVE) is None
+    assert at.participant.stops()
+
+
+def test_the_state_of_the_window_is_the_last_one() -> None:
+    at = At()
+    assert at.participant.window_state() is None
+    for state in ({"has_keys": True, "is_shown": True}, {"has_keys": False, "is_shown": False}):
+        at.poll({"alive": 1.0, "state": state})
+        assert at.participant.window_state() == WindowState(**state)
+
+
+def test_an_answer_counts_though_the_window_ended_after_it_and_somebody_asked_for_a_stop() -> None:
+    at = At()
+    at.participant.show(Instruction(text="remember"))
+    at.peer.said.append(answer(1, "ready"))
+    assert not at.participant.stops()
+    at.peer.said.append({"closed": True})
+    assert at.participant.poll() is not None
+    with pytest.raises(WindowGone, match="closed"):
+        at.participant.poll()
 
 
 def test_escape_calls_the_operator_only() -> None:

@@ -11,7 +11,7 @@ from protocol.study.participant_texts import study_wording
 from protocol.study.rules import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Notice, Pacing, ask_score
-from runner.window.elements import Dot, Input, Key, Page, Pressed
+from runner.window.elements import STOP, Dot, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.question_pages import Button, PageState
@@ -39,6 +39,7 @@ class FakeCanvas:
     script: dict[int, Any]
     holds_back: bool = False
     closed: bool = False
+    state: dict[str, bool] = field(default_factory=lambda: {"has_keys": True, "is_shown": True})
     t_s: float = 0.0
     flips: int = 0
     drawn: list[Page] = field(default_factory=list)
@@ -258,6 +259,32 @@ def test_a_break_ends_when_its_time_is_over_and_the_participant_wants_to() -> No
 def test_a_closed_window_sends_closed() -> None:
     _, sent = served({20: FakeCanvas.close_window})
     assert sent[-1] == {"closed": True}
+
+
+def test_the_emergency_stop_goes_to_the_session_from_every_page() -> None:
+    def stop(canvas: FakeCanvas) -> None:
+        canvas.waiting += [(canvas.t_s, STOP), (canvas.t_s, replace(STOP, repeated=True))]
+
+    _, sent = served({3: stop, 8: show_message(1, PACING), 9: stop, 20: stop, 70: {"end": True}})
+    assert [message for message in sent if "stop" in message] == [{"stop": True}] * 6
+
+
+def test_where_keys_go_is_sent_when_it_changes_and_with_each_alive() -> None:
+    changes = [{"has_keys": False}, {"is_shown": False}, {"has_keys": True, "is_shown": True}]
+    script = {
+        20 + at: lambda canvas, it=it: canvas.state.update(it) for at, it in enumerate(changes)
+    }
+    canvas, sent = served({8: show_message(1, PACING), **script, 100: {"end": True}})
+    states = [message["state"] for message in sent if "alive" in message]
+    seen = [state for at, state in enumerate(states) if at == 0 or state != states[at - 1]]
+    assert [(state["has_keys"], state["is_shown"]) for state in seen] == [
+        (True, True),
+        (False, True),
+        (False, False),
+        (True, True),
+    ]
+    assert len(states) > len(seen)
+    assert states[-1] == canvas.state
 
 
 def test_a_drawing_window_sends_alive_five_times_a_second() -> None:

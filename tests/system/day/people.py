@@ -13,6 +13,7 @@ from runner.screens import (
     Notice,
     OwnFinger,
     Pacing,
+    Participant,
     Response,
     Screen,
     Welcome,
@@ -22,7 +23,7 @@ from tests.system.day.process import Process
 
 
 @dataclass
-class Person:
+class Person(Participant):
     """A participant who thinks for a while and answers anything that may be answered."""
 
     stream: random.Random

@@ -30,7 +30,7 @@ _LETTERS = {
     "question-answered": "Q",
     "paused": "U", "unpaused": "V", "device-off": "F", "session-completed": "C",
     "trial-excluded": "x", "trial-included": "i", "session-excluded": "Z",
-    "session-included": "z", "withdrawn": "G", "note": "",
+    "session-included": "z", "withdrawn": "G", "note": "", "window-changed": "",
 }  # fmt: skip
 _TRIAL = "T(?:(?:B?SN?E)+[WY]|(?:B?SN?E)*B?(?:SN?)?X)"
 _RUN = f"AH?D?B?(?:M(?:{_TRIAL}|UV|Q|K)*U?)?F"

@@ -97,9 +97,14 @@ def sitting(folder: Path, study: str) -> Iterator[Sitting]:
             yield Sitting(table, seat, terminal)
 
 
+STOPS = [(PARTICIPANT, "ctrl+e"), (CONSOLE, "e"), (CONSOLE, "space"), (CONSOLE, "ctrl+e")]
+MORE = [*STOPS[:1] * 9, *STOPS[2:], *STOPS[1:] * 2, *STOPS[1:2]]
+"""With the first two of `STOPS`, ten of each window."""
+
+
 @pytest.mark.parametrize(
     ("title", "keys"),
-    [(PARTICIPANT, "ctrl+e"), (CONSOLE, "ctrl+e"), (CONSOLE, "e"), (CONSOLE, "space")],
+    [*STOPS[:2], *(pytest.param(*stop, marks=pytest.mark.soak) for stop in MORE)],
 )
 def test_a_stop_key_works_during_a_touch_wherever_keys_go(
     title: str, keys: str, tmp_path: Path
@@ -164,15 +169,3 @@ def test_enter_held_for_14_s_passes_one_page(tmp_path: Path) -> None:
         assert not seated.of("touch-started")
         seated.desk.key("Return")
         seated.wait_for("question glasses")
-
-
-def test_only_the_left_button_of_the_mouse_decides(tmp_path: Path) -> None:
-    with sitting(tmp_path, one_condition(JOB)) as seated:
-        seated.desk.focus(PARTICIPANT)
-        seated.terminal.watch("participant: welcome, for 0:01")
-        window = seated.desk.place(PARTICIPANT)
-        for button in (3, 2, 4, 5):
-            seated.desk.click(window.x + 400, window.y + 508, button)
-        seated.terminal.watch("participant: welcome, for 0:03")
-        seated.desk.click(window.x + 400, window.y + 508)
-        seated.wait_for("question job")

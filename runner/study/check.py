@@ -94,6 +94,12 @@ def checked(
         tracks = _tracks(study, rig, source, text)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
+    if not worded_as_built(study):
+        # Of this computer's window, so that a study that is refused can still be read and reported.
+        from runner.window.preflight import writing_problems
+
+        if undrawn := list(writing_problems(study)):
+            return _refused(source, located(text, undrawn), as_json=as_json)
     registered = None
     # Journals and registrations take long to import, and a study has neither while it is written.
     if folder.journal.is_file() or (folder.path / "registration.toml").exists():

@@ -16,7 +16,7 @@ import scipy
 from pyglet.window import mouse
 
 from protocol.errors import WorkFailed
-from runner.window import elements, keyboard
+from runner.window import elements, keyboard, writing
 from runner.window.messages import Settings
 
 # Psychopy imports it for the calibration of monitors alone, which no session has: the window opens
@@ -41,13 +41,8 @@ class PsychopyCanvas:
 
     def __init__(self, settings: Settings) -> None:
         logging.console.setLevel(logging.CRITICAL)
-        wording = settings.wording
-        font = elements.first_font(wording.fonts, pyglet.font.have_font)
-        if font is None:
-            raise WorkFailed(
-                elements.missing_font(wording.code, wording.fonts, wording.font_package)
-            )
-        self._font = font
+        self._font = _font(settings)
+        self._from_the_right = writing.is_from_the_right(settings.wording)
         self._window = _window(settings)
         self._scale = float(elements.pixels_per_unit(*self._window.size))
         self._handle = self._window.winHandle
@@ -185,7 +180,7 @@ class PsychopyCanvas:
         return [
             visual.TextStim(
                 self._window,
-                text=line,
+                text=writing.drawn(line, from_the_right=self._from_the_right),
                 font=self._font,
                 # Whole pixels, as letters are drawn; `ROUNDING` allows for it.
                 height=int(text.size * self._scale),
@@ -275,6 +270,25 @@ class PsychopyCanvas:
         display = self._handle.screen.display._display
         width_px, width_mm = xlib.XDisplayWidth(display, 0), xlib.XDisplayWidthMM(display, 0)
         return round(width_mm / width_px, 5) if width_mm > 0 else None
+
+
+def _font(settings: Settings) -> str:
+    """Return the first installed font of the language that has every character to be drawn."""
+    wording = settings.wording
+    installed = filter(pyglet.font.have_font, wording.fonts)
+    best = writing.best_font(installed, _has_sign, settings.signs)
+    if best is None:
+        raise WorkFailed(elements.missing_font(wording.code, wording.fonts, wording.font_package))
+    font, lacking = best
+    if lacking:
+        raise WorkFailed(writing.lacking_font(font, lacking, wording.code))
+    return font
+
+
+def _has_sign(font: str, sign: str) -> bool:
+    # Only FreeType's fonts can be asked; other systems take a missing character from another font.
+    face = getattr(pyglet.font.load(font), "face", None)
+    return face is None or face.get_character_index(sign) != 0
 
 
 def _window(settings: Settings) -> Any:

@@ -29,7 +29,8 @@ _SCREENS = {kind.__name__: kind for kind in (Notice, Welcome, Instruction, LeadI
 class Settings:
     """Settings of the window: texts, screen number (from 0) and the screens to prepare.
 
-    `folder` has their pictures. A page is shown for `readable_s` before its button works.
+    `folder` has their pictures. A page is shown for `readable_s` before its button works. The font
+    must have the `signs`, the characters that are drawn.
     """
 
     wording: Wording
@@ -38,6 +39,7 @@ class Settings:
     windowed: bool = False
     foreseen: tuple[Screen, ...] = ()
     folder: str = ""
+    signs: str = ""
 
 
 def line_of(message: Mapping[str, Any]) -> str:

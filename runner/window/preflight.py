@@ -1,15 +1,17 @@
-"""Check, without a screen, that every text fits its place in the participant's window."""
+"""Check, without a screen, that every text can be drawn and fits its place in the window."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import chain, product
+from string import digits
 
 from protocol.errors import BadInput, Path, Problem, dotted
 from protocol.study import participant_texts
 from protocol.study.study import Item, Study
 from protocol.study_file.limits import limit_problems
 from runner import screens
+from runner.window import writing
 from runner.window.client import WindowParticipant, participant_window
 from runner.window.elements import Text, text_height, text_width, wrapped
 from runner.window.messages import Settings
@@ -85,11 +87,16 @@ def misfits(
 ) -> Iterator[tuple[str, str]]:
     """Yield every text on what is `shown` that does not fit its place, once, and what to do."""
     seen = set()
-    for element in chain.from_iterable(page(*at, wording) for at in product(shown, _VIEWS)):
-        if isinstance(element, Text) and element.text not in seen and not fits(element):
-            text = element.text
+    for element in _texts(shown, wording):
+        text = element.text
+        if text not in seen and not fits(element):
             seen.add(text)
             yield text, f"shorten it from {len(text)} characters to about {room(element)}"
+
+
+def _texts(shown: tuple[screens.Screen, ...], wording: participant_texts.Wording) -> Iterator[Text]:
+    pages = (page(*at, wording) for at in product(shown, _VIEWS))
+    return (element for element in chain.from_iterable(pages) if isinstance(element, Text))
 
 
 def fit_problems(study: Study) -> Iterator[Problem]:
@@ -117,15 +124,49 @@ def fit_problems(study: Study) -> Iterator[Problem]:
         for kind, items in (("question", study.question), ("track", study.track))
     }
     shown = foreseen(study.model_copy(update=sound), consent=None)
+    for wording in _complete_wordings(study):
+        for text, hint in misfits(shown, wording):
+            yield _of_text(study, wording, text, _FITS, repr(text), hint)
+
+
+def writing_problems(study: Study) -> Iterator[Problem]:
+    """Yield a problem for each required language with characters that cannot be drawn here.
+
+    Which characters a font has is known of installed fonts alone, where fontconfig can be asked.
+    """
+    shown = foreseen(study, consent=None)
+    for wording in _complete_wordings(study):
+        texts = dict.fromkeys(element.text for element in _texts(shown, wording))
+        rule, hint = writing.NEEDS_SHAPING, writing.WITHOUT_THEM
+        wrong, seen = writing.unshaped("".join(texts)), writing.unshaped
+        if not wrong:
+            font, wrong = _font_here(wording, writing.signs(texts))
+            rule = f"the font {font} must have every character of the texts in {wording.code}"
+            hint, seen = writing.font_remedy(wording.code), lambda text: writing.signs([text])
+        if wrong:
+            text = next(text for text in texts if not set(wrong).isdisjoint(seen(text)))
+            yield _of_text(study, wording, text, rule, writing.named(wrong), hint)
+
+
+def _font_here(wording: participant_texts.Wording, signs: str) -> tuple[str, str]:
+    """Return the font that the window would take and what it lacks, as far as is known here."""
+    known = {font: points for font in wording.fonts if (points := writing.installed_font(font))}
+    return writing.best_font(known, lambda font, sign: ord(sign) in known[font], signs) or ("", "")
+
+
+def _complete_wordings(study: Study) -> Iterator[participant_texts.Wording]:
     for code in participant_texts.required_codes(study):
         # What is missing is reported elsewhere; a page without it cannot be measured.
-        if any(participant_texts.lacking(study, code)):
-            continue
-        wording = participant_texts.study_wording(study, code)
-        for text, hint in misfits(shown, wording):
-            path = _path(study, wording, text)
-            where = dotted(path) if path else f"the text in {code}"
-            yield Problem(where, _FITS, repr(text), hint, path)
+        if not any(participant_texts.lacking(study, code)):
+            yield participant_texts.study_wording(study, code)
+
+
+def _of_text(
+    study: Study, wording: participant_texts.Wording, text: str, rule: str, value: str, hint: str
+) -> Problem:
+    path = _path(study, wording, text)
+    where = dotted(path) if path else f"the text in {wording.code}"
+    return Problem(where, rule, value, hint, path)
 
 
 def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
@@ -157,10 +198,15 @@ def study_window(
     consent: str | None,
     say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
-    """Return the window, to be entered before any drive; raises `BadInput` if a text misfits."""
+    """Return the window, to be entered before any drive; `BadInput` if it cannot show a text."""
     shown, readable_s = foreseen(study, consent), study.timing.readable_s
     # The consent's reference is known only now, so that it could not be checked with the study.
     for text, hint in misfits(shown, settings.wording):
         raise BadInput(f"{_FITS}, got {text!r}; {hint}")
-    settings = replace(settings, readable_s=readable_s, foreseen=shown)
+    texts = [element.text for element in _texts(shown, settings.wording)]
+    if wrong := writing.unshaped("".join(texts)):
+        value = writing.named(wrong)
+        raise BadInput(f"{writing.NEEDS_SHAPING}, got {value}; {writing.WITHOUT_THEM}")
+    signs = writing.signs([*texts, digits])
+    settings = replace(settings, readable_s=readable_s, foreseen=shown, signs=signs)
     return participant_window([*touchbeam, "participant-window"], settings, say=say)

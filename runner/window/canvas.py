@@ -18,6 +18,7 @@ from pyglet.window import mouse
 from protocol.errors import WorkFailed
 from runner.window import elements, keyboard, writing
 from runner.window.messages import Settings
+from runner.window.place import Placed, Wanted, area_of
 
 # Psychopy imports it for the calibration of monitors alone, which no session has: the window opens
 # sooner by a third if it comes only when it is used. Where scipy does not have it yet, an import
@@ -43,11 +44,19 @@ class PsychopyCanvas:
         logging.console.setLevel(logging.CRITICAL)
         self._font = _font(settings)
         self._from_the_right = writing.is_from_the_right(settings.wording)
-        self._window = _window(settings)
-        self._scale = float(elements.pixels_per_unit(*self._window.size))
+        wanted = _wanted(settings)
+        self._window = _window(wanted)
         self._handle = self._window.winHandle
+        self._placed = Placed(self._handle, wanted)
+        if not self._placed.settle():
+            raise WorkFailed(
+                f"the participant's window cannot be put on {wanted}: the window manager leaves it "
+                f"{self._placed.area()}; choose another one with --screen, or use --ratings console"
+            )
+        self._scale = float(elements.pixels_per_unit(*self._window.size))
         self._screen = settings.screen
         self._folder = settings.folder
+        self.lost = ""
         self._drawn: dict[elements.Element, list[Any]] = {}
         self._inputs: list[tuple[float, elements.Input]] = []
         self.closed = False
@@ -69,8 +78,10 @@ class PsychopyCanvas:
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen; None where the system does not report one."""
         rate = getattr(self._handle.screen.get_mode(), "rate", None)
+        area = self._placed.area()
         return {
             "screen": self._screen,
+            "place_px": area and [area.x, area.y],
             "size_px": [int(side) for side in self._window.size],
             "px_per_unit": self._scale,
             "mm_per_px": self._millimetres_per_pixel(),
@@ -121,6 +132,7 @@ class PsychopyCanvas:
         # Not at each frame, because it is a round trip to the X server.
         if flipped_s - self._looked_s > LOOK_FOR_WINDOW_EVERY_S:
             self._looked_s = flipped_s
+            self.lost = self.lost or self._placed.lost()
             self.closed = self.closed or not self.is_there()
             # No event tells it on a desktop that keeps minimised windows and only hides them.
             self.state["is_shown"] = self._is_shown()
@@ -140,8 +152,7 @@ class PsychopyCanvas:
             case elements.Typed(text=text):
                 put("on_text", text)
             case elements.Pressed(x=x, y=y):
-                across, up = (side / 2 for side in self._window.size)
-                place = (across + x * self._scale, up + y * self._scale)
+                place = elements.in_window(x, y, self._handle.get_size())
                 put("on_mouse_press", *place, mouse.LEFT, 0)
             case elements.Released():
                 put("on_mouse_release", 0, 0, mouse.LEFT, 0)
@@ -214,9 +225,9 @@ class PsychopyCanvas:
         return True
 
     def _on_canvas(self, x: float, y: float) -> dict[str, float]:
-        """Convert a point of the window, with its origin at the bottom left, to the canvas."""
-        width, height = self._window.size
-        return {"x": (x - width / 2) / self._scale, "y": (y - height / 2) / self._scale}
+        # By the size in which the pointer is told: on macOS in points, of two pixels each way.
+        across, up = elements.on_canvas(x, y, self._handle.get_size())
+        return {"x": across, "y": up}
 
     def is_there(self) -> bool:
         """Ask the X server whether the window exists: no event reports that it was destroyed."""
@@ -291,16 +302,24 @@ def _has_sign(font: str, sign: str) -> bool:
     return face is None or face.get_character_index(sign) != 0
 
 
-def _window(settings: Settings) -> Any:
+def _wanted(settings: Settings) -> Wanted:
+    """Return the screen and size asked for; raises `WorkFailed` if there is no such screen."""
     screens = pyglet.canvas.get_display().get_screens()
     if settings.screen >= len(screens):
         sizes = ", ".join(f"{n} ({s.width}x{s.height})" for n, s in enumerate(screens))
         raise WorkFailed(f"--screen {settings.screen} does not exist; this computer has {sizes}")
-    screen = screens[settings.screen]
+    return Wanted(
+        number=settings.screen,
+        screen=area_of(screens[settings.screen]),
+        size=SMALL_WINDOW_PX if settings.windowed else None,
+    )
+
+
+def _window(wanted: Wanted) -> Any:
     return visual.Window(
-        size=SMALL_WINDOW_PX if settings.windowed else (screen.width, screen.height),
-        fullscr=not settings.windowed,
-        screen=settings.screen,
+        size=wanted.size or (wanted.screen.width, wanted.screen.height),
+        fullscr=wanted.size is None,
+        screen=wanted.number,
         units="pix",
         color=elements.BACKGROUND,
         title="touchbeam",

@@ -142,10 +142,8 @@ class WindowParticipant:
         return False
 
     def _take(self, message: Mapping[str, Any]) -> None:
-        if "closed" in message:
-            raise WindowGone("was closed")
-        if "broken" in message:
-            raise WindowGone(f"cannot draw ({message['broken']})")
+        if how := _how_it_ends(message):
+            raise WindowGone(how)
         self._stopped |= "stop" in message
         if "state" in message:
             self._state = WindowState(**message["state"])
@@ -159,6 +157,13 @@ class WindowParticipant:
                 self._answer = Response(**{name: message[name] for name in given})
             except KeyError as error:
                 raise WindowGone(f"sent an answer without {error}") from None
+
+
+def _how_it_ends(message: Mapping[str, Any]) -> str:
+    """Return what the window says of its end; nothing for another message."""
+    if "broken" in message:
+        return f"cannot draw ({message['broken']})"
+    return "was closed" if "closed" in message else str(message.get("unseen", ""))
 
 
 OPENS_WITHIN_S = 30.0
@@ -188,7 +193,8 @@ class WindowProcess:
         self._messages: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
         self._why: str | None = None
         # A daemon thread: if the process hangs, so does its pipe, and the session must still end.
-        threading.Thread(target=self._read, name="window", daemon=True).start()
+        self._reader = threading.Thread(target=self._read, name="window", daemon=True)
+        self._reader.start()
 
     def send(self, message: Mapping[str, Any]) -> None:
         assert self.process.stdin is not None
@@ -243,9 +249,14 @@ class WindowProcess:
             with suppress(subprocess.TimeoutExpired):
                 self.process.wait(_DIES_WITHIN_S)
             # Asked before the kill, which would look like the reason.
-            self._why = self._end()
+            self._why = f"ended unexpectedly{self._end()}"
             self.process.kill()
-        return WindowGone(f"ended unexpectedly{self._why}")
+            self._reader.join(_DIES_WITHIN_S)
+            # It may have said why just before a message to it failed.
+            while not self._messages.empty():
+                self._why = _how_it_ends(self._messages.get() or {}) or self._why
+            self._messages.put(None)
+        return WindowGone(self._why)
 
     def _end(self) -> str:
         """Return the signal that ended the process, or what its libraries printed last."""

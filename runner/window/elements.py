@@ -115,6 +115,24 @@ def pixels_per_unit(width_px: float, height_px: float) -> float:
     return min(width_px / CANVAS[0], height_px / CANVAS[1])
 
 
+def on_canvas(x: float, y: float, size: tuple[float, float]) -> Point:
+    """Return the point of the canvas at a point of the window, whose origin is at the bottom left.
+
+    The `size` of the window has the unit of the point, whichever that is.
+
+    >>> on_canvas(960, 1080, (1920, 1080)), on_canvas(480, 540, (960, 540))
+    ((0.0, 300.0), (0.0, 300.0))
+    """
+    scale = pixels_per_unit(*size)
+    return ((x - size[0] / 2) / scale, (y - size[1] / 2) / scale)
+
+
+def in_window(x: float, y: float, size: tuple[float, float]) -> Point:
+    """Return the point of the window at a point of the canvas, in the unit of its `size`."""
+    scale = pixels_per_unit(*size)
+    return (size[0] / 2 + x * scale, size[1] / 2 + y * scale)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Pressed:
     """The left mouse button or a fingertip goes down."""

@@ -7,7 +7,8 @@ virtual participant, and `{"end": true}`: a pipe that ends without it is that of
 process is gone. From the window:
 `opened` or `failed` once; then `alive` periodically and when the window's `state`, which it tells,
 changes; `shown` when a screen is first displayed, `answer`, `operator` when the participant
-calls, `stop` for the emergency stop, and `closed` or `broken` at an unexpected end.
+calls, `stop` for the emergency stop, and `closed`, `broken` or `unseen` (its screen is lost, or the
+window left it) at an unexpected end.
 """
 
 import json

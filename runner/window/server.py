@@ -156,6 +156,8 @@ class Canvas(Protocol):
     closed: bool
     state: dict[str, bool]
     """Of the window: `has_keys` if keys reach it, `is_shown` unless it is minimised."""
+    lost: str
+    """Why the participant may not see the window any more; empty while they do."""
 
     def look(self) -> dict[str, Any]:
         """Return the properties of the screen."""
@@ -219,13 +221,15 @@ class WindowServer:
             for screen in self.settings.foreseen
             for state in states(screen)
         )
-        while self.now_s() < self._ends_s and not self.canvas.closed:
+        while self.now_s() < self._ends_s and not (self.canvas.closed or self.canvas.lost):
             self._wait()
             self._frame()
             if foreseen := next(coming, None):  # one per frame, so that the session never waits
                 self.canvas.prepare(foreseen)
         if self.canvas.closed:
             self.send({"closed": True})
+        elif self.canvas.lost:
+            self.send({"unseen": self.canvas.lost})
 
     def _learn_pace(self) -> None:
         """Measure whether flips wait for the screen and, if so, the refresh interval."""

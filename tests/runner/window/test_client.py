@@ -2,6 +2,7 @@
 
 import io
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -255,6 +256,34 @@ def test_a_missing_display_gives_one_line_that_names_the_console(
         participant_window(["false"], Settings(wording=study_wording(PAPER, "en"))),
     ):
         raise AssertionError("a window was opened without a display")
+
+
+@pytest.mark.parametrize(
+    ("said", "how"),
+    [
+        ({"closed": True}, "was closed"),
+        ({"unseen": "lost screen 1 (1024x768 at 1280,0)"}, "lost screen 1 (1024x768 at 1280,0)"),
+        ({"broken": "no memory"}, "cannot draw (no memory)"),
+    ],
+)
+def test_a_message_that_the_window_no_longer_takes_fails_for_the_reason_that_it_gave(
+    said: Mapping[str, Any], how: str
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"print({line_of(said)!r}, end='')"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
+    peer = WindowProcess(process, io.BytesIO())
+    process.wait()
+    for _ in range(2):
+        with pytest.raises(WindowGone, match=re.escape(f"the participant's window {how}; ")):
+            peer.send({"saved": 1})
+    with pytest.raises(WindowGone, match=re.escape(how)):
+        peer.received()
+    peer.end()
 
 
 def last_words(program: str) -> str:

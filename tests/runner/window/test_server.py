@@ -40,6 +40,7 @@ class FakeCanvas:
     holds_back: bool = False
     closed: bool = False
     state: dict[str, bool] = field(default_factory=lambda: {"has_keys": True, "is_shown": True})
+    lost: str = ""
     t_s: float = 0.0
     flips: int = 0
     drawn: list[Page] = field(default_factory=list)

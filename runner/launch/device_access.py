@@ -128,7 +128,9 @@ def gauge_address(force_channel: ForceChannel, url: str) -> str | None:
 
 
 def touchbeam_command() -> tuple[str, ...]:
-    return (str(Path(sys.executable).with_name("touchbeam")),)
+    """Return the command of this installation: its script, or where there is none its module."""
+    script = Path(sys.executable).with_name("touchbeam")
+    return (str(script),) if script.exists() else (sys.executable, "-P", "-m", "touchbeam")
 
 
 def ports() -> list[dict[str, str]]:

@@ -18,6 +18,7 @@ from analysis.simulation import Simulation
 from device.people.person import SENSITIVE
 from protocol.study_file.loading import parsed_study, template
 from runner.doctor import findings
+from runner.launch.device_access import touchbeam_command
 from runner.study.folder import StudyFolder
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
@@ -343,3 +344,25 @@ def test_the_doctor_reports_a_package_that_shadows_ours() -> None:
     assert "FAIL  package analysis" in shown.stdout
     honest = subprocess.run([TOUCHBEAM, "doctor"], capture_output=True, text=True, check=False)
     assert honest.returncode == 0, "the command does not import from the current folder"
+
+
+def test_the_package_is_a_command_and_obeys_nothing_in_the_folder(tmp_path: Path) -> None:
+    for name in ("typer", "json"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('obeyed')")
+    said = subprocess.run(
+        [sys.executable, "-m", "touchbeam", "new", "study"],
+        env={**os.environ, "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (said.returncode, said.stderr) == (0, "")
+    assert f"  {sys.executable} -m touchbeam check study\n" in said.stdout
+
+
+def test_without_its_script_the_package_starts_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert touchbeam_command() == (TOUCHBEAM,)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    assert touchbeam_command() == (str(tmp_path / "python"), "-P", "-m", "touchbeam")

@@ -24,11 +24,14 @@ class PortOwner(ABC):
     def __init__(self) -> None:
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._owner: threading.Thread | None = None
+        self._is_over = False
         self._recording: Recorder | None = None
         self._fault: DeviceError | None = None
 
     def step(self, wait_s: float | None = 0.0) -> bool:
         """As the owner, make the next call within `wait_s` and what is due; False once closed."""
+        if self._is_over:
+            return False
         with self.unbroken():
             with contextlib.suppress(queue.Empty):
                 call = self._calls.get(timeout=wait_s)
@@ -64,13 +67,16 @@ class PortOwner(ABC):
         def call() -> None:
             """Make the call; an error is its result, too."""
             try:
+                self._require_port()
                 result.set_result(work())
             except Exception as error:
                 result.set_exception(error)
 
         self._calls.put(call)
+        if self._is_over:
+            self._refuse()
         # Without a thread, as on a stepped clock, the caller does the owner's work.
-        if self._owner is None:
+        elif self._owner is None:
             self.step()
         return result
 
@@ -87,3 +93,16 @@ class PortOwner(ABC):
         self._calls.put(None)
         if self._owner is not None:
             self._owner.join()
+        self._is_over = True
+        self._refuse()
+
+    def _require_port(self) -> None:
+        if self._is_over:
+            raise DeviceError("its port is closed")
+
+    def _refuse(self) -> None:
+        """Have the calls fail that nobody makes any more: else another thread waits for ever."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                if (call := self._calls.get_nowait()) is not None:
+                    call()

@@ -160,6 +160,10 @@ class Rig(PortOwner):
     def read_back(self) -> ReadBack:
         return self._owned(lambda: self._guarded(self._driver.read_back))
 
+    def check(self) -> None:
+        """Raise `DeviceError` unless the device does what it was told, and did not fail before."""
+        self._owned(lambda: self._guarded(self._driver.check))
+
     def record(self, rate_hz: int, clock_s: Callable[[], float] | None = None) -> None:
         """Record the force channel from now on; what was being recorded is forgotten.
 

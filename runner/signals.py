@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -10,7 +11,8 @@ from typing import Any
 from protocol.errors import BadInput, WorkFailed
 
 # Of all these, Windows has only SIGINT and SIGTERM.
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+TERMINATION = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+"""The signals that ask a program to end."""
 _AGAIN_S = 0.01
 """Time until a stop request is raised again that could not be raised, or got lost."""
 
@@ -27,6 +29,8 @@ class _Stop:
         self.raised = False
         self.shields = 0
         self.suspension = False
+        self.later: BaseException | None = None
+        """What a handler of another kind raises once nothing defers it: see `raise_soon`."""
 
     def handle(self, number: int, frame: FrameType | None = None) -> None:
         """Take the first signal as the request; ignore later ones.
@@ -59,6 +63,9 @@ class _Stop:
 
     def raise_request(self) -> None:
         """Raise the request once, unless it is deferred."""
+        if self.later is not None and self.shields == 0:
+            later, self.later = self.later, None
+            raise later
         if self.request is not None and not self.raised and self.shields == 0:
             self.raised = True
             raise self.request
@@ -82,6 +89,17 @@ def raise_if_stopped() -> None:
         raise _stop.request
 
 
+def is_deferring() -> bool:
+    """Return whether the main thread is in a `stops_deferred` block."""
+    return _stop.shields > 0
+
+
+def raise_soon(error: BaseException) -> None:
+    """Raise `error`, in a handler of one's own, once no `stops_deferred` block runs any more."""
+    _stop.later = _stop.later or error
+    _stop.raise_request()
+
+
 def is_stopping() -> bool:
     """Return whether there was a signal, deferred or not."""
     return _stop.request is not None
@@ -96,7 +114,7 @@ def signals_raise() -> Iterator[None]:
     """
     global _stop  # noqa: PLW0603 - see _Stop
     _stop = _Stop()
-    names = (*_SIGNALS, "SIGALRM")
+    names = (*TERMINATION, "SIGALRM")
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, _stop.handle) for number in numbers}
     hook, lost = sys.unraisablehook, _stop.lost
@@ -123,8 +141,11 @@ def stops_deferred() -> Iterator[None]:
     """Defer signals until the end of the body.
 
     Storing an event and updating the state, or turning the device off and reading it back, must
-    not be separated.
+    not be separated. Only the main thread gets signals, so that others have nothing to defer.
     """
+    if threading.get_ident() != threading.main_thread().ident:
+        yield
+        return
     stop = _stop
     stop.shields += 1
     try:

@@ -3,19 +3,16 @@
 import math
 import os
 import reprlib
-import signal
-import threading
 import weakref
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial, wraps
 from numbers import Real
 from pathlib import Path
-from typing import Self
+from typing import Concatenate, ParamSpec, Self, TypeVar
 
 from device.drivers.limits import Setpoint
-from device.errors import DeviceError, LimitExceeded
+from device.errors import DeviceError, LimitExceeded, OutputUnknown
 from device.force_channel.recording import Forces
 from device.rig import Rig
 from device.simulator.client import BeamControl
@@ -26,22 +23,18 @@ from protocol.journal import events
 from protocol.journal.records import Identity, ReadBack
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rig_settings import Rig as RigSettings
-from runner.clock import Clock
-from runner.journal.names import chains_of, parsed_name, session_name
-from runner.journal.opening import checked_place, journal_if_used, mounts_of_this_machine
-from runner.journal.store import SessionLog
 from runner.launch import device_access
-from runner.launch.locks import session_lock
-from runner.session.session import versions
 from runner.session.waiting import TICK_S
 from runner.session.watchdog import NOT_TRIPPED
 from runner.study.calibration import kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
+from touchbeam.held_rigs import OFF, HeldRig, ended_by_signals, say
+from touchbeam.script_journal import Entries, script_session
 
 Folder = str | os.PathLike[str]
-
-_OFF = "output off, read back"
+_Asked = ParamSpec("_Asked")
+_Given = TypeVar("_Given")
 
 
 def open_rig(
@@ -57,8 +50,13 @@ def open_rig(
     Nothing beyond the limits of the `study` (a folder; else of the journal's, else the defaults) is
     ever sent. The simulated rig, whose beam follows from `seed`, waits in no time, or in
     `real_time`. What is driven is kept in the study's folder `journal`, as a session of kind
-    `script`, which no report counts. SIGTERM and SIGHUP end the program as `sys.exit` does, so that
-    the output goes off first.
+    `script`, which no report counts.
+
+    While a rig is open, SIGINT, SIGTERM, SIGHUP and SIGQUIT turn the output off first, and then end
+    the program as KeyboardInterrupt or `sys.exit` does, unless it has handlers of its own. Python
+    lets only the main thread take signals. Where only others have opened rigs, these signals end
+    the program at once, and the device's watchdog or guardian turns the output off; but SIGINT
+    (Ctrl-C) reaches the main thread alone, and the others drive on.
 
     Raises:
         ValueError: the study, the place of the journal or the address is wrong.
@@ -78,24 +76,52 @@ def open_rig(
     file = None if folder is None else validated_study(folder.text(), str(folder.study_file))
     settings, channel = (file.rig, file.force_channel) if file else (RigSettings(), ForceChannel())
     calibration = None if folder is None else kept_calibration(folder.path)
+    url = device
+    stepped = url == SIMULATED and not real_time
     with ExitStack() as stack:
-        stack.enter_context(_ended_by_signals())
-        stack.enter_context(device_access.rig_locks(device, channel))
-        stepped, session = device_access.stepped_rig, partial(device_access.session_rig, device)
-        opening = stepped if device == SIMULATED and not real_time else session
+        stack.enter_context(ended_by_signals())
+        stack.enter_context(device_access.rig_locks(url, channel))
+        session = partial(device_access.session_rig, url)
+        opening = device_access.stepped_rig if stepped else session
+        if url == SIMULATED and settings.device != SIMULATED:
+            say(f"this rig is simulated; the one of the study, at {settings.device}, is not opened")
         rig = stack.enter_context(opening(settings, seed, calibration, channel))
         # The rig before the journal: if no device answers, no session is opened.
         identity, log = rig.device.arm(), None
+        for remark in identity.remarks:  # that it has no watchdog, for one
+            say(remark)
         if journal is not None:
             name = "" if file is None else file.study.name
-            log = stack.enter_context(_session(Path(journal), name, rig.clock))
-        opened = OpenRig(rig, settings, channel.rate_hz, _Entries(log), stack.pop_all())
+            log = stack.enter_context(script_session(Path(journal), name, rig.clock))
+        entries = Entries(log)
+        held = HeldRig(rig.device, entries, stack.pop_all(), stepped=stepped)
+    opened = OpenRig(rig, settings, channel.rate_hz, held)
     try:
-        opened._begin(identity, device)
+        opened._begin(identity, url)
     except BaseException as error:
         opened.__exit__(type(error), error)
         raise
     return opened
+
+
+_Method = Callable[Concatenate["OpenRig", _Asked], _Given]
+
+
+def _told(method: _Method[_Asked, _Given]) -> _Method[_Asked, _Given]:
+    """Raise what the method raises as one error; one of the device need not be told again."""
+
+    @wraps(method)
+    def asked(self: "OpenRig", /, *args: _Asked.args, **kwargs: _Asked.kwargs) -> _Given:
+        try:
+            return method(self, *args, **kwargs)
+        except DeviceError as error:
+            self._require_open()  # that a signal stopped it, or another thread closed it, says more
+            self._is_told = True
+            raise error from None
+        except (BadInput, WorkFailed) as error:
+            raise error from None
+
+    return asked
 
 
 class OpenRig:
@@ -111,18 +137,19 @@ class OpenRig:
         rig: device_access.SessionRig,
         settings: RigSettings,
         rate_hz: int | None,
-        entries: "_Entries",
-        stack: ExitStack,
+        held: HeldRig,
     ) -> None:
         self._rig = rig
         self._settings = settings
         self._rate_hz = rate_hz
-        self._entries = entries
+        self._held = held
+        self._entries = held.entries
         self._began_s: float | None = None
         """When the output went on, None while it is off."""
-        self._parts = (rig.device, entries, stack)
-        # Also at the end of the interpreter, of a rig that is forgotten.
-        self._end = weakref.finalize(self, _abandoned, os.getpid(), *self._parts)
+        self._is_told = False
+        """Whether the program knows that the device failed."""
+        # The end of the interpreter closes what is held then by itself.
+        weakref.finalize(self, held.forgotten).atexit = False
 
     def __enter__(self) -> Self:
         """Return the rig itself, which must be open."""
@@ -133,19 +160,28 @@ class OpenRig:
         self, kind: type[BaseException] | None, error: BaseException | None, *_: object
     ) -> None:
         """Turn the output off, read it back and give the rig back; see `close`."""
-        if error is not None:
+        if not self._held.is_ours:
+            return
+        if error is not None and not self._held.stopped_by:
             self._entries.why = str(error) or type(error).__name__
-        self.close()
-        if error is not None:
-            error.add_note(_OFF)
+        try:
+            self.close()
+        except DeviceError as failed:
+            if error is None or isinstance(failed, OutputUnknown):
+                raise
+            error.add_note(str(failed))
+        else:
+            if error is not None and OFF not in str(error):
+                error.add_note(OFF)
 
     def close(self) -> None:
         """Turn the output off, read it back and give the rig back; a second time does nothing.
 
-        Raise RuntimeError if the device does not confirm that its output is off.
+        In a fork of the process that opened the rig it does nothing either. Raise RuntimeError if
+        the device does not confirm that its output is off, or had turned it off by itself.
         """
-        if self._end.detach() is not None:
-            _close(*self._parts)
+        ended_s = self._rig.clock.monotonic_s()
+        self._held.close(then=lambda: self._end_drive(ended_s))
 
     @property
     def hand(self) -> BeamControl | None:
@@ -157,6 +193,7 @@ class OpenRig:
         """The newest forces; None while the output is off, or without `force_channel.rate_hz`."""
         return self._open().forces
 
+    @_told
     def drive(self, voltage_v: float, frequency_hz: float) -> ReadBack:
         """Switch the output on, or change it; return what the device says.
 
@@ -179,6 +216,7 @@ class OpenRig:
                 device.record(self._rate_hz, self._rig.clock.monotonic_s)
         return self._said(device.drive(setpoint))
 
+    @_told
     def read_back(self) -> ReadBack:
         """Return what the device says of its drive, and of the finger if it has sensors."""
         return self._said(self._open().read_back())
@@ -187,6 +225,7 @@ class OpenRig:
         self._entries.said += [said] * (self._began_s is not None)
         return said
 
+    @_told
     def wait(self, seconds: float = 0.0) -> None:
         """Wait, and keep the watchdog quiet; without `seconds` say only that the program is alive.
 
@@ -203,28 +242,39 @@ class OpenRig:
             clock.sleep(min(TICK_S, left_s))
             device.beat()
 
+    @_told
     def off(self) -> None:
         """Turn the output off and read it back.
 
-        Raise RuntimeError if the device does not confirm it.
+        Raise RuntimeError if the device does not confirm it, or had turned it off by itself.
         """
         self._require_open()
         self._turn_off()
 
     def _turn_off(self) -> None:
-        device, ended_s = self._rig.device, self._rig.clock.monotonic_s()
-        device.off()
-        if self._began_s is None:
-            return
-        if self._rate_hz is not None:
-            samples = vars(device.recorded())
-            moved_s = (self._began_s, ended_s)
-            self._entries.append(
-                events.TouchRecorded.packed(touch=0, moved_s=moved_s, tare_n=None, **samples)
-            )
-        self._began_s = None
-        self._entries.off()
+        ended_s = self._rig.clock.monotonic_s()
+        self._rig.device.off()
+        self._end_drive(ended_s)
 
+    def _end_drive(self, ended_s: float) -> None:
+        """Keep what was recorded; raise DeviceError if the device had turned itself off."""
+        device, began_s, self._began_s = self._rig.device, self._began_s, None
+        if began_s is None:
+            return
+        try:
+            if self._is_told or self._held.stopped_by:
+                return
+            if self._rate_hz is not None:
+                samples = vars(device.recorded())
+                moved_s = (began_s, ended_s)
+                self._entries.append(
+                    events.TouchRecorded.packed(touch=0, moved_s=moved_s, tare_n=None, **samples)
+                )
+            device.check()
+        finally:
+            self._entries.off()
+
+    @_told
     def resonance(self) -> float:
         """Return the beam's resonance, Hz, measured with 10 V at most; the output is off then.
 
@@ -239,7 +289,13 @@ class OpenRig:
         return found.frequency_hz
 
     def _require_open(self) -> None:
-        if not self._end.alive:
+        held = self._held
+        if not held.is_ours:
+            raise WorkFailed("the rig belongs to another process, of which this is a fork")
+        if held.stopped_by:
+            self.close()
+            raise WorkFailed(f"{held.stopped_by}, and closed; touchbeam.open_rig opens it anew")
+        if not held.is_open:
             raise WorkFailed("the rig is closed; touchbeam.open_rig opens it anew")
 
     def _open(self, seconds: float = 0.0) -> Rig:
@@ -282,110 +338,3 @@ def _number(name: str, value: object) -> float:
             right = False
     _require(right, name, "number", value)
     return number
-
-
-@dataclass
-class _Entries:
-    """What the journal keeps, if there is one; `said` is what was read since the output went on."""
-
-    log: SessionLog | None
-    why: str = "the program is done"
-    said: list[ReadBack] = field(default_factory=list)
-
-    def append(self, event: events.Event) -> None:
-        if self.log is not None:
-            self.log.append(event)
-
-    def off(self) -> None:
-        if self.log is not None and self.log.state.name == "driving":
-            self.log.append(events.DriveEnded(read_back=tuple(self.said)))
-        self.said = []
-
-    def over(self, *, confirmed: bool) -> None:
-        self.off()
-        self.append(events.DeviceOff(confirmed=confirmed, why=self.why))
-        if confirmed:
-            self.append(events.SessionCompleted())
-
-
-def _close(device: Rig, entries: _Entries, stack: ExitStack) -> None:
-    with stack:
-        try:
-            device.off()
-        except BaseException:
-            with suppress(Exception):  # that the output may be on matters more
-                entries.over(confirmed=False)
-            raise
-        try:
-            entries.over(confirmed=True)
-        except Exception as error:
-            error.add_note(_OFF)
-            raise
-
-
-def _abandoned(process: int, device: Rig, entries: _Entries, stack: ExitStack) -> None:
-    """Close a rig that nobody has closed, unless this is a fork of its process."""
-    if os.getpid() != process:
-        return
-    if threading.current_thread() is threading.main_thread():
-        entries.why = "the program forgot the rig"
-        _close(device, entries, stack)
-    else:
-        # Garbage is collected in any thread, also in the owner of the port, who cannot wait for
-        # itself. The journal belongs to the thread that opened it.
-        threading.Thread(target=_close, args=(device, _Entries(None), stack)).start()
-
-
-@contextmanager
-def _session(path: Path, study: str, clock: Clock) -> Iterator[SessionLog]:
-    """Open the next session of kind `script` in the journal of the study in `path`."""
-    checked_place(path, mounts_of_this_machine())
-    with journal_if_used(StudyFolder(path=path).journal) as journal, ExitStack() as stack:
-        with journal.alone():
-            before = chains_of(journal, events.SCRIPT, rehearsal=False)
-            number = 1 + max((parsed_name(chain).number for chain in before), default=0)
-            name = session_name(events.SCRIPT, number)
-            stack.enter_context(session_lock(name, path))
-            log = SessionLog(journal, name, clock)
-            log.append(
-                events.SessionOpened(
-                    participant=events.SCRIPT,
-                    session=number,
-                    kind=events.SCRIPT,
-                    study=study,
-                    slot=None,
-                    sequence=(),
-                    conditions=(),
-                    study_sha256=None,
-                    study_text=None,
-                    trials=(),
-                    language=None,
-                    consent=None,
-                    seed=None,
-                    versions=versions(),
-                )
-            )
-        yield log
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Have signals that would kill this program end it; those that it takes itself stay its own."""
-    if threading.current_thread() is not threading.main_thread():  # no other may take signals
-        yield
-        return
-    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    numbers = [getattr(signal, name) for name in names]
-    taken = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
-    for number in taken:
-        signal.signal(number, _end)
-    try:
-        yield
-    finally:
-        with suppress(ValueError):  # closed by another thread
-            for number in taken:
-                signal.signal(number, signal.SIG_DFL)
-
-
-def _end(number: int, _: object) -> None:
-    raise SystemExit(128 + number)

@@ -66,7 +66,10 @@ def connected(path: Path, access: str = "mode=rw", timeout_s: float = 5.0) -> sq
     # Before SQLite sees the file: to recover a rollback journal it needs only to open it.
     _require_reaching_no_other(path)
     uri = f"{path.absolute().as_uri()}?{access}"
-    connection = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
+    # Whichever thread turns a rig off ends its session; SQLite itself serves one after another.
+    connection = sqlite3.connect(
+        uri, uri=True, timeout=timeout_s, isolation_level=None, check_same_thread=False
+    )
     with closed_on_error(connection):
         # Python runs the handlers of signals between two of its instructions: this is one.
         connection.set_progress_handler(lambda: 0, _STEPS_BETWEEN_SIGNALS)

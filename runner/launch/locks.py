@@ -56,7 +56,9 @@ def rig_lock(url: str, common: Path = COMMON) -> AbstractContextManager[None]:
 def _lock(what: str, identity: str, common: Path) -> Iterator[None]:
     """Lock `what`, identified by `identity`; the system releases the lock if the process dies."""
     folder, name = _folder(common), _file_name(identity)
-    lock, holder_file = FileLock(folder / f"{name}.lock"), folder / f"{name}.process"
+    # Of the process, not of a thread: whichever thread ends the body releases it.
+    lock = FileLock(folder / f"{name}.lock", thread_local=False)
+    holder_file = folder / f"{name}.process"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # that it takes a lock which outlives its process

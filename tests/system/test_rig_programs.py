@@ -89,6 +89,7 @@ def test_a_program_that_is_killed_leaves_the_output_off_within_the_watchdogs_tim
     # The rig and its lock are free again, and the next program has a session of its own.
     with touchbeam.open_rig(folder, simulator.url, journal=folder) as rig:
         assert rig.drive(50, 24_221.37).output
+        rig.off()
         assert typed("status", str(folder)) == 0
     excluded = ("--participant", "script", "--reason", "killed")
     assert typed("exclude", str(folder), *excluded) == 0

@@ -15,6 +15,7 @@ import pytest
 import touchbeam
 from analysis.loading.sessions import load_sessions
 from device.errors import OutputUnknown
+from device.rig import Rig
 from device.simulator.client import BeamControl
 from protocol.journal.events import (
     DeviceOff,
@@ -23,6 +24,7 @@ from protocol.journal.events import (
     SessionOpened,
     TouchRecorded,
 )
+from protocol.journal.records import ReadBack
 from protocol.study_file.loading import template
 from runner.journal.cohort import Arrival, states
 from runner.journal.names import real_sessions
@@ -54,7 +56,9 @@ def hand_on(rig: touchbeam.OpenRig) -> BeamControl:
     return rig.hand
 
 
-def program(folder: Path, ends: Callable[[touchbeam.OpenRig], None]) -> None:
+def program(
+    folder: Path, ends: Callable[[touchbeam.OpenRig], None], *, still_on: bool = True
+) -> None:
     """Drive a rig until `ends` ends the program."""
     with touchbeam.open_rig(folder, journal=folder) as rig:
         rig.drive(100, HZ)
@@ -62,7 +66,7 @@ def program(folder: Path, ends: Callable[[touchbeam.OpenRig], None]) -> None:
         try:
             ends(rig)
         finally:
-            assert hand_on(rig).state()["output"] is True
+            assert hand_on(rig).state()["output"] is still_on
             ended.append(hand_on(rig))
 
 
@@ -190,17 +194,138 @@ def _raise(error: BaseException) -> None:
     raise error
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_signals_that_kill_end_the_program_with_the_output_off(
     folder: Path, number: signal.Signals
 ) -> None:
-    # A rig that an earlier test forgot may have been closed in a thread, which restores no handler.
-    signal.signal(number, signal.SIG_DFL)
     with pytest.raises(SystemExit) as raised:
         program(folder, lambda _: os.kill(os.getpid(), number))
     assert raised.value.code == 128 + number
     assert ended[-1].state()["output"] is False
     assert signal.getsignal(number) is signal.SIG_DFL
+    assert events_in(folder)[-2].why == f"the rig was stopped by {number.name}"
+
+
+def interrupted(rig: touchbeam.OpenRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have Ctrl-C come when the device is told to turn its output off."""
+    off = rig._rig.device.off
+
+    def meanwhile() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        off()
+
+    monkeypatch.setattr(rig._rig.device, "off", meanwhile)
+
+
+def test_ctrl_c_while_it_closes_waits_until_it_is_closed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        program(folder, lambda rig: interrupted(rig, monkeypatch))
+    assert ended[-1].state()["output"] is False
+    assert events_in(folder)[-2].confirmed is True
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_handler_of_the_programs_own_that_breaks_the_closing_off_leaves_the_rig_to_be_closed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = signal.signal(signal.SIGINT, lambda *_: _raise(KeyboardInterrupt()))
+    try:
+        rig = touchbeam.open_rig(folder)
+        rig.drive(100, HZ)
+        with monkeypatch.context() as patch:
+            interrupted(rig, patch)
+            with pytest.raises(KeyboardInterrupt):
+                rig.close()
+        rig.close()
+        assert hand_on(rig).state()["output"] is False
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_stopped_rig_drives_no_more(folder: Path) -> None:
+    with touchbeam.open_rig(folder) as rig:
+        rig.drive(100, HZ)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(RuntimeError, match=r"^the rig was stopped by SIGINT, and closed; t"):
+            rig.wait(0.1)
+        assert hand_on(rig).state()["output"] is False
+        with pytest.raises(RuntimeError, match=r"^the rig was stopped by SIGINT"):
+            rig.drive(100, HZ)
+    with touchbeam.open_rig(folder) as rig:
+        assert rig.drive(100, HZ).output
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_signals_are_given_back_once_the_last_rig_is_closed(first: int) -> None:
+    rigs = [touchbeam.open_rig(), touchbeam.open_rig()]
+    rigs.pop(first).close()
+    assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+    with pytest.raises(SystemExit):
+        os.kill(os.getpid(), signal.SIGTERM)
+    rigs.pop().close()
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_is_given_back_also_where_another_thread_closed_the_last_rig() -> None:
+    rig = touchbeam.open_rig()
+    in_a_thread(rig.close)
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def in_a_thread(work: Callable[[], object]) -> None:
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+
+
+def test_a_thread_may_close_what_another_one_opened(folder: Path) -> None:
+    rigs: list[touchbeam.OpenRig] = []
+    in_a_thread(lambda: rigs.append(touchbeam.open_rig(folder, journal=folder)))
+    rigs[0].drive(100, HZ)
+    rigs[0].close()
+    assert hand_on(rigs[0]).state()["output"] is False
+    assert events_in(folder)[-1].TAG == "session-completed"
+
+
+def test_a_call_that_comes_after_the_close_fails_and_does_not_wait(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for real_time in (False, True):
+        rig = touchbeam.open_rig(folder, real_time=real_time)
+        device = rig._rig.device
+
+        def closed_meanwhile(device: Rig = device, rig: touchbeam.OpenRig = rig) -> ReadBack:
+            in_a_thread(rig.close)
+            return Rig.read_back(device)
+
+        monkeypatch.setattr(device, "read_back", closed_meanwhile)
+        with pytest.raises(RuntimeError, match=r"^the rig is closed; touchbeam\.open_rig"):
+            rig.read_back()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_fork_cannot_use_the_rig(rig: touchbeam.OpenRig) -> None:
+    rig.drive(100, HZ)
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            with pytest.raises(RuntimeError, match="another process, of which this is a fork"):
+                rig.wait(0.1)
+            rig.close()
+            assert hand_on(rig).state()["output"] is True, "of its own copy: nothing was sent"
+            assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert rig.read_back().output
 
 
 def test_a_handler_of_the_programs_own_stays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -269,6 +394,37 @@ def test_a_device_that_fails_is_turned_off_and_stays_off(
     assert hand_on(rig).state()["output"] is False
     with pytest.raises(RuntimeError, match="output off, read back"):
         rig.drive(100, HZ)
+
+
+@pytest.mark.parametrize("end", ["off", "close", "with"])
+def test_it_says_that_the_device_had_turned_itself_off(folder: Path, end: str) -> None:
+    def ends(rig: touchbeam.OpenRig) -> None:
+        hand_on(rig).fault("watchdog-trip")
+        if end != "with":
+            getattr(rig, end)()
+
+    with pytest.raises(RuntimeError, match=r"its watchdog tripped: .*; output off, read back$"):
+        program(folder, ends, still_on=False)
+    assert any(isinstance(record, DriveEnded) for record in events_in(folder))
+    assert events_in(folder)[-2].confirmed is True
+
+
+def test_what_the_device_did_is_told_once_and_beside_an_error_of_the_program(folder: Path) -> None:
+    with touchbeam.open_rig(folder) as rig:
+        rig.drive(100, HZ)
+        hand_on(rig).fault("watchdog-trip")
+        with pytest.raises(RuntimeError, match="its watchdog tripped"):
+            rig.wait(0.5)
+        rig.off()
+
+    def ends(rig: touchbeam.OpenRig) -> None:
+        hand_on(rig).fault("watchdog-trip")
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError) as mine:
+        program(folder, ends, still_on=False)
+    (note,) = mine.value.__notes__
+    assert re.search("its watchdog tripped: .*; output off, read back", note)
 
 
 def test_an_output_that_is_not_confirmed_is_unknown(folder: Path) -> None:
@@ -350,6 +506,38 @@ def test_nothing_counts_a_script(folder: Path, capsys: pytest.CaptureFixture[str
         rig.drive(10, HZ)
     opened = events_in(folder, "script/2")[0]
     assert isinstance(opened, SessionOpened)
+
+
+def names_a_port(folder: Path) -> Path:
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('device = "sim" ', 'device = "/nowhere/ttyUSB7" '))
+    return folder
+
+
+def test_a_simulated_rig_in_place_of_the_studys_says_so(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with touchbeam.open_rig(folder):
+        assert capsys.readouterr().err == ""
+    with touchbeam.open_rig(names_a_port(folder), "sim") as rig:
+        assert capsys.readouterr().err == (
+            "touchbeam: this rig is simulated; the one of the study, at /nowhere/ttyUSB7, is not "
+            "opened\n"
+        )
+        assert rig.hand is not None
+
+
+def test_a_device_without_a_watchdog_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[rig]", '[rig]\ndialect = "keysight"\namplifier_gain = 24'))
+    with touchbeam.open_rig(folder):
+        assert re.fullmatch(
+            r"touchbeam: this generator has no watchdog.*\n", capsys.readouterr().err
+        )
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Everything that the commands print: lines, JSON, tables, progress bars and error lines.
 
-No other module prints, so nothing reaches a terminal unescaped.
+No other module prints, but for what a rig says to its own program (`touchbeam/held_rigs.py`), so
+nothing reaches a terminal unescaped.
 """
 
 import errno

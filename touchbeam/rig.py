@@ -39,18 +39,20 @@ _Given = TypeVar("_Given")
 
 def open_rig(
     study: Folder | None = None,
-    device: str = SIMULATED,
+    device: str | None = None,
     *,
     journal: Folder | None = None,
     real_time: bool = False,
     seed: int = 1,
 ) -> "OpenRig":
-    """Return the rig at the address `device`, armed and with its watchdog tested.
+    """Return the rig, armed and with its watchdog tested.
 
-    Nothing beyond the limits of the `study` (a folder; else of the journal's, else the defaults) is
-    ever sent. The simulated rig, whose beam follows from `seed`, waits in no time, or in
-    `real_time`. What is driven is kept in the study's folder `journal`, as a session of kind
-    `script`, which no report counts.
+    The `device` is that of the `study` (a folder; else the journal's) unless an address is given;
+    without a study, or with the address `sim`, it is simulated. Before a real one is armed, a line
+    on standard error says which. Nothing beyond the limits of the study (else the defaults) is ever
+    sent. The simulated rig, whose beam follows from `seed`, waits in no time, or in `real_time`.
+    What is driven is kept in the study's folder `journal`, as a session of kind `script`, which no
+    report counts.
 
     While a rig is open, SIGINT, SIGTERM, SIGHUP and SIGQUIT turn the output off first, and then end
     the program as KeyboardInterrupt or `sys.exit` does, unless it has handlers of its own. Python
@@ -63,27 +65,45 @@ def open_rig(
         RuntimeError: the rig is in use or does not work; the message says what is known of its
             output.
     """
+    try:
+        return _opened(study, device, journal, seed, real_time=real_time)
+    except (BadInput, WorkFailed) as error:
+        # The message is whole: what led to it would be tracebacks before the program's own.
+        raise error from None
+
+
+def _opened(
+    study: Folder | None,
+    device: str | None,
+    journal: Folder | None,
+    seed: int,
+    *,
+    real_time: bool,
+) -> "OpenRig":
     folders = {"study": study, "journal": journal}
     for name, place in folders.items():
         text = os.fspath(place) if isinstance(place, str | os.PathLike) else place
         _require(
             text is None or (isinstance(text, str) and "\0" not in text), name, "folder", place
         )
-    _require(isinstance(device, str), "device", f"text such as {SIMULATED!r}", device)
+    right = device is None or isinstance(device, str)
+    _require(right, "device", f"text such as {SIMULATED!r}", device)
     _require(type(seed) is int, "seed", "whole number", seed)
     home = journal if study is None else study
     folder = None if home is None else StudyFolder(path=Path(home))
     file = None if folder is None else validated_study(folder.text(), str(folder.study_file))
     settings, channel = (file.rig, file.force_channel) if file else (RigSettings(), ForceChannel())
     calibration = None if folder is None else kept_calibration(folder.path)
-    url = device
+    url = settings.device if device is None else device
     stepped = url == SIMULATED and not real_time
     with ExitStack() as stack:
         stack.enter_context(ended_by_signals())
         stack.enter_context(device_access.rig_locks(url, channel))
         session = partial(device_access.session_rig, url)
         opening = device_access.stepped_rig if stepped else session
-        if url == SIMULATED and settings.device != SIMULATED:
+        if url != SIMULATED:
+            say(f"opening the rig at {url} ({settings.dialect}); nobody may touch the beam yet")
+        elif settings.device != SIMULATED:
             say(f"this rig is simulated; the one of the study, at {settings.device}, is not opened")
         rig = stack.enter_context(opening(settings, seed, calibration, channel))
         # The rig before the journal: if no device answers, no session is opened.

@@ -126,7 +126,10 @@ def test_the_end_of_the_interpreter_turns_the_output_off(
     with program(simulator.url, folder, "end") as process:
         assert process.wait(10) == 0
         assert process.stderr is not None
-        assert process.stderr.read() == ""
+        opening = (
+            f"touchbeam: opening the rig at {simulator.url} (board); nobody may touch the beam"
+        )
+        assert process.stderr.read() == f"{opening} yet\n"
         assert (control.state()["output"], control.state()["tripped"]) == (False, False)
     with read_journal(folder / "study.db") as journal:
         assert states(journal)["script/1"].name == "completed"

@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from itertools import cycle
 from pathlib import Path
@@ -515,6 +516,18 @@ def names_a_port(folder: Path) -> Path:
     return folder
 
 
+def test_the_rig_is_that_of_the_study(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names_a_port(folder)
+    for given in ({"study": folder}, {"journal": folder}):
+        with pytest.raises(RuntimeError, match=r"/nowhere/ttyUSB7") as raised:
+            touchbeam.open_rig(**given)  # type: ignore[arg-type] # mypy takes the keys for any
+        told = traceback.format_exception(raised.value)
+        assert sum(line.startswith("Traceback") for line in told) == 1
+        said = "opening the rig at /nowhere/ttyUSB7 (board); nobody may touch the beam yet"
+        assert capsys.readouterr().err == f"touchbeam: {said}\n"
+    assert not (folder / "study.db").exists()
+
+
 def test_a_simulated_rig_in_place_of_the_studys_says_so(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -549,7 +562,7 @@ def test_a_device_without_a_watchdog_is_named(
         ({"study": 5}, "^study must be a folder, got 5$"),
         ({"study": "a\0b"}, "^study must be a folder, got 'a"),
         ({"journal": b"."}, "^journal must be a folder, got b'.'$"),
-        ({"device": None}, "^device must be a text such as 'sim"),
+        ({"device": 5}, "^device must be a text such as 'sim"),
         ({"seed": "x"}, "^seed must be a whole number, got 'x'$"),
         ({"seed": True}, "^seed must be a whole number, got True$"),
     ],

@@ -134,8 +134,7 @@ def obey(context: SessionContext) -> None:
     """
     if context.participant.stops():
         _stop_at_once(context, "emergency stop in the participant's window")
-    if take_suspension():
-        _refuse_suspension(context)
+    _refuse_suspension(context)
     match context.operator.order():
         case "emergency stop":
             _stop_at_once(context, "emergency stop")
@@ -209,6 +208,8 @@ def keeps_its_group(context: SessionContext, name: str) -> str:
 
 
 def _refuse_suspension(context: SessionContext) -> None:
+    if not take_suspension():
+        return
     context.operator.notify(
         "Ctrl-Z does not suspend a session; the order s stops it, and the same command resumes it"
     )

@@ -63,6 +63,8 @@ class Rig(PortOwner):
         driver.is_guarded = guardian is not None
         self._pulse = Pulse(monotonic, limits.watchdog_s, guardian)
         driver.link.alive = self._pulse.beat
+        self.pace: Pace | None = None
+        """How fast the device is, as measured when it was armed; None before."""
         self._calls_waited_for = 0
         self._beats = 0
         self._fed_beats = 0
@@ -158,7 +160,7 @@ class Rig(PortOwner):
         return found.result()
 
     def read_back(self) -> ReadBack:
-        return self._owned(lambda: self._guarded(self._driver.read_back))
+        return self._owned(lambda: self._guarded(self._read_back))
 
     def check(self) -> None:
         """Raise `DeviceError` unless the device does what it was told, and did not fail before."""
@@ -373,6 +375,7 @@ class Rig(PortOwner):
             pace = self._driver.pace()
         if why := self._too_slow(pace):
             raise DeviceError(f"{why}; nothing was driven")
+        self.pace = pace
         if remark := pace.remark(self._limits.ramp_v_per_s, self._limits.max_voltage_v):
             return replace(identity, remarks=(*identity.remarks, remark))
         return identity
@@ -384,6 +387,12 @@ class Rig(PortOwner):
         self._pulse.watch()
         read_back = self._driver.drive(setpoint)
         self._ramping = True
+        return read_back
+
+    def _read_back(self) -> ReadBack:
+        read_back = self._driver.read_back()
+        if not self._driver.has_watchdog:  # a poll asks for the same
+            self._fed_s = self._monotonic()
         return read_back
 
     def _off(self, silence: str) -> None:

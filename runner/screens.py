@@ -19,6 +19,7 @@ from protocol.study.touch import Direction, Mark, Touch, TouchDefaults, mark_of
 
 if TYPE_CHECKING:
     from device.drivers.limits import Setpoint
+    from device.drivers.pace import Pace
     from device.force_channel.recording import Forces, Samples
     from device.resonance import Resonance
     from protocol.journal.records import Identity
@@ -348,6 +349,10 @@ class Device(Protocol):
     @property
     def has_watchdog(self) -> bool:
         """Whether the device turns its output off by itself when it hears nothing."""
+
+    @property
+    def pace(self) -> Pace | None:
+        """How fast the device is, as measured when it was armed; None before."""
 
     @property
     def has_guardian(self) -> bool:

@@ -128,9 +128,11 @@ class Driver(ABC):
         """Measure how fast the armed device is; changes nothing, raises as `check`."""
         answer_s = self.link.answer_s
         # A drive sets and reads back three values, and switches on.
-        begin_s, end_s = 20 * answer_s, 6 * answer_s
+        begin_s, end_s, late_s = 20 * answer_s, 6 * answer_s, 10 * answer_s
         # Twice as often as it must be heard, because answers differ.
-        return Pace(answer_s=answer_s, watch_s=2 * answer_s, begin_s=begin_s, end_s=end_s)
+        return Pace(
+            answer_s=answer_s, watch_s=2 * answer_s, begin_s=begin_s, end_s=end_s, late_s=late_s
+        )
 
     def _meet(self) -> None:  # noqa: B027 - most devices need nothing
         """Tell a device that is the expected one what the link needs to get into step."""

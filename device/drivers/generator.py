@@ -134,6 +134,7 @@ class Generator(Driver):
             watch_s=watch_s,
             begin_s=watch_s + 2 * poll_s + 3 * step_s,
             end_s=watch_s + 6 * answer_s,
+            late_s=1.2 * (watch_s + poll_s + 6 * answer_s),  # two looks and off; answers differ
             step_s=step_s,
         )
 

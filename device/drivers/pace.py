@@ -18,6 +18,7 @@ class Pace:
         watch_s: between two looks at the session, or between two lines that feed a watchdog.
         begin_s: at most, until a drive that was asked for has begun.
         end_s: at most, until the output is off, and read back.
+        late_s: at most, that a touch lasts longer than planned, if its drive stays as it is.
         step_s: for a step of a ramp; 0 for a device that makes its ramps itself.
     """
 
@@ -25,6 +26,7 @@ class Pace:
     watch_s: float
     begin_s: float
     end_s: float
+    late_s: float
     step_s: float = 0.0
 
     def too_slow(self, watchdog_s: float, longest_s: float) -> str:
@@ -44,6 +46,21 @@ class Pace:
         else:
             return ""
         return f"the device takes {self._answer} to answer, which is too slow: {why}; {remedy}"
+
+    def too_late(self, most_s: float, *, changing: bool) -> str:
+        """Return why a touch would not end within `most_s` of its time, '' if each does.
+
+        A `changing` drive, a ramp or a sweep, is set once more while the touch lasts.
+        """
+        late_s = self.late_s + self.begin_s * changing
+        if late_s <= most_s:
+            return ""
+        kind = "touches with a ramp or a sweep" if changing else "touches"
+        return (
+            f"the device takes {self._answer} to answer, so that {kind} would last up to "
+            f"{late_s:.1f} s longer than planned, and one that lasts {most_s:g} s longer does not "
+            "count; use a faster connection, such as its LAN socket"
+        )
 
     def remark(self, ramp_v_per_s: float, max_voltage_v: float) -> str:
         """Return what the operator must know of a device that is slow, '' for one that is not."""

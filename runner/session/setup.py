@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from random import Random
 
+from device.errors import DeviceError
 from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.records import QuestionAnswer
@@ -23,6 +24,8 @@ from runner.session.waiting import (
 )
 from runner.session.watchdog import require_watchdog
 
+MOST_OVER_S = 1.0
+"""A touch that lasted longer than planned by more than this is not the planned one."""
 _optional = partial(StudyQuestion, required=False)
 _STATES = tuple(Label(value=state) for state in ("dry", "normal", "moist"))
 OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
@@ -58,6 +61,11 @@ def prepare(context: SessionContext) -> None:
     identity = context.device.arm()
     context.identity = identity.idn
     context.log.append(events.DeviceArmed(**vars(identity)))
+    pace = context.device.pace
+    touches = [touch for trial in context.session.plan.trials for touch in trial.touches]
+    changing = any(touch.sweep_to or touch.end_voltage_v != touch.voltage_v for touch in touches)
+    if why := pace.too_late(MOST_OVER_S, changing=changing) if pace else "":
+        raise DeviceError(f"{why}; nothing was driven")
     update_view(context, warning="; ".join(identity.remarks))
     # Before any drive above 0 V: from here on the watchdog is relied on.
     require_watchdog(context, identity.idn)

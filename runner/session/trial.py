@@ -22,7 +22,7 @@ from protocol.study.touch import Touch
 from runner import screens
 from runner.session.measured import begin, end, judged, samples_of, tare
 from runner.session.session import Session, SessionContext, known_before
-from runner.session.setup import mount
+from runner.session.setup import MOST_OVER_S, mount
 from runner.session.track_levels import answered
 from runner.session.waiting import TICK_S, response, show_page, update_view, wait
 
@@ -103,8 +103,6 @@ def _asked(context: SessionContext, question: StudyQuestion) -> records.Question
 
 
 SAMPLE_EVERY_S = 0.2
-MOST_OVER_S = 1.0
-"""A touch that lasted longer than planned by more than this is not the planned one."""
 SWEEP_STEP_S = 0.1
 SWEEP_STEPS = 10
 """Steps in a sweep shorter than 1 s; fewer if they would be shorter than `FASTEST_STEP_S`."""

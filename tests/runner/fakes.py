@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any, cast
 
 from device.drivers.limits import Setpoint
+from device.drivers.pace import Pace
 from device.errors import DeviceError, OutputUnknown
 from device.force_channel.recording import Forces, Samples
 from device.resonance import Resonance
@@ -59,6 +60,7 @@ class FakeDevice:
     on: bool = False
     has_watchdog: bool = False
     has_guardian: bool = False
+    pace: Pace | None = None
     measures_resonance: bool = True
     trips: bool = True
     idn: str = "fake"

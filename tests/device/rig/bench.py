@@ -19,7 +19,7 @@ DRIVE = Setpoint(voltage_v=100, frequency_hz=24_000, ramp_v_per_s=400)
 FEED_S = LIMITS.watchdog_s / 5
 SHOWN = ReadBack(output=True, voltage_v=100, frequency_hz=24_000)
 IDENTITY = Identity(idn="recorded", boot=1, device_time_s=0.0)
-AT_ONCE = Pace(answer_s=0.001, watch_s=0.002, begin_s=0.02, end_s=0.006)
+AT_ONCE = Pace(answer_s=0.001, watch_s=0.002, begin_s=0.02, end_s=0.006, late_s=0.01)
 CALIBRATION = Resonance(frequency_hz=24_100, tip_m_per_v=1e-8)
 
 

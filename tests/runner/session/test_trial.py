@@ -1,12 +1,14 @@
 """A touch, moment by moment: what is driven, read, shown and kept."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
+from device.errors import DeviceError
 from protocol.journal.events import (
     BeamMounted,
     DeviceArmed,
@@ -72,6 +74,7 @@ class Device(FakeDevice):
     scene: Scene
     takes_s = 0.0
     """How long it takes to be driven."""
+    fails_after_off = False
 
     def drive(self, setpoint: Setpoint) -> ReadBack:
         self.scene.made.clock.sleep(self.takes_s)
@@ -88,6 +91,11 @@ class Device(FakeDevice):
     def off(self) -> None:
         self.scene.happens("off")
         super().off()
+
+    def beat(self) -> None:
+        super().beat()
+        if self.fails_after_off and not self.on:
+            raise DeviceError("the program stood still")
 
 
 class Participant(FakeParticipant):
@@ -253,3 +261,39 @@ def test_the_device_is_beaten_at_each_step(tmp_path: Path) -> None:
         made.touched(1, hold(sweep_to=1.1, duration_s=0.1))
         assert made.device.calls.count("beat") - beats == 20 + 12 + 5 + 1, "before and after it"
     assert beats == 12 + 20 + 1, "each twentieth of a second, of lead-in and touch, and at its end"
+
+
+@pytest.mark.parametrize("slow_s", [0.2, 0.4])
+def test_a_touch_that_ended_over_a_second_late_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slow_s: float
+) -> None:
+    """Nothing stood still: the device alone took long, at the first look, the last and off."""
+    with scene(tmp_path) as made:
+        clock, read_back, off = made.made.clock, made.device.read_back, made.device.off
+
+        def slow(call: Callable[[], Any]) -> Callable[[], Any]:
+            def called() -> Any:
+                clock.sleep(slow_s)
+                return call()
+
+            return called
+
+        monkeypatch.setattr(made.device, "off", slow(off))
+        monkeypatch.setattr(made.device, "read_back", slow(read_back))
+        late = r"^a touch of 1 s ended 1\.\d s late, because .* too slow; it does not count$"
+        if slow_s > 0.3:
+            with pytest.raises(DeviceError, match=late):
+                made.touched(0, hold(duration_s=1.0))
+            assert not any(isinstance(event, TouchEnded) for event in made.events())
+            assert not made.device.on
+        else:
+            made.touched(0, hold(duration_s=1.0))
+
+
+def test_a_fault_that_is_found_as_a_touch_ends_keeps_it_from_counting(tmp_path: Path) -> None:
+    """As of a program that stood still when it turned the output off."""
+    with scene(tmp_path) as made:
+        made.device.fails_after_off = True
+        with pytest.raises(DeviceError, match="stood still"):
+            made.touched(0, hold(duration_s=1.0))
+        assert not any(isinstance(event, TouchEnded) for event in made.events())

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from device.drivers.pace import Pace
 from device.errors import DeviceError
 from protocol.address import SIMULATED
 from protocol.journal.events import WatchdogTested
@@ -201,3 +202,19 @@ def test_a_signal_that_foreign_code_took_ends_the_test(study: Study) -> None:
         run(context(journal, device, FakeParticipant()))
     assert study.tests() == []
     assert device.calls[-2:] == ["emergency stop", "off"]
+
+
+@pytest.mark.parametrize("answer_s", [0.02, 0.03])
+def test_a_device_at_which_touches_would_end_late_is_refused_before_anything_is_driven(
+    study: Study, answer_s: float
+) -> None:
+    pace = Pace(answer_s=answer_s, watch_s=0.1, begin_s=0.1, end_s=0.1, late_s=40 * answer_s)
+    device = FakeDevice(pace=pace)
+    if answer_s == 0.02:
+        study.begin(device, 0.0)
+        return
+    late = r"^the device takes 30 ms .* up to 1\.3 s longer than planned.*; nothing was driven\n"
+    with pytest.raises(DeviceError, match=late):
+        study.begin(device, 0.0)
+    assert not device.driven
+    assert "resonance" not in device.calls

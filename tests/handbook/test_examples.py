@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import touchbeam
 from handbook.build import ROOT
 from handbook.examples import Example, in_shell, run_page
 from tests.runner.command_line import typed
@@ -42,6 +43,18 @@ def test_the_examples_of_a_page_do_what_it_shows(
     shell = in_shell if page.stem == "README" else here
     for example in run_page(page.read_text(encoding="utf-8"), tmp_path, shell):
         assert example.agrees, f"run: python -m handbook.examples --write {page}\n{example}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_no_box_of_a_page_is_empty(page: Path) -> None:
+    assert not re.search(r"^```\w+\n\s*```$", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["how-to/script.md", "python.md"])
+def test_what_a_page_names_of_the_rig_exists(name: str) -> None:
+    named = re.findall(r"\brig\.(\w+)", (ROOT / "docs" / name).read_text(encoding="utf-8"))
+    assert [name for name in named if not hasattr(touchbeam.OpenRig, name)] == []
+    assert "drive" in named
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,23 @@ def test_the_citation_is_of_this_version() -> None:
     found = re.search(r"^version: (.+)$", text, re.MULTILINE)
     assert found
     assert found[1] == touchbeam.__version__
+
+
+def test_the_address_is_the_one_that_the_project_names() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    named = re.search(r'^repository-code: "?([^"\n]+)', citation, re.MULTILINE)
+    assert (named and named[1]) == project["urls"].get("Source")
+    assert project["urls"].get("Source", "in this folder") in readme
+
+
+def test_the_readme_names_the_models_of_all_generators_that_are_simulated() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    modules = [path.read_text(encoding="utf-8") for path in (ROOT / "device").rglob("*.py")]
+    models = {name for text in modules for name in re.findall(r'idn="[^",]+,(\w+),SIM', text)}
+    assert len(models) > 3
+    assert {name for name in models if name not in readme} == set()
 
 
 def test_the_changes_have_an_entry_for_this_version() -> None:

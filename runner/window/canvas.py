@@ -4,7 +4,9 @@ The import of psychopy needs a display, so only the window's own process imports
 """
 
 import ctypes
+import os
 import sys
+import tempfile
 import time
 from functools import partial
 from importlib.util import LazyLoader, find_spec, module_from_spec
@@ -28,7 +30,21 @@ if (spec := find_spec("scipy.interpolate")) and spec.loader:
     sys.modules[spec.name] = vars(scipy)["interpolate"] = module_from_spec(spec)
     spec.loader.exec_module(sys.modules[spec.name])
 
-from psychopy import logging, visual
+# Psychopy obeys preferences of the user's, such as the kind of window, and fails where it cannot
+# write beside them. It looks for their folder here alone; fonts remain the user's own.
+_PREFERENCES = tempfile.TemporaryDirectory(prefix="touchbeam-psychopy-")
+_OWN = dict.fromkeys(("HOME", "APPDATA"), _PREFERENCES.name)
+_USERS = {name: os.environ[name] for name in _OWN.keys() & os.environ.keys()}
+os.environ.update(_OWN)
+try:
+    import psychopy.monitors
+    import psychopy.preferences  # noqa: F401
+finally:
+    for name in _OWN.keys() - _USERS.keys():
+        del os.environ[name]
+    os.environ.update(_USERS)
+
+from psychopy import logging, visual  # noqa: E402
 
 SMALL_WINDOW_PX = (800, 600)
 MOST_KEPT = 1000

@@ -29,7 +29,10 @@ SETTINGS = (
     *(".jupyter/jupyter_config.py", "jupyter_notebook_config.py", "openssl.cnf", ".netrc"),
     *("fonts/DejaVuSans.ttf", "assets/fonts/DejaVuSans.ttf", "fontlist.json", ".sqliterc"),
 )
-PROGRAMS = ("fc-list", "xrandr", "latex", "gcc", "ldconfig", "python", "python3", "touchbeam")
+PROGRAMS = (
+    *("fc-list", "fc-match", "xrandr", "latex", "gcc", "ldconfig"),
+    *("python", "python3", "touchbeam"),
+)
 LIBRARIES = ("GL", "GLU", "X11", "Xext", "Xinerama", "Xi", "Xxf86vm", "fontconfig", "freetype")
 _CONSTRUCTOR = """
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-"""Drawn text stays within its estimated size, so a text that fits by estimate fits the screen."""
+"""The window opens, and what it draws stays within its estimated size: what fits by it fits."""
 
 import json
 import os
@@ -7,6 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from protocol.study.participant_texts import study_wording
+from protocol.study_file.loading import parsed_study, template
+from runner.window.client import participant_window
+from runner.window.messages import Settings
+from tests.runner.command_line import TOUCHBEAM
 
 pytestmark = pytest.mark.waits
 
@@ -34,3 +40,15 @@ def test_no_line_is_wider_on_the_screen_than_estimated(
     assert found["too_wide"] == []
     assert found["needless"] == [], "the window opens sooner without it"
     assert (tmp_path / f"score-chosen-{language}-{width}.png").stat().st_size < 50_000
+
+
+def test_the_users_own_settings_of_psychopy_do_not_matter(
+    small_display: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Nothing can be read from it or written there, as where another user made it.
+    (tmp_path / ".psychopy3").write_text("[general]", encoding="utf-8")
+    monkeypatch.setenv("DISPLAY", small_display)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    settings = Settings(wording=study_wording(parsed_study(template("paper")), "en"))
+    with participant_window([TOUCHBEAM, "participant-window"], settings) as participant:
+        assert participant.is_there()

@@ -45,7 +45,8 @@ class Welcome:
 class FingerPath:
     """The finger's path along the beam; start and end are equal if it does not slide.
 
-    `interval` says which touch of a track's trial it is, from 1; 0 where nobody needs to know.
+    `interval` says which touch of several in a trial it is, from 1; 0 where participants are not
+    told.
     """
 
     start_m: float

@@ -112,6 +112,15 @@ def text_path(study: Study, code: str, key: str) -> Path | None:
     return None
 
 
+def numbers_touches(study: Study, code: str, touches: int) -> bool:
+    """Return whether participants read which touch of a trial comes: of several, in their language.
+
+    A study's own language that is older than these texts goes on without them.
+    """
+    given = {*language(study, code).texts, *study.texts.get(code, {})}
+    return touches > 1 and all(f"interval.{number + 1}" in given for number in range(touches))
+
+
 def touch_text(touch: Touch) -> str:
     """Return the key of the text that says how to make `touch`."""
     if touch.instruction is not None:

@@ -12,6 +12,7 @@ from protocol.journal.state import SessionState
 from protocol.plan.orders import Stream
 from protocol.plan.plan import deferral
 from protocol.plan.trials import FEEDBACK_S, Trial
+from protocol.study.participant_texts import numbers_touches
 from protocol.study_file.loading import text_digest
 from runner.journal.amendments import accepted_digests
 from runner.journal.cohort import cannot_go_on
@@ -84,8 +85,9 @@ def _run_trial(context: SessionContext, trial: Trial) -> None:
     try:
         done: list[Compliance] = []
         touches = as_made(context.session, context.log.state, trial).touches
+        numbered = numbers_touches(context.session.study, context.session.language, len(touches))
         for number, to_make in enumerate(touches):
-            interval = number + 1 if trial.track and len(touches) > 1 else 0
+            interval = number + 1 if numbered else 0
             done.append(touch(context, number, to_make, interval))
             if deferred(context, trial, done[-1]):
                 return

@@ -114,7 +114,7 @@ def touch(
 ) -> records.Compliance:
     """Carry out one touch of a trial and return its compliance.
 
-    Participants read which `interval` it is, from 1, where they will be asked for one.
+    Participants read which touch of several it is, `interval` from 1; 0 where they do not.
 
     The output is off before and after the touch. It is switched on only after the journal has
     recorded the commanded setpoint.

@@ -239,7 +239,7 @@ def _lead_in(screen: screens.LeadIn, view: parts.PageState, texts: Mapping[str, 
 
 
 def _interval(screen: screens.Screen, texts: Mapping[str, str]) -> Page:
-    """Return which of the touches it is that will be asked about, as a marked line."""
+    """Return which of the touches of a trial it is, as a marked line."""
     touch = screen.touch if isinstance(screen, screens.Instruction) else screen
     if not isinstance(touch, screens.FingerPath) or not touch.interval:
         return ()

@@ -8,6 +8,7 @@ from string import digits
 
 from protocol.errors import BadInput, Path, Problem, dotted
 from protocol.study import participant_texts
+from protocol.study.languages import REFERENCE
 from protocol.study.study import Item, Study
 from protocol.study_file.limits import limit_problems
 from runner import screens
@@ -31,8 +32,11 @@ LONGEST_BREAK_S = 3600.0
 def foreseen(study: Study, consent: str | None) -> tuple[screens.Screen, ...]:
     """Return every screen of a session once; the screens of touches precede the questions."""
     items: tuple[Item, ...] = (*study.opening, *study.condition)
-    touches = [touch for item in items for touch in item.touches]
-    cues = [screens.pacing(touch, study.touch) for touch in touches]
+    cues = []
+    for item in items:
+        several = participant_texts.numbers_touches(study, REFERENCE, len(item.touches))
+        for number, touch in enumerate(item.touches, start=1):
+            cues.append(screens.pacing(touch, study.touch, number if several else 0))
     for track in study.track:
         # Of all levels the first and the last: only their places could differ on a page.
         made = [track.standard, *(track.at(level, 0.0) for level in (0, len(track.values) - 1))]

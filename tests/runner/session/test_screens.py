@@ -1,11 +1,12 @@
 """What the participant sees in turn, and how far the session is."""
 
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from protocol.study_file.loading import template
 from runner.journal.opening import open_journal
-from runner.screens import Screen
+from runner.screens import Instruction, Screen
 from runner.session.loop import run
 from tests.runner.fakes import FakeDevice, FakeOperator, FakeParticipant, context
 
@@ -51,6 +52,18 @@ def test_the_window_knows_which_trial_it_is_and_when_its_answers_are_safe(tmp_pa
     told = followed(tmp_path, template("paper")).told
     counted = [text for text in told if " of 7" in text or text == "saved"]
     assert counted == [text for n in range(1, 8) for text in (f"{n} of 7", "saved")]
+
+
+def test_participants_read_which_of_several_touches_of_a_trial_comes(tmp_path: Path) -> None:
+    participant = FakeParticipant()
+    with open_journal(tmp_path / "study.db") as journal:
+        made = context(journal, FakeDevice(), participant, template("paper"))
+        run(made)
+    paths = [it.touch for it in participant.shown if isinstance(it, Instruction) and it.touch]
+    planned = [len(trial.touches) for trial in made.session.plan.trials]
+    numbers = [range(1, many + 1) if many > 1 else (0,) for many in planned]
+    assert {1, 2} <= {*planned}
+    assert [path.interval for path in paths] == [*chain.from_iterable(numbers)]
 
 
 def test_who_touches_is_asked_to_let_go_before_a_trial_is_repeated(tmp_path: Path) -> None:

@@ -47,6 +47,16 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 
+def listed(names: Iterable[str]) -> str:
+    """Return names as a sentence lists them, by semicolons where a name has a comma of its own.
+
+    >>> listed(["P01", "P02"]), listed(["5 N, slow", "5 N, fast"])
+    ('P01, P02', '5 N, slow; 5 N, fast')
+    """
+    names = list(names)
+    return ("; " if any("," in name for name in names) else ", ").join(names)
+
+
 def page(title: str) -> str:
     """Return how a message names a page of the documentation.
 

@@ -17,7 +17,7 @@ from analysis.export.trial_table import Frames, contrast_table, frames, particip
 from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.scenes import NOMINAL, Calibration
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column
 from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
@@ -255,10 +255,10 @@ class Dataset:
 
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
-        conditions = ", ".join(self.conditions)
+        conditions = listed(self.conditions)
         # The files that published scores come from, with their digests.
         imported = "; ".join(self.sessions["imported_from"].dropna().unique())
-        tracks = ", ".join(track.name for track in self.study.track)
+        tracks = listed(track.name for track in self.study.track)
         scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:
             return (

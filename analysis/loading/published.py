@@ -10,7 +10,7 @@ import numpy as np
 from analysis.cells import csv_fault, unguarded
 from analysis.estimates import FloatArray, ScoreTable
 from device.friction.changes import CONDITIONS
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.pseudonyms import pseudonym
 from protocol.study.fields import LONGEST_NAME, require_printable
 from protocol.study.rules import PAPERS_SCALE
@@ -79,7 +79,7 @@ def unpredicted_note(conditions: Sequence[str]) -> str | None:
     if not others:
         return None
     return (
-        f"No contrast is predicted for {', '.join(others)}: "
+        f"No contrast is predicted for {listed(others)}: "
         f"the friction model knows {', '.join(CONDITIONS)}."
     )
 

@@ -16,7 +16,7 @@ from analysis.friction.recorded import TouchForces
 from analysis.loading.records import Exclusion, Incident, values
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from analysis.loading.study_lock import StudyLock, study_lock
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
 from protocol.study.fields import listed

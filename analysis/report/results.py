@@ -37,6 +37,7 @@ from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading
 from analysis.trials.track_fits import CohortThreshold
 from device.friction.changes import LAW
+from protocol.errors import listed
 from protocol.registration.registration import GAINS, OMNIBUS
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
@@ -137,13 +138,13 @@ def _noticed(found: Findings) -> str:
     more = [each.of["condition"] for each in conditions if each.noticed and at_all]
     others = [each.of["condition"] for each in conditions if not each.noticed]
     told = (
-        f"Noticed more often than catch trials: {', '.join(more)} (exact tests within people, "
+        f"Noticed more often than catch trials: {listed(more)} (exact tests within people, "
         "Holm's correction)"
         if more
         else "No condition was noticed significantly more often than catch trials (exact tests "
         "within people, Holm's correction), which does not show that none is"
     )
-    rest = f"; this is not shown of {', '.join(others)}" if more and others else ""
+    rest = f"; this is not shown of {listed(others)}" if more and others else ""
     return (
         f"A change was reported on {hits} trials with a change and on {alarms} catch trials, "
         f"{_p(found, CHANGES_NOTICED, all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
@@ -236,13 +237,13 @@ def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
     """
     means = f"Mean scores{', adjusted for conditions without a score,' * adjusted}"
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
-    listed = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
+    most = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
         (
             _compared(made, SCORE, means, made.score),
             _profiles(made, made.interaction),
             _compared(made, GAIN, "Gains", made.gain),
-            *([f"Conditions in which groups differed most: {listed}."] if listed else []),
+            *([f"Conditions in which groups differed most: {most}."] if most else []),
         )
     )
 
@@ -284,7 +285,7 @@ def _factors(tests: Factorial) -> str:
         return f"No effect of a factor could be tested: {'; '.join(dict.fromkeys(why))}."
     told = [_effect(tests, it) for it in known if it.found]
     rest = [it.name for it in known if not it.found]
-    none = f"No effect was found of {', '.join(rest)}, which does not show that there is none."
+    none = f"No effect was found of {listed(rest)}, which does not show that there is none."
     how = "Permutation and F tests within people, the larger p corrected over all questions."
     return " ".join([*(f"{sentence(each)}." for each in told), *[none] * bool(rest), how])
 
@@ -351,7 +352,7 @@ def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str
     ] * counts(found, GAINS)
     who = (
         f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
-        f"({', '.join(line.subject for line in apart[:MOST_PAIRS])}"
+        f"({listed(line.subject for line in apart[:MOST_PAIRS])}"
         f"{', …' if len(apart) > MOST_PAIRS else ''})."
         if apart
         else "no participant's gain can be told from the group's mean gain."

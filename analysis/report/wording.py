@@ -9,6 +9,7 @@ from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, PredictionError
 from analysis.trials.trial_checks import Proportion
+from protocol.errors import listed
 
 MISSING = "–"
 UNBOUNDED = "unbounded"
@@ -175,7 +176,7 @@ def omnibus_line(reading: Reading) -> str:
         return _friedman_line(reading.friedman)
     if isinstance(test, NotEstimable):
         return f"No omnibus test could be computed: {test.reason}."
-    omitted = "; omitted for lack of scores: " + ", ".join(test.left_out) if test.left_out else ""
+    omitted = "; omitted for lack of scores: " + listed(test.left_out) if test.left_out else ""
     return (
         "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
         f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, {p_equals(test.p)}; "
@@ -222,7 +223,7 @@ def prediction_error(error: PredictionError | NotEstimable) -> str:
     """Return the error of the predictions, and which of them lie outside the scale."""
     if isinstance(error, NotEstimable):
         return MISSING
-    outside = f" ({', '.join(error.outside_scale)} outside)" if error.outside_scale else ""
+    outside = f" ({listed(error.outside_scale)} outside)" if error.outside_scale else ""
     return number(error.with_law, 2) + outside
 
 

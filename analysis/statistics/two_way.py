@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import fdtri
 
 from analysis.estimates import UPPER, BoolArray, FloatArray, Interval, NotEstimable, ScoreTable
+from protocol.errors import listed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,7 +141,7 @@ def disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable 
     linked = group == group[0]
     if linked.all():
         return None
-    apart = ", ".join(np.array(conditions, dtype=object)[linked])
+    apart = listed(np.array(conditions, dtype=object)[linked])
     return NotEstimable(f"no chain of subjects compares {apart} with the other conditions")
 
 

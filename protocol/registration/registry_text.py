@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 
+from protocol.errors import listed
 from protocol.registration.registration import Registration
 from protocol.study.rules import Order, hours_in_words
 from protocol.study.study import Study
@@ -34,7 +35,7 @@ def registry_text(study: Study, registered: Registration, tests: Mapping[str, st
     parts: dict[str, Iterable[str]] = {
         "Title": [study.publication.title or registered.study],
         # What the study file does not say is left to its author and never invented.
-        "Authors": [", ".join(study.publication.authors) or "(to be filled in)"],
+        "Authors": [listed(study.publication.authors) or "(to be filled in)"],
         "Hypotheses": [
             f"{'Primary' if name == registered.primary else 'Secondary'}: {name}. "
             f"Test: {tests[name]}."
@@ -201,7 +202,7 @@ def _measured(study: Study) -> Iterator[str]:
     if study.track:
         yield "Of each track: the answer, the level, and the threshold that the answers tell."
     for question in study.question:
-        of = f" of {', '.join(question.conditions)}" if question.conditions else ""
+        of = f" of {listed(question.conditions)}" if question.conditions else ""
         # Registries are read in English; a study without it is quoted in its own language.
         text = question.text.get("en") or next(iter(question.text.values()))
         only = f", if {question.asked_if}" * (question.asked_if is not None)

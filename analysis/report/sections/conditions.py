@@ -18,6 +18,7 @@ from analysis.statistics.signed_rank import PairwiseTest, SignedRank
 from analysis.statistics.summary import Reading, TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
 from analysis.trials.trial_statistics import TrialStatistics
+from protocol.errors import listed
 from protocol.registration.registration import OMNIBUS
 
 Fit = TypeVar("Fit")
@@ -57,7 +58,7 @@ def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
         return none + (few if least >= LEVEL else "")
     if not counts:
         return f"No pair is told, {NO_FINDING}."
-    return f"Significant differences after Holm's correction: {', '.join(differ)}."
+    return f"Significant differences after Holm's correction: {listed(differ)}."
 
 
 def _pairwise_table(pairs: Sequence[PairwiseTest]) -> blocks.Table:

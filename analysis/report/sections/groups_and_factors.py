@@ -25,6 +25,7 @@ from analysis.statistics.factorial import (
 )
 from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics
 from analysis.statistics.intervals import mean_interval
+from protocol.errors import listed
 
 # Groups of participants.
 
@@ -152,7 +153,7 @@ def _people(found: Findings) -> list[Json]:
 
 def _without(found: Findings) -> str:
     without = [who for who in found.loaded.table.subjects if who not in found.loaded.groups]
-    return f"Without a group, and not compared: {', '.join(without)}." if without else ""
+    return f"Without a group, and not compared: {listed(without)}." if without else ""
 
 
 def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:

@@ -18,6 +18,7 @@ from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Calibration, Scene
+from protocol.errors import listed
 from protocol.study.study import Study
 
 
@@ -34,7 +35,7 @@ def _data(found: Findings) -> str:
     subjects, conditions = given.any(axis=1).sum(), given.any(axis=0).sum()
     rules = rules_in_words(study.exclusions)
     names = [name for unused in unscored(found.loaded.table) for name in unused]
-    without = f"; without scores: {', '.join(names)}" if names else ""
+    without = f"; without scores: {listed(names)}" if names else ""
     origin = (
         "The scores are those of a published table."
         if found.published

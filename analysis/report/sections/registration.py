@@ -20,6 +20,7 @@ from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
+from protocol.errors import listed
 from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
 
@@ -119,7 +120,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         yield from in_words.paragraphs(found)
         return
     asked = registered(found.study, lock.registration.hypotheses)
-    secondary = f", {', '.join(lock.registration.secondary)}" * bool(lock.registration.secondary)
+    secondary = f", {listed(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",
         f"Registered: {lock.registration.primary} (primary){secondary}. Not registered: every "
@@ -127,7 +128,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         "and all deviations.",
     )
     for question, answer in in_words.paragraphs(found):
-        names = ", ".join(each.name for each in asked if each.question == question)
+        names = listed(each.name for each in asked if each.question == question)
         yield f"{question} ({f'registered: {names}' if names else 'not registered'})", answer
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.loading.published import unpredicted_note
 from analysis.report.report import report_html, report_json
 from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
 
@@ -21,6 +22,15 @@ def test_missing_scores_are_read_in_three_ways() -> None:
     assert means == {"missing": pytest.approx(23 / 3), "zero": 5.75, "lowest": 7.0}
     assert numbers["friedman"]["skillings_mack"]["df"] == 2
     assert numbers["missing_readings"]["zero"]["friedman"]["chi2"] is not None
+
+
+def test_names_with_commas_are_told_apart() -> None:
+    names = ("5 N, slow", "5 N, fast", "voltage")
+    note = unpredicted_note(names)
+    assert note
+    assert note.startswith("No contrast is predicted for 5 N, slow; 5 N, fast: the")
+    page = report_html(made([[np.nan, np.nan, 5], [np.nan, np.nan, 6]], names=names))
+    assert "not among the conditions analysed: 5 N, slow; 5 N, fast." in page
 
 
 def test_every_score_links_to_its_trials_and_every_average_to_predictions() -> None:

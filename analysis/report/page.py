@@ -28,7 +28,7 @@ from analysis.report.sections import (
 from analysis.report.wording import count_of
 from analysis.trials.trial_statistics import LINKS
 from device.friction.laws import LAWS
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.journal.shared_form import UNKNOWN_UTC
 from protocol.study.fields import printable
 
@@ -99,7 +99,7 @@ def masthead(found: Findings) -> Masthead:
     }
     return Masthead(
         title=found.title,
-        authors=", ".join(publication.authors),
+        authors=listed(publication.authors),
         facts={name: text for name, text in facts.items() if text},
     )
 
@@ -134,7 +134,7 @@ class Part:
         make: makes the section.
         figures: names of all the figures that it may have.
         fits: those that it needs beside M2, which the results in words need, too.
-        front: what stands among the results whichever sections are shown.
+        front: makes what stands among the results whichever sections are shown.
         of_tracks: whether a study of tracks alone has it; all others compare conditions.
     """
 
@@ -142,17 +142,28 @@ class Part:
     _: KW_ONLY
     figures: Sequence[str] = ()
     fits: Sequence[str] = ()
-    front: Sequence[Callable[[Findings], blocks.Block]] = ()
+    front: Callable[[Findings], Iterable[blocks.Block]] | None = None
     of_tracks: bool = False
+
+
+def _each(
+    *makes: Callable[[Findings], blocks.Block],
+) -> Callable[[Findings], Iterable[blocks.Block]]:
+    return lambda found: (make(found) for make in makes)
 
 
 SECTIONS: Mapping[str, Part] = MappingProxyType(
     {
-        "table4": Part(scores.section, front=(scores.score_table, scores.notes)),
+        "table4": Part(scores.section, front=_each(scores.score_table, scores.notes)),
         "methods": Part(methods.section),
         "registration": Part(registration.section, of_tracks=True),
-        "thresholds": Part(thresholds.section, figures=thresholds.FIGURES, of_tracks=True),
-        "tests": Part(conditions.tests, figures=("scores",), front=(conditions.scores_figure,)),
+        "thresholds": Part(
+            thresholds.section,
+            figures=thresholds.FIGURES,
+            front=thresholds.curves_figures,
+            of_tracks=True,
+        ),
+        "tests": Part(conditions.tests, figures=("scores",), front=_each(conditions.scores_figure)),
         "groups": Part(groups_and_factors.groups, figures=("groups",)),
         "detection": Part(noticed.section, figures=("noticed",)),
         "factors": Part(groups_and_factors.factors, figures=groups_and_factors.FIGURES),
@@ -161,11 +172,13 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
             sensitivity.section,
             figures=("relative-gains", "sensitivity"),
             fits=("M3",),
-            front=(sensitivity.relative_figure,),
+            front=_each(sensitivity.relative_figure),
         ),
         "measured": Part(sensitivity.measured_section, fits=("M3",)),
         "model": Part(
-            predictions.section, figures=("model", "levels"), front=(predictions.ratings_figure,)
+            predictions.section,
+            figures=("model", "levels"),
+            front=_each(predictions.ratings_figure),
         ),
         "questions": Part(scores.own_questions, of_tracks=True),
         "left-out": Part(session_checks.left_out, of_tracks=True),

@@ -70,8 +70,7 @@ class Report(Findings):
         """Sections with at least what stands among the results."""
         own = {section.name: section for section in self.sections}
         return tuple(
-            own.get(name)
-            or Section(blocks=[make(self) for make in part.front]).named(name, self.keep)
+            own.get(name) or Section(blocks=list(part.front(self))).named(name, self.keep)
             for name, part in SECTIONS.items()
             if part.front and self._has(name)
         )

@@ -45,11 +45,9 @@ METHOD = (
 
 def section(found: Findings) -> Section:
     """Return the thresholds of people and of the cohort; nothing for a study without tracks."""
-    made, study = found.thresholds, found.study
+    made = found.thresholds
     if made is None:
         return Section()
-    # People come track by track.
-    by_track = groupby(made.people, attrgetter("track"))
     return Section(
         title="Thresholds",
         blocks=[
@@ -57,11 +55,7 @@ def section(found: Findings) -> Section:
             _cohort_table(made.cohort),
             _people_table(made.people),
             _readings_table(made),
-            *(
-                figure
-                for number, (name, own) in enumerate(by_track, start=1)
-                for figure in _figures(study.track_of(name), list(own), number)
-            ),
+            *_figures(found),
         ],
         data={
             "thresholds": {
@@ -73,6 +67,11 @@ def section(found: Findings) -> Section:
             }
         },
     )
+
+
+def curves_figures(found: Findings) -> Iterator[Figure]:
+    """Yield the psychometric functions of each track, which stand among the results."""
+    return (figure for figure in _figures(found) if figure.front)
 
 
 def _json(found: PersonThreshold) -> Json:
@@ -205,7 +204,14 @@ def _counted(of: Detection | NotEstimable | None) -> str:
     return f"{of.false_alarms.reported} of {of.false_alarms.trials}"
 
 
-def _figures(track: Track, people: Sequence[PersonThreshold], number: int) -> Iterator[Figure]:
+def _figures(found: Findings) -> Iterator[Figure]:
+    # People come track by track.
+    by_track = groupby(found.thresholds.people if found.thresholds else (), attrgetter("track"))
+    for number, (name, people) in enumerate(by_track, start=1):
+        yield from _figures_of(found.study.track_of(name), list(people), number)
+
+
+def _figures_of(track: Track, people: Sequence[PersonThreshold], number: int) -> Iterator[Figure]:
     """Yield the levels over the answers and the psychometric functions of a track."""
     known = [each for each in people if each.course.values]
     shown = [known[place] for place in thinned(len(known), MOST_PANELS)]
@@ -228,6 +234,7 @@ def _figures(track: Track, people: Sequence[PersonThreshold], number: int) -> It
         f"{track.name}; the area of a point is the number of answers. The curve is the fit with "
         f"its 95% band, the bar the 95% interval of the threshold ({share}).{more}",
         draw=partial(_curves_figure, track, shown),
+        front=True,
     )
 
 

@@ -1,5 +1,7 @@
 """The report of a study of tracks alone, and of one with conditions beside them."""
 
+import pytest
+
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import threshold_lines
@@ -23,6 +25,15 @@ def test_tracks_alone_are_reported_without_sections_on_conditions() -> None:
     assert not {"table4", "friedman", "checks"} & told.keys()
     assert {each["kind"] for each in told["trials"]} == {"track"}
     assert {"track", "level_value", "reversal"} < told["trials"][0].keys()
+
+
+@pytest.mark.parametrize("text", [TRACKS, BOTH], ids=["tracks alone", "with conditions"])
+def test_the_results_show_the_psychometric_functions_at_first_sight(text: str) -> None:
+    results, details = report_html(made(text)).split('<h2 id="details">')
+    for number in (1, 2):
+        assert f'<figure id="figure-psychometric-{number}">' in results
+        assert f'<figure id="figure-psychometric-{number}">' not in details
+        assert f'<figure id="figure-track-{number}">' in details
 
 
 def test_trials_of_tracks_are_no_trials_of_conditions() -> None:

@@ -70,7 +70,7 @@ _FINGER = screens.OwnFinger(position_m=0.05, force=1.0, within=0.5)
 _VIEWS = (
     # Everything that can stand on a page at once, with the longest numbers.
     PageState(operator_called=True, progress=(999, 999), finger=_FINGER),
-    PageState(button="saved"),
+    PageState(button="saved", capitals=True),
 )
 
 

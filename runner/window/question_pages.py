@@ -46,10 +46,14 @@ Button = Literal["early", "live", "pressed", "saved"]
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What is chosen, as an answer; and what is typed, which may not be an answer yet."""
+    """What is chosen, as an answer; and what is typed, which may not be an answer yet.
+
+    After the key for `capitals` the next letter on the screen is one.
+    """
 
     chosen: str | None = None
     typed: str = ""
+    capitals: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +263,7 @@ _LETTERS = ("1234567890", "qwertyuiop", "asdfghjkl'", "zxcvbnm,.-")
 _MORE_LETTERS = 8
 """As many of a language's own stand beside those from a to z; more, an alphabet, replace them."""
 _WIDEST_ROW = 744.0
-SPACE, BACKSPACE = "space", "backspace"
+SPACE, BACKSPACE, SHIFT = "space", "backspace", "Aa"
 """Keys on the screen that are not named by what they type."""
 _WIDE = {SPACE: 160.0, BACKSPACE: 160.0}
 
@@ -286,7 +290,7 @@ def question_page(screen: Ask, view: PageState, wording: Wording) -> Page:
             at = None if chosen is None else float(chosen)
             shown, key = scale(question, screen.bands, wording, at), "hint.score"
         case "typed":
-            shown, key = _entry(screen, view.typed), "hint.typed"
+            shown, key = _entry(screen, view), "hint.typed"
     if question.kind in {"several", "analogue"}:
         key = f"hint.{question.kind}"
     elif len(question.values) == 2:
@@ -343,18 +347,18 @@ def _answer_boxes(question: StudyQuestion, chosen: str | None, wording: Wording)
     return tuple(drawn)
 
 
-def _entry(screen: Ask, typed: str) -> Page:
+def _entry(screen: Ask, view: PageState) -> Page:
     """Return what is typed in its frame, and keys for those who answer by touch."""
     unit = f" {screen.question.unit}" if screen.question.unit else ""
     room = _ENTRY.width - 20
-    shown = f"{typed}_{unit}"
+    shown = f"{view.typed}_{unit}"
     while text_width(shown, Size.ENTRY) > room and len(shown) > 1:
         shown = shown[1:]  # the end, which is typed now, stays in view
     names = {SPACE: "", BACKSPACE: "←"}
     keys: list[Element] = []
     for key in _keys(screen):
         keys.append(Outline(points=key.box.corners, fill=WHITE, edge=FAINT, width=1))
-        if text := names.get(key.name, key.name):
+        if text := names.get(key.name, _typed_by(key.name, view)):
             keys.append(Text(text=text, box=key.box, size=Size.KEY))
     entry = Text(text=shown, box=_ENTRY, size=Size.ENTRY)
     return (*framed(entry, fill=WHITE, edge=INK), *keys)
@@ -377,10 +381,17 @@ def _keys(screen: Ask) -> Iterator[Target]:
 def _letter_rows(letters: str) -> Sequence[Sequence[str]]:
     """Return the keys of a language with `letters` of its own."""
     if len(letters) <= _MORE_LETTERS:
-        return (*_LETTERS, (*letters, SPACE, BACKSPACE))
+        return (*_LETTERS, (SHIFT, *letters, SPACE, BACKSPACE))
     third = ceil(len(letters) / 3)
     own = [letters[at : at + third] for at in range(0, len(letters), third)]
-    return (_LETTERS[0], *own, ("'", ",", ".", "-", SPACE, BACKSPACE))
+    shift = () if letters.upper() == letters else (SHIFT,)  # Hebrew, for one, has no capitals
+    return (_LETTERS[0], *own, (*shift, "'", ",", ".", "-", SPACE, BACKSPACE))
+
+
+def _typed_by(key: str, now: Choice) -> str:
+    """Return what a key on the screen types."""
+    capital = key.upper()
+    return capital if now.capitals and key != SHIFT and len(capital) == 1 else key
 
 
 # What a key or a press makes of a choice, for each kind of question, and what makes an answer.
@@ -423,7 +434,9 @@ def by_press(question: StudyQuestion, now: Choice, target: str) -> Choice:
         case "scale" | "analogue" | "number" | "text":
             if target == BACKSPACE:
                 return _typed(question, now.typed[:-1])
-            return _longer(question, now, " " if target == SPACE else target)
+            if target == SHIFT:
+                return replace(now, capitals=not now.capitals)
+            return _longer(question, now, " " if target == SPACE else _typed_by(target, now))
 
 
 def inputs_for(question: StudyQuestion, answer: str) -> tuple[Input, ...]:

@@ -2,6 +2,7 @@
 
 import json
 import random
+from dataclasses import replace
 from itertools import combinations
 
 import pytest
@@ -318,6 +319,33 @@ def test_the_keys_on_the_screen_type_every_letter_of_the_language(letters: str) 
             abs(one.x - other.x) >= (one.width + other.width) / 2
             or abs(one.y - other.y) >= (one.height + other.height) / 2
         )
+
+
+def test_a_key_on_the_screen_makes_the_next_letter_a_capital() -> None:
+    screen = Ask(question=StudyQuestion(name="words", kind="text", max_length=200), letters="éß")
+    words = study_wording(parsed_study(template("paper")), "en")
+
+    def keys(*names: str) -> tuple[str, list[str]]:
+        choice = after(screen, *(press(screen, name) for name in names)).choice
+        question = StudyQuestion(name="words", kind="text", max_length=200, text={"en": "What?"})
+        shown = page(replace(screen, question=question), PageState(**vars(choice)), words)
+        return choice.typed, [e.text for e in shown if isinstance(e, Text) and len(e.text) == 1]
+
+    typed, shown = keys("Aa", "é")
+    assert typed == "É"
+    assert "e" in shown, "the letters after it are small again"
+    typed, shown = keys("Aa", "ß", "1", "Aa")
+    assert typed == "ß1", "which is no single letter as a capital"
+    assert {"E", "É", "1"} <= set(shown)
+    assert not {"e", "é"} & set(shown)
+    assert keys("Aa", "Aa", "a") == keys("a")
+
+
+def test_a_language_without_capitals_has_no_key_for_them() -> None:
+    question = StudyQuestion(name="words", kind="text", max_length=200)
+    for letters, has_key in (("אבגדהוזחטיכלמנסעפצקרשת", False), ("αβγδεζηθικ", True)):
+        names = [target.name for target in targets(Ask(question=question, letters=letters))]
+        assert ("Aa" in names) is has_key
 
 
 def test_a_thousand_hostile_texts_are_answers_as_typed_and_fit_their_frame() -> None:

@@ -47,6 +47,8 @@ GENERATOR_FAULTS = tuple(name for name in NAMES if name not in _NO_FAULTS_OF_A_G
 MOST_EVENTS = 22
 """Of a short session: an incident after as many events happens in it."""
 MOST_ATTEMPTS = 9
+GUARDED = 0.7
+"""Of how many generators a guardian can hold the port, too."""
 STANDS_STILL = 0.1
 """On how many days the whole program stands still at some step of a session, for 1 to 12 s."""
 Happening = Callable[[Process], None]
@@ -243,16 +245,24 @@ class Day:
         self._plan(process, "hung", hangs)
 
     def _stands_still(self, process: Process) -> None:
-        self._still, stream = False, self.stills
-        seconds = stream.uniform(1, 12)
-        process.incidents.append(
-            Incident(
-                what="stood still",
-                events=stream.randint(0, MOST_EVENTS),
-                crossings=stream.randint(1, 200),
-                happen=lambda: self.lab.stand_still(seconds),
+        """Let all of the program stand still, mostly in a touch, and else anywhere."""
+        stream = self.stills
+        seconds, in_a_touch = stream.uniform(1, 12), stream.random() < 0.85
+
+        def stands_still() -> None:
+            if in_a_touch and not self.lab.watch.is_driven:
+                plan(events=0, crossings=stream.randint(1, 10))
+            else:
+                self._still = False
+                process.happened.append("stood still")
+                self.lab.stand_still(seconds)
+
+        def plan(events: int, crossings: int) -> None:
+            process.incidents.append(
+                Incident(what="stills", events=events, crossings=crossings, happen=stands_still)
             )
-        )
+
+        plan(events=stream.randint(0, MOST_EVENTS), crossings=stream.randint(1, 200))
 
     def deserted(self, process: Process) -> None:
         def leaves() -> None:
@@ -418,6 +428,8 @@ def day(seed: int) -> Day:
             lab = Lab(folder, drawn_study(stream, model.partition("-")[0]), stream, model)
             if lab.watch.is_board and rigs.random() < NO_THERMOMETER:
                 technician.without_thermometer(lab)
+            guardians = random.Random(f"guardian/{seed}").random() < GUARDED
+            lab.watch.has_guardian = guardians and not lab.watch.is_board
             with lab.entered():
                 technician.tried(lab, aside)
                 done = Day(lab, stream, aside, random.Random(f"still/{seed}"))

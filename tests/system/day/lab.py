@@ -388,7 +388,7 @@ class Lab:
         port = LabPort(line, process, self._record)
         limits, now_s = device_limits(study.rig), self.device.now_s
         driver = driver_of(study.rig.dialect)(Link(port, now_s), limits, now_s)
-        if not self.watch.is_board:
+        if self.watch.has_guardian:
             off = encoded("") + encoded(driver.off_command)
             self.guardian = LabGuardian(self.device, line, off, limits.watchdog_s)
         calibration = kept_calibration(self.folder.path)

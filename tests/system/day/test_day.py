@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from device.guardian import Pulse
+from device.rig import Rig
 from protocol.study.touch import Touch
 from runner.journal.names import STUDY_CHAIN
 from tests.system.day.day import day
@@ -35,6 +37,18 @@ def test_days_keep_every_invariant(first: int) -> None:
         assert done.happened["broken"] >= 2
         assert done.happened["command"] >= 1
         assert len(done.lab.watch.planned) >= 3
+
+
+def test_days_find_a_program_that_does_not_look_at_the_gap_before_a_sign_of_life(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On this day a program stands still in a touch of a generator without a guardian."""
+    seed = 98
+    assert day(seed).happened["stood still"] == 1
+    monkeypatch.setattr(Pulse, "broken", lambda _: "")
+    monkeypatch.setattr(Rig, "_silence", lambda _: "")
+    with pytest.raises(AssertionError, match="a touch counts that stood still"):
+        day(seed)
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,8 @@ class Watch:
     """Whether the resonance is searched for, likewise."""
     resonance_hz: float = 0.0
     hanging_from_s: float = float("inf")
+    has_guardian: bool = False
+    """Whether a generator has one: not on every system."""
     stood_still: bool = False
     """Whether the process stood still while the present touch was driven."""
     _driven_s: tuple[float, float] | None = None
@@ -260,9 +262,14 @@ class Watch:
 
     def stands_still(self) -> None:
         """Take note that the process stands still from now on."""
-        self.hanging_from_s = self.device.now_s()
-        driven = self.touch is not None and self.device.inside.instrument.output_v > _TOLERANCE_V
-        self.stood_still |= driven and self.touch is not None
+        if self.is_board or self.has_guardian:
+            self.hanging_from_s = self.device.now_s()
+        self.stood_still |= self.is_driven
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a touch is at the output."""
+        return self.touch is not None and self.device.inside.instrument.output_v > _TOLERANCE_V
 
     def _require_length(self, touch: Touch) -> None:
         """A touch that counts was on for as long as was planned."""
@@ -287,8 +294,10 @@ class Watch:
         what was on stays on, and stays allowed, until the device is repaired or armed again.
         """
         left_on = self.device.inside.instrument.output_v > _TOLERANCE_V
-        dead = DEAD_WATCHDOG if self.is_board else self.faults_s.keys()
-        guarded = not self.faults_s.keys() & dead
+        if self.is_board:
+            guarded = not self.faults_s.keys() & DEAD_WATCHDOG
+        else:
+            guarded = self.has_guardian and not self.faults_s
         if guarded or not (killed and left_on):
             self.touch, self.searching = None, False
 

@@ -55,6 +55,7 @@ _STATISTICS = {
     ),
     "Thresholds": (
         "thresholds.psychometric.fitted",
+        "thresholds.curve_mode.highest_density",
         "thresholds.curve_posterior.posterior",
         "thresholds.psychometric.mixed",
     ),

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.thresholds.curve_posterior import Shape
+    from analysis.thresholds.answer_curve import Shape
     from device.beam.eq15 import Overlap
     from protocol.study.track import Task
 

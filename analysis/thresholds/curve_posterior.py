@@ -1,216 +1,187 @@
-"""The posterior of a psychometric function on a grid that closes in on it."""
+"""The posterior of a psychometric function on a grid around its mode."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
-from analysis.estimates import FloatArray
+from analysis.estimates import BoolArray, FloatArray
+from analysis.thresholds.answer_curve import MOST_RATE, Cells, Curve, LevelAnswers, log_density
+from analysis.thresholds.curve_mode import highest_density
 
-Shape: TypeAlias = Literal["normal", "weibull"]
 COARSE: Final = (13, 11, 7, 5)
 FINE: Final = (36, 30, 14, 1), (22, 18, 9, 9)
 """Cells for threshold, log width, lapse rate and guess rate; the second where the last is free."""
 NEGLIGIBLE = 12.0
 """Cells whose log density lies so far below the highest are left out."""
+REACH = 6.0
+"""Standard deviations from the mode to the ends of the first box."""
+LONGER = 0.3
+"""So much of itself an axis grows at an end where the density is not negligible."""
 SAME_BOX = 0.8
-"""A box that shrinks to more than this share of itself on all axes is as small as it becomes."""
-MOST_PASSES = 8
-AROUND = (7, 7, 5, 5)
-"""Cells in which the mode is looked for, each time around the highest one."""
-MODE_PASSES = 14
-SHRINKING = 0.6
-"""Of the box in each pass: slow enough to follow a ridge of the density."""
-AT_ONCE = 2**14
-"""Numbers in a step: they fit into a processor's cache, and many levels into the memory."""
-MOST_RATE = 0.5
-RATE_PRIOR = 9.0
-"""Lapse and guess rates have the prior (1 - rate)^9: Beta(1, 10)."""
-LEAST_SHARE = 1e-9
-TAIL = 0.05
-"""A curve's width reaches from this share to its complement."""
-
-Box: TypeAlias = tuple[tuple[float, float], ...]
-Cells: TypeAlias = tuple[int, ...]
-
-
-class Curve(NamedTuple):
-    """A curve from 0 to 1, (2), and the share of it that defines the threshold."""
-
-    shape: Shape
-    share: float
-
-    def place(self, share: float) -> float:
-        """Return the y at which the curve has this share.
-
-        >>> Curve("normal", 0.5).place(0.5)
-        0.0
-        """
-        return float(ndtri(share)) if self.shape == "normal" else math.log(-math.log1p(-share))
-
-    @property
-    def width(self) -> float:
-        """How far y goes from 5% to 95% of the curve."""
-        return self.place(1 - TAIL) - self.place(TAIL)
-
-    @property
-    def below(self) -> float:
-        """How many widths the midpoint lies below the threshold."""
-        return (self.place(self.share) - self.place(0.5)) / self.width
-
-    def share_correct(self, at: FloatArray, parameters: Sequence[FloatArray]) -> FloatArray:
-        """Return the share correct at levels, (1): threshold, log width, lapse and guess rate.
-
-        It keeps away from 0 and 1, so that an answer against a rate that is known to be 0 is
-        unlikely, and not impossible.
-        """
-        threshold, log_width, lapse, guess = parameters
-        y = self.width * (at - threshold) / np.exp(log_width) + self.place(self.share)
-        curve = ndtr(y) if self.shape == "normal" else -np.expm1(-np.exp(np.minimum(y, 700.0)))
-        p = guess + (1 - guess - lapse) * curve
-        return np.asarray(np.clip(p, LEAST_SHARE, 1 - LEAST_SHARE))
-
-
-class LevelAnswers(NamedTuple):
-    """Answers at levels on an axis whose range that could be asked is [0, 1].
-
-    `at` has shape (levels,), -inf for no stimulus on a logarithmic axis; `step` is the smallest
-    distance of two levels, for the prior of the width. `lapse` and `guess` are rates that are
-    known, None if they are to be estimated.
-    """
-
-    at: FloatArray
-    trials: FloatArray
-    correct: FloatArray
-    step: float
-    lapse: float | None
-    guess: float | None
+"""A box whose axes keep more than this share of themselves is as small as it becomes."""
+MOST_PASSES = 12
+ENOUGH = 30.0
+"""Cells that share the mass: from fewer, mean and covariance are not known."""
+EDGES = 1001
+"""Places at which the distribution of a parameter is computed."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The posterior's mass in the cells of a grid: threshold, log width, lapse and guess rate.
+    """The posterior's mass in cells: threshold, log width, lapse and guess rate.
 
-    `mode` is where the density of threshold, width and rates is highest.
+    `middles` has shape (4, cells), without negligible ones, and `sizes` is how far a cell reaches
+    along each parameter; `mode` is where the density of threshold, width and rates is highest.
     """
 
-    axes: tuple[FloatArray, ...]
+    middles: FloatArray
+    sizes: FloatArray
     mass: FloatArray
-    box: Box
     mode: tuple[float, ...]
 
     def quantiles(self, axis: int, parts: FloatArray) -> FloatArray:
-        """Return the quantiles of one parameter: (6), linear within a cell."""
-        others = tuple(other for other in range(self.mass.ndim) if other != axis)
-        below = np.append(0.0, np.cumsum(self.mass.sum(axis=others)))
-        return np.interp(parts, below, np.linspace(*self.box[axis], below.size))
+        """Return the quantiles of one parameter: (6), a cell's mass spread evenly along it."""
+        if not (size := self.sizes[axis]):
+            return np.full(np.shape(parts), self.mode[axis])
+        order = np.argsort(self.middles[axis], kind="stable")
+        middles, mass = self.middles[axis][order], self.mass[order]
+        below, moment = (np.append(0.0, np.cumsum(sums)) for sums in (mass, mass * middles))
+
+        def summed(places: FloatArray) -> FloatArray:
+            """Return the integral of the mass of the middles below each place."""
+            count = np.searchsorted(middles, places)
+            return np.asarray(places * below[count] - moment[count])
+
+        edges = np.linspace(middles[0] - size / 2, middles[-1] + size / 2, EDGES)
+        share = (summed(edges + size / 2) - summed(edges - size / 2)) / size
+        return np.interp(parts, share, edges)
 
     def draws(self, number: int, rng: np.random.Generator) -> FloatArray:
         """Return draws of the four parameters, shape (4, number): the middles of cells."""
         below = np.cumsum(self.mass)
-        cells = np.searchsorted(below, rng.random(number) * below[-1])
-        index = np.unravel_index(cells, self.mass.shape)
-        return np.array([axis[place] for axis, place in zip(self.axes, index, strict=True)])
+        return self.middles[:, np.searchsorted(below, rng.random(number) * below[-1])]
+
+
+class _Grid(NamedTuple):
+    """A box along the axes of a covariance, which many answers make narrow and oblique.
+
+    `factor` is the covariance's lower triangular one: a parameter's axis is standard normal for
+    given values of those before it. Rates end at their limits, wherever the box does.
+    """
+
+    centre: FloatArray
+    factor: FloatArray
+    low: FloatArray
+    high: FloatArray
+    free: BoolArray
+
+    def lattice(self, cells: Cells) -> "_Lattice":
+        """Return the cells of the grid."""
+        parameters: list[FloatArray] = []
+        places: list[FloatArray] = []
+        sizes: list[FloatArray] = []
+        volume = np.ones((1, 1, 1, 1))
+        for axis, number in enumerate(cells):
+            before = zip(self.factor[axis], places, strict=False)
+            middle = self.centre[axis] + sum((by * place for by, place in before), 0 * volume)
+            own = self.factor[axis, axis] * self.free[axis]
+            start, end = middle + own * self.low[axis], middle + own * self.high[axis]
+            if axis > 1:
+                start, end = np.clip(start, 0.0, MOST_RATE), np.clip(end, 0.0, MOST_RATE)
+            size = (end - start) / number
+            along = np.arange(number).reshape([-1 if one == axis else 1 for one in range(4)])
+            parameters.append(start + size * (along + 0.5))
+            places.append((parameters[axis] - middle) / self.factor[axis, axis])
+            sizes.append(size / self.factor[axis, axis])
+            volume = volume * (size if own else 1)
+        return _Lattice(parameters, places, sizes, volume)
+
+
+class _Lattice(NamedTuple):
+    """Middles of cells: the four parameters, and places and sizes along the axes of the grid."""
+
+    parameters: list[FloatArray]
+    places: list[FloatArray]
+    sizes: list[FloatArray]
+    volume: FloatArray
+
+    def log_mass(self, answers: LevelAnswers, curve: Curve) -> FloatArray:
+        """Return the logarithm of the cells' mass, relative to the highest."""
+        with np.errstate(divide="ignore"):
+            # Cells are equal in the width's logarithm, of which the density is not.
+            log_size = np.log(self.volume) + self.parameters[1]
+        found = log_density(self.parameters, answers, curve) + log_size
+        return np.asarray(found - found.max())
+
+    @staticmethod
+    def some(arrays: list[FloatArray], kept: BoolArray) -> FloatArray:
+        """Return what the kept cells have, shape (4, cells)."""
+        return np.array([np.broadcast_to(values, kept.shape)[kept] for values in arrays])
 
 
 def posterior(answers: LevelAnswers, curve: Curve) -> Posterior:
     """Return the posterior on the smallest grid that holds all of it but a negligible part."""
-    rates = answers.lapse, answers.guess
-    widths = (answers.step, 3.0)
-    beyond = [curve.below * width for width in widths]
-    box: Box = (
-        (-0.5 + min(beyond), 1.5 + max(beyond)),
-        (math.log(widths[0]), math.log(widths[1])),
-        *((0.0, MOST_RATE) if rate is None else (rate, rate) for rate in rates),
+    limits = np.array(answers.limits)
+    free = limits[:, 0] < limits[:, 1]
+    coarse, fine = (
+        tuple(np.where(free, cells, 1).tolist()) for cells in (COARSE, FINE[int(free.all())])
     )
-
-    def density(box: Box, cells: Cells) -> FloatArray:
-        return _log_density(_axes(box, cells), answers, curve)
-
-    free = (True, True, *(rate is None for rate in rates))
-    coarse, fine, around = (
-        tuple(np.where(free, cells, 1)) for cells in (COARSE, FINE[all(free)], AROUND)
-    )
+    mode = highest_density(answers, curve, coarse)
+    # From the midpoint to the threshold.
+    above = curve.below * np.exp(mode.place[1])
+    turned = np.eye(4)
+    turned[0, 1] = above
+    place = mode.place + np.array([above, 0, 0, 0])
+    factor = np.asarray(np.linalg.cholesky(turned @ mode.covariance @ turned.T), dtype=np.float64)
+    ends: FloatArray = np.full(4, REACH)
+    grid = _Grid(place, factor, -ends, ends, free)
     for _ in range(MOST_PASSES):
-        before, box = box, _closer(box, _by_log_width(density(box, coarse), box))
-        if (np.diff(box) >= SAME_BOX * np.diff(before)).all():
+        lattice = grid.lattice(coarse)
+        before, (grid, cut) = grid, _closer(grid, lattice, lattice.log_mass(answers, curve))
+        old, new = ((np.diag(one.factor) * (one.high - one.low))[free] for one in (before, grid))
+        if not cut and (abs(new - old) <= (1 - SAME_BOX) * old).all():
             break
-    log_density = density(box, fine)
-    mass = np.exp(_by_log_width(log_density, box))
-    mode = _highest(box, log_density, box)
-    for _ in range(MODE_PASSES):
-        mode = _highest(mode, density(mode, around), box)
+    lattice = grid.lattice(fine)
+    log_mass = lattice.log_mass(answers, curve)
+    kept = log_mass > -NEGLIGIBLE
+    mass = np.exp(log_mass[kept])
+    reach = grid.factor * ((grid.high - grid.low) * free / fine)
     return Posterior(
-        _axes(box, fine), mass / mass.sum(), box, tuple((low + high) / 2 for low, high in mode)
+        lattice.some(lattice.parameters, kept),
+        np.sqrt((reach**2).sum(axis=1)),
+        mass / mass.sum(),
+        tuple(place.tolist()),
     )
 
 
-def _axes(box: Box, cells: Cells) -> tuple[FloatArray, ...]:
-    """Return the middles of the cells along each axis."""
-    pairs = zip(box, cells, strict=True)
-    return tuple(low + (high - low) * (np.arange(n) + 0.5) / n for (low, high), n in pairs)
+def _closer(grid: _Grid, lattice: _Lattice, log_mass: FloatArray) -> tuple[_Grid, bool]:
+    """Return a grid along the mass without negligible cells, and whether the box cut some off.
 
-
-def _by_log_width(log_density: FloatArray, box: Box) -> FloatArray:
-    """Return the density as one of log width, relative to the highest."""
-    log_width = _axes(box, log_density.shape)[1].reshape(1, -1, 1, 1)
-    by_log_width = log_density + log_width
-    return np.asarray(by_log_width - by_log_width.max())
-
-
-def _highest(box: Box, log_density: FloatArray, within: Box) -> Box:
-    """Return a smaller box around the highest cell, which may reach out of the box."""
-    index = np.unravel_index(log_density.argmax(), log_density.shape)
-    found = []
-    for (low, high), (least, most), place, cells in zip(
-        box, within, index, log_density.shape, strict=True
-    ):
-        middle, reach = low + (place + 0.5) * (high - low) / cells, SHRINKING / 2 * (high - low)
-        found.append((max(least, middle - reach), min(most, middle + reach)))
-    return tuple(found)
-
-
-def _closer(box: Box, log_density: FloatArray) -> Box:
-    """Return the box without cells that are negligible, but with one cell around the others."""
-    kept = log_density > -NEGLIGIBLE
-    found = []
-    for axis, (low, high) in enumerate(box):
-        others = tuple(other for other in range(4) if other != axis)
-        inside = np.flatnonzero(kept.any(axis=others))
-        cells = log_density.shape[axis]
-        first, last = max(inside[0] - 1, 0), min(inside[-1] + 2, cells)
-        edge = (high - low) / cells
-        found.append((float(low + first * edge), float(low + last * edge)))
-    return tuple(found)
-
-
-def _log_density(axes: Sequence[FloatArray], answers: LevelAnswers, curve: Curve) -> FloatArray:
-    """Return log prior plus log likelihood, (4) and (5), at the points of a grid."""
-    threshold, log_width, lapse, guess = np.ix_(*axes)
-    width = np.exp(log_width)
-    with np.errstate(divide="ignore"):
-        prior = np.log(_flat_within(threshold - curve.below * width, 0.0, 1.0, 0.5, 0.5)) + np.log(
-            _flat_within(width, 2 * answers.step, 1.0, answers.step, 2.0)
-        )
-    total: FloatArray = prior + RATE_PRIOR * (np.log1p(-lapse) + np.log1p(-guess))
-    at = answers.at.reshape(-1, 1, 1, 1, 1)
-    wrong = answers.trials - answers.correct
-    at_once = max(1, AT_ONCE * len(threshold) // (at.size * total.size))
-    for first in range(0, len(threshold), at_once):
-        part = slice(first, first + at_once)
-        p = curve.share_correct(at, (threshold[part], log_width, lapse, guess))
-        total[part] += np.tensordot(answers.correct, np.log(p), 1)
-        total[part] += np.tensordot(wrong, np.log1p(-p), 1)
-    return total
-
-
-def _flat_within(
-    values: FloatArray, low: float, high: float, rise: float, fall: float
-) -> FloatArray:
-    """Return (4): 1 in [low, high], half a cosine to 0 over `rise` below and `fall` above it."""
-    below = np.clip((low - values) / rise, 0.0, 1.0)
-    above = np.clip((values - high) / fall, 0.0, 1.0)
-    return np.asarray((1 + np.cos(np.pi * below)) * (1 + np.cos(np.pi * above)) / 4)
+    One cell is left around the others. Where none is negligible up to the end of an axis, the box
+    becomes longer there.
+    """
+    kept = log_mass > -NEGLIGIBLE
+    points, places, sizes = (lattice.some(arrays, kept) for arrays in lattice[:3])
+    near = 1e-6 * (grid.high - grid.low)
+    cut_low = ((places - sizes / 2).min(axis=1) < grid.low + near) & grid.free
+    cut_high = ((places + sizes / 2).max(axis=1) > grid.high - near) & grid.free
+    mass = np.exp(log_mass[kept])
+    mass /= mass.sum()
+    centre, factor = grid.centre, grid.factor
+    if 1 / (mass @ mass) > ENOUGH:
+        # The curvature at the mode is not that of a bent ridge, or of a plateau.
+        centre = np.where(grid.free, points @ mass, centre)
+        off = points - centre[:, None]
+        within = factor * np.sqrt(sizes**2 @ mass / 12)
+        covariance = (off * mass) @ off.T + within @ within.T
+        both = grid.free & grid.free[:, None]
+        factor = np.linalg.cholesky(np.where(both, covariance, np.eye(4)))
+    there = np.linalg.solve(factor, points - centre[:, None])
+    low, high = there.min(axis=1), there.max(axis=1)
+    scaled = sizes.min(axis=1) * np.diag(grid.factor) / np.diag(factor)
+    cell = np.maximum((high - low) / np.maximum(np.array(kept.shape) - 1, 1), scaled)
+    longer = np.maximum(LONGER * (high - low), 1.5 * cell)
+    low -= np.where(cut_low, longer, 1.5 * cell)
+    high += np.where(cut_high, longer, 1.5 * cell)
+    return _Grid(centre, factor, low, high, grid.free), bool((cut_low | cut_high).any())

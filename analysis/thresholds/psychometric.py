@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
 from analysis.estimates import ENDS, FloatArray, Interval
-from analysis.thresholds.curve_posterior import Curve, LevelAnswers, Shape, posterior
+from analysis.thresholds.answer_curve import Curve, LevelAnswers, Shape
+from analysis.thresholds.curve_posterior import posterior
 from protocol.errors import BadInput
 from protocol.study.track import GUESS_RATE, Task
 

@@ -13,7 +13,7 @@ from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.statistics.detection import Detection, detection
-from analysis.thresholds.curve_posterior import Curve
+from analysis.thresholds.answer_curve import Curve
 from analysis.thresholds.psychometric import Mixed, Threshold, fitted, mixed
 from analysis.trials import track_readings
 from device.friction.changes import friction_difference

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from analysis.thresholds.curve_posterior import Shape
+from analysis.thresholds.answer_curve import Shape
 from analysis.thresholds.psychometric import fitted
 from protocol.study.track import GUESS_RATE, Task
 

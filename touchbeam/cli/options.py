@@ -38,7 +38,7 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "eq15_overlap": lambda: get_args(_named("device.beam.eq15", "Overlap")),
     "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
     "task": lambda: _named("protocol.study.track", "GUESS_RATE"),
-    "shape": lambda: get_args(_named("analysis.thresholds.curve_posterior", "Shape")),
+    "shape": lambda: get_args(_named("analysis.thresholds.answer_curve", "Shape")),
     "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }
 """Choices by parameter. A look-up imports the module that defines them."""

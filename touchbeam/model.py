@@ -116,7 +116,9 @@ def fit(
 
     Args:
         answers: the columns participant, track, level, trials and correct; without trials a row
-            is one trial, and correct is 1 or 0. In yes-no correct counts "yes".
+            is one trial, and correct is 1 or 0. In yes-no correct counts "yes". The `trials` of a
+            study will do: their `level_value` is the level, and `left_out` in the result counts
+            those that are catch trials, not answered, or excluded.
         task: `yes or no`, `two intervals` or `three intervals`.
         shape: `normal` is a curve of the level, `weibull` one of its logarithm.
         threshold_at: the share correct that defines the threshold; else the curve's midpoint.
@@ -132,7 +134,10 @@ def fit(
     source = "answers"
     tracks = tracks_in(answers.to_csv(index=False), source, shape)
     found = fits_of(tracks, source, task=task, shape=shape, threshold_at=threshold_at, lapse=lapse)
-    places = ("participant", "track")
-    return pd.DataFrame(
-        [{name: getattr(track, name) for name in places} | vars(fit) for track, fit in found]
-    ).drop(columns="band")
+    rows = [
+        {"participant": track.participant, "track": track.track}
+        | vars(fit)
+        | {"left_out": track.left_out}
+        for track, fit in found
+    ]
+    return pd.DataFrame(rows).drop(columns="band")

@@ -14,6 +14,8 @@ MOST_ROWS = 1_000_000
 MOST_TRIALS = 1_000_000_000
 """Of one row."""
 PLACE, TRIALS, CORRECT, LEVEL = ("participant", "track"), "trials", "correct", "level"
+LEVEL_VALUE, EXCLUDED = "level_value", "excluded"
+"""Of trials that touchbeam recorded, whose column level has the number of a level."""
 RIGHT_OR_WRONG: Mapping[str, int] = {"1": 1, "0": 0, "true": 1, "false": 0}
 
 COLUMNS = (
@@ -30,21 +32,26 @@ COLUMNS = (
 """Of the table of thresholds that people read."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Track:
-    """The answers of one participant in one track, an entry per row of the table."""
+    """The answers of one participant in one track, an entry per row of the table.
+
+    `left_out` counts recorded trials without a level (catch trials) or an answer, and excluded
+    ones.
+    """
 
     participant: str
     track: str
     levels: list[float] = field(default_factory=list)
     trials: list[int] = field(default_factory=list)
     correct: list[int] = field(default_factory=list)
+    left_out: int = 0
 
     def record(self, found: Threshold) -> Json:
         """Return what was found, as `touchbeam fit --json` prints it."""
         told = {"participant": self.participant, "track": self.track, **plain(found)}
         del told["band"]  # of a figure
-        return told
+        return {**told, "left_out": self.left_out}
 
 
 def tracks_in(text: str, source: str, shape: str) -> list[Track]:
@@ -53,6 +60,9 @@ def tracks_in(text: str, source: str, shape: str) -> list[Track]:
     The columns participant, track, level, trials and correct may stand in any order, with others
     between them, which are left out. Without the column trials a row is one trial, and correct
     is 1 or 0. In yes-no correct counts "yes".
+
+    Trials that touchbeam recorded have the column level_value, which is taken for the level. Those
+    of no track, without a level or an answer, or excluded are left out.
 
     Args:
         text: of a CSV file, without a byte order mark.
@@ -75,13 +85,27 @@ def tracks_in(text: str, source: str, shape: str) -> list[Track]:
                 f"{where}: must have {len(header)} cells as the header, got {len(row)}"
             )
         cells = {name: row[at].strip() for name, at in columns.items()}
+        if LEVEL_VALUE in columns and not cells["track"]:
+            continue
         participant, name = (_name(cells[name], f"{where}, column {name}") for name in PLACE)
         track = found.setdefault((participant, name), Track(participant, name))
-        track.levels.append(_level(cells[LEVEL], f"{where}, column {LEVEL}", shape))
+        if LEVEL_VALUE in columns and not _counts_as_answer(cells):
+            track.left_out += 1
+            continue
+        level = LEVEL_VALUE if LEVEL_VALUE in columns else LEVEL
+        track.levels.append(_level(cells[level], f"{where}, column {level}", shape))
         trials, correct = _counts(cells, where)
         track.trials.append(trials)
         track.correct.append(correct)
-    return list(found.values())
+    if not (tracks := [track for track in found.values() if track.levels]):
+        raise TableError(f"{source}: must have an answered trial at a level of a track, got none")
+    return tracks
+
+
+def _counts_as_answer(cells: Mapping[str, str]) -> bool:
+    """Return whether a recorded trial is one at a level, answered, and not excluded."""
+    given = cells[LEVEL_VALUE] and cells[CORRECT]
+    return bool(given) and cells.get(EXCLUDED, "no") == "no"
 
 
 def fits_of(
@@ -106,15 +130,27 @@ def fits_of(
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:
     require_commas(header, where)
     names = [name.casefold() for name in header]
-    for name in (*PLACE, LEVEL, CORRECT, TRIALS):
+    recorded = (LEVEL_VALUE, EXCLUDED) if LEVEL_VALUE in names else ()
+    # Of recorded trials it is the number of the level.
+    level = () if recorded else (LEVEL,)
+    used = (*PLACE, *level, CORRECT, TRIALS, *recorded)
+    for name in used:
         if names.count(name) > 1:
             raise TableError(f"{where}: the column {name} must stand once; rename the others")
-        if name not in names and name != TRIALS:
+        if name not in names and name not in (TRIALS, EXCLUDED):
             raise TableError(
                 f"{where}: must have the column {name}; columns are participant, track, level, "
                 "trials, correct, or without trials for a row per trial"
             )
-    return {name: names.index(name) for name in (*PLACE, LEVEL, CORRECT, TRIALS) if name in names}
+    return {name: names.index(name) for name in used if name in names}
+
+
+def left_out_line(tracks: Iterable[Track]) -> str:
+    """Return in words how many rows are not in the fits; nothing if all are."""
+    if not (rows := sum(track.left_out for track in tracks)):
+        return ""
+    were = "row was" if rows == 1 else "rows were"
+    return f"{rows} {were} left out: catch trials, not answered, or excluded."
 
 
 def _name(cell: str, where: str) -> str:

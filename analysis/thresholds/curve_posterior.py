@@ -23,6 +23,7 @@ SAME_BOX = 0.8
 MOST_PASSES = 12
 ENOUGH = 30.0
 """Cells that share the mass: from fewer, mean and covariance are not known."""
+RATES = (2, 3)
 EDGES = 1001
 """Places at which the distribution of a parameter is computed."""
 
@@ -53,9 +54,16 @@ class Posterior:
             count = np.searchsorted(middles, places)
             return np.asarray(places * below[count] - moment[count])
 
+        def share(places: FloatArray) -> FloatArray:
+            """Return how much of the mass lies below each place."""
+            return (summed(places + size / 2) - summed(places - size / 2)) / size
+
         edges = np.linspace(middles[0] - size / 2, middles[-1] + size / 2, EDGES)
-        share = (summed(edges + size / 2) - summed(edges - size / 2)) / size
-        return np.interp(parts, share, edges)
+        if axis not in RATES:
+            return np.interp(parts, share(edges), edges)
+        # No rate is below 0: what was spread there belongs above it.
+        edges = np.maximum(edges, 0.0)
+        return np.interp(parts, share(edges) - share(-edges), edges)
 
     def draws(self, number: int, rng: np.random.Generator) -> FloatArray:
         """Return draws of the four parameters, shape (4, number): the middles of cells."""
@@ -87,7 +95,7 @@ class _Grid(NamedTuple):
             middle = self.centre[axis] + sum((by * place for by, place in before), 0 * volume)
             own = self.factor[axis, axis] * self.free[axis]
             start, end = middle + own * self.low[axis], middle + own * self.high[axis]
-            if axis > 1:
+            if axis in RATES:
                 start, end = np.clip(start, 0.0, MOST_RATE), np.clip(end, 0.0, MOST_RATE)
             size = (end - start) / number
             along = np.arange(number).reshape([-1 if one == axis else 1 for one in range(4)])

@@ -4,11 +4,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 import touchbeam
 from protocol.study_file.loading import template
+from runner.journal.names import session_name
+from runner.journal.opening import open_journal
+from tests.analysis.tracks import TRACKS, session
 from touchbeam.cli.app import app
 
 
@@ -212,3 +216,45 @@ def test_documents_have_what_others_rely_on(folder: Path, tmp_path: Path) -> Non
         assert fit["threshold"] < higher["threshold"]
         found[shape] = fit["slope"]
     assert found["normal"] != found["weibull"]
+
+
+def test_recorded_trials_are_fitted_at_their_levels_and_not_at_the_numbers_of_these(
+    tmp_path: Path,
+) -> None:
+    """As a data frame, and as the file that an export writes; catch trials have no level."""
+    study = tmp_path / "study"
+    study.mkdir()
+    (study / "study.toml").write_text(TRACKS, encoding="utf-8")
+    with open_journal(study / "study.db") as journal:
+        for slot, who in enumerate(("P01", "P02")):
+            for stored in session(TRACKS, who, slot, threshold=40.0):
+                journal.append(session_name(who, 1), stored)
+    trials = touchbeam.load(study).trials
+    found = touchbeam.fit(trials)
+    asked = trials[trials.track_role.ne("catch")]
+    by_hand = pd.DataFrame(
+        {
+            "participant": asked.participant,
+            "track": asked.track,
+            "level": asked.level_value,
+            "correct": asked.correct.astype(int),
+        }
+    )
+    pd.testing.assert_frame_equal(
+        found.drop(columns="left_out"), touchbeam.fit(by_hand).drop(columns="left_out")
+    )
+    catch = trials.track_role.eq("catch").groupby([trials.participant, trials.track]).sum()
+    assert found.set_index(["participant", "track"]).left_out.to_dict() == catch.to_dict()
+    # 15.6 and 22 are the numbers of levels near the threshold of 40 V.
+    assert (found.threshold[found.track.eq("by a staircase")] > 25).all()
+
+    out = tmp_path / "out"
+    assert (
+        CliRunner().invoke(app, ["export", str(study), str(out), "--format", "csv"]).exit_code == 0
+    )
+    made = CliRunner().invoke(app, ["fit", str(out / "trials.csv"), "--json"])
+    told = json.loads(made.stdout)["tracks"]
+    assert [one["threshold"] for one in told] == found.threshold.tolist()
+    assert [one["left_out"] for one in told] == found.left_out.tolist()
+    shown = CliRunner().invoke(app, ["fit", str(out / "trials.csv")]).stdout
+    assert f"{catch.sum()} rows were left out: catch trials, not answered, or excluded." in shown

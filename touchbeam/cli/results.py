@@ -130,9 +130,17 @@ def fit(
     """Fit thresholds to a table of answers, without a study.
 
     Prints threshold, slope and lapse rate of each participant and track, with 95% intervals. A
-    row has the answers at one level, or, without the column trials, one trial.
+    row has the answers at one level, or, without the column trials, one trial. The trials.csv of
+    an export is such a table.
     """
-    from analysis.thresholds.answer_table import COLUMNS, MOST_BYTES, fits_of, lines_of, tracks_in
+    from analysis.thresholds.answer_table import (
+        COLUMNS,
+        MOST_BYTES,
+        fits_of,
+        left_out_line,
+        lines_of,
+        tracks_in,
+    )
     from runner.study.files import bytes_of, text_of
 
     source = str(table)
@@ -147,6 +155,8 @@ def fit(
     at = found[0][1].threshold_at
     what = "of the curve" if task == "yes or no" else "correct"
     output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(found), [""] * len(COLUMNS)])
+    if line := left_out_line(tracks):
+        output.say(line)
 
 
 @app.command()

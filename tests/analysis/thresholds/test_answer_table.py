@@ -46,6 +46,34 @@ def test_a_row_per_trial_and_other_columns() -> None:
     ]
 
 
+RECORDED = "participant,track,level,level_value,correct,excluded\n"
+
+
+def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
+    text = (
+        f"{RECORDED}P01,T,0,1,True,no\nP01,T,3,8,True,no\nP01,,1,,,no\nP01,T,,,,no\n"
+        "P01,T,1,2,,no\nP01,T,1,2,False,session\nP01,T,1,2,False,no\nP02,T,,,,no\n"
+    )
+    assert tracks_in(text, "trials.csv", "weibull") == [
+        Track("P01", "T", [1.0, 8.0, 2.0], [1, 1, 1], [1, 1, 0], left_out=3)
+    ]
+
+
+def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None:
+    values, right = [1.0, 2.0, 4.0, 8.0], [10, 13, 18, 20]
+    rows = [
+        (number, value, trial < correct)
+        for number, (value, correct) in enumerate(zip(values, right, strict=True))
+        for trial in range(20)
+    ]
+    table = pd.DataFrame(rows, columns=["level", "level_value", "correct"])
+    found = touchbeam.fit(table.assign(participant="P01", track="T"))
+    by_hand = pd.DataFrame({"level": values, "trials": 20, "correct": right})
+    known = touchbeam.fit(by_hand.assign(participant="P01", track="T"))
+    assert found.threshold.item() == known.threshold.item()
+    assert 2 < found.threshold.item() < 4
+
+
 def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
     (track,) = tracks_in(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
     assert track.participant == "=1+1"
@@ -81,6 +109,11 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
             "participant,track,level,correct\nP,T,1,7\n",
             "line 2, column correct: must be 1 or 0 in a row per trial, got '7'; add the column tr",
         ),
+        (
+            f"{RECORDED}P,T,,,,no\n",
+            "answers.csv: must have an answered trial at a level of a track, got none",
+        ),
+        (f"{RECORDED}P,T,1,x,1,no\n", "line 2, column level_value: a level must be a number from"),
         (f'{HEADER}"P,T,1,2,1\n', "line 2: a quotation mark is opened and never closed; close it"),
     ],
 )

@@ -68,6 +68,12 @@ def test_known_curves_are_recovered(task: Task, shape: Shape) -> None:
         assert found.jnd is None
 
 
+def test_no_rate_is_below_0() -> None:
+    found = fitted([1, 2, 3, 4, 5], [40] * 5, [20, 28, 36, 40, 40], shape="normal")
+    low, high = found.lapse_ci
+    assert 0 < low < found.lapse < high < 0.1
+
+
 def test_the_share_that_defines_a_threshold() -> None:
     levels, trials = np.linspace(1, 13, 9), np.full(9, 100_000)
     correct = np.round(trials * (0.5 + 0.5 * ndtr((levels - 7) / 2.5)))

@@ -17,6 +17,8 @@ BEAT = struct.Struct("<?d")
 READY = b"+"
 ALARM = b"!"
 """The output was turned off, because the program was silent."""
+ALIVE_EVERY_S = 1.0
+"""How often it looks whether the program is there while nothing is on."""
 SENT_AGAIN_S = 0.1
 _SEND_S = 1.0
 _IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGPIPE")
@@ -34,9 +36,10 @@ def guard(program: socket.socket, device: int, off: bytes, limit_s: float) -> No
     Beats carry their own times, so that neither a slow guardian nor a late look at them matters:
     what counts is the longest gap between two beats, also one that is over when it is read.
     """
-    watching, last_s, unread = False, passed_s(), b""
-    while True:
-        wait_s = max(last_s + limit_s - passed_s(), 0.0) if watching else None
+    parent, watching, last_s, unread = os.getppid(), False, passed_s(), b""
+    # The connection alone does not tell: a fork of the program may hold it open for ever.
+    while os.getppid() == parent:
+        wait_s = max(last_s + limit_s - passed_s(), 0.0) if watching else ALIVE_EVERY_S
         if select.select([program], [], [], wait_s)[0]:
             heard = _received(program)
             if not heard:

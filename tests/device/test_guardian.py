@@ -3,10 +3,13 @@
 import os
 import select
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import psutil
 import pytest
 
 from device.errors import DeviceError
@@ -179,3 +182,45 @@ def test_a_pause_within_the_limit_or_with_the_output_off_is_none(
     clock.advance(60)
     sign.beat()
     assert sign.broken() == ""
+
+
+FORKED = """\
+import os, sys, time
+from device.guardian import Guardian
+from device.guardian_process import passed_s
+guardian = Guardian(int(sys.argv[1]), bytes.fromhex(sys.argv[2]), 0.3)
+guardian.start()
+guardian.hears(passed_s(), on=sys.argv[3] == "on")
+print(guardian._process.pid, flush=True)
+if os.fork() == 0:
+    os.close(1)
+    time.sleep(float(sys.argv[4]))
+os._exit(9)
+"""
+
+
+@pytest.mark.parametrize(("state", "heard"), [("on", OFF + OFF), ("off", b"")])
+def test_a_fork_of_the_program_that_lives_on_keeps_no_guardian_alive(
+    state: str, heard: bytes
+) -> None:
+    """It holds the guardian's connection open, and could let it send off to later sessions."""
+    device_end, program_end = os.pipe()
+    lasts_s = 20.0
+    made = subprocess.run(
+        [sys.executable, "-c", FORKED, str(program_end), OFF.hex(), state, str(lasts_s)],
+        pass_fds=(program_end,),
+        stdout=subprocess.PIPE,
+        check=False,
+    )
+    began_s = time.monotonic()
+    while psutil.pid_exists(int(made.stdout)) and time.monotonic() - began_s < lasts_s / 2:
+        time.sleep(0.05)
+    assert not psutil.pid_exists(int(made.stdout))
+    os.set_blocking(device_end, False)
+    try:
+        assert os.read(device_end, 1000).startswith(heard) if heard else True
+        with pytest.raises(BlockingIOError):
+            os.read(device_end, 1000)
+    finally:
+        os.close(device_end)
+        os.close(program_end)

@@ -56,14 +56,15 @@ class Posterior:
 
         def share(places: FloatArray) -> FloatArray:
             """Return how much of the mass lies below each place."""
-            return (summed(places + size / 2) - summed(places - size / 2)) / size
+            within = summed(places + size / 2) - summed(places - size / 2)
+            return np.asarray(within / size)
 
         edges = np.linspace(middles[0] - size / 2, middles[-1] + size / 2, EDGES)
         if axis not in RATES:
-            return np.interp(parts, share(edges), edges)
+            return np.asarray(np.interp(parts, share(edges), edges))
         # No rate is below 0: what was spread there belongs above it.
         edges = np.maximum(edges, 0.0)
-        return np.interp(parts, share(edges) - share(-edges), edges)
+        return np.asarray(np.interp(parts, share(edges) - share(-edges), edges))
 
     def draws(self, number: int, rng: np.random.Generator) -> FloatArray:
         """Return draws of the four parameters, shape (4, number): the middles of cells."""

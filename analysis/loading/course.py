@@ -242,6 +242,9 @@ class Course:
         return len(after.turned_at) > len(before.turned_at)
 
     def _question_answered(self, event: journal.QuestionAnswered) -> None:
+        for name in event.moot or ():
+            if (moot := self._at_desk.pop(name, None)) is not None:
+                self._rows.answers.remove(moot)
         row = self._at_desk.get(event.name) if event.when == "desk" else None
         if row is not None:  # the operator corrects it
             row.answer, row.reaction_time_s = _plain(event.answer), event.reaction_time_s

@@ -245,6 +245,10 @@ class Table(Generic[Row]):
     def append(self, row: Row) -> None:
         self._rows.append(row)
 
+    def remove(self, row: Row) -> None:
+        """Take back a row that is not packed yet."""
+        self._rows = [kept for kept in self._rows if kept is not row]
+
     def pack(self) -> None:
         """Pack the rows if there are many; none of them may be changed any more."""
         if len(self._rows) >= self.ROWS_OF_A_PART:

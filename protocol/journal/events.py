@@ -190,6 +190,9 @@ class QuestionAnswered(records.QuestionAnswer, Event, tag="question-answered"):
     when: str = key("`desk`, `before`, `block` or `after`")
     block: int | None = absent(None, "number of the block just over, if any")
     note: str | None = sparse("why the operator corrected the answer after the session began")
+    moot: tuple[str, ...] | None = sparse()
+    """of a correction: questions of the desk that depend on it and would not be asked now; their
+    answers do not count"""
 
 
 class TrialAborted(Event, tag="trial-aborted"):

@@ -182,6 +182,8 @@ class SessionState:
         self.practice_rounds += 1
 
     def _question_answered(self, event: events.QuestionAnswered) -> None:
+        for name in event.moot or ():
+            self.questions.pop((name, None), None)
         self.questions[event.name, event.block] = event.answer
 
     def _trial_started(self, event: events.TrialStarted) -> None:

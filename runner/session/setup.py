@@ -135,16 +135,27 @@ def ask_at_desk(context: SessionContext) -> None:
     With a virtual participant what nobody answers is drawn, as the participant's answers are.
     """
     session, log = context.session, context.log
-    for question in session.study.questions("desk", session.number):
-        known = known_before(session, log.state)
-        if (question.name, None) in log.state.questions or not question.follows(known):
-            continue
+    while left := _left_to_ask(context):
+        question = left[0]
         began_s = context.clock.monotonic_s()
         drawn = str if session.virtual is None else partial(_drawn, session, question)
         answer = _possible_answer(context, spoken(question), question, drawn)
+        # While it was asked, a correction may have answered it, or made it one that is not asked.
+        if question not in _left_to_ask(context):
+            continue
         log.append(_at_desk(question, answer, context.clock.monotonic_s() - began_s))
         kept = keeps_its_group(context, question.name)
         context.operator.notify(f"noted: {question.name} {answer_text(answer)}{kept}")
+
+
+def _left_to_ask(context: SessionContext) -> list[StudyQuestion]:
+    session, state = context.session, context.log.state
+    known = known_before(session, state)
+    return [
+        question
+        for question in session.study.questions("desk", session.number)
+        if (question.name, None) not in state.questions and question.follows(known)
+    ]
 
 
 def _drawn(session: Session, question: StudyQuestion) -> str:

@@ -176,9 +176,11 @@ def _follow_window(context: SessionContext) -> None:
 def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     """Record another answer of the operator's; return what became of it."""
     session, state = context.session, context.log.state
+    known = known_before(session, state)
     asked = {it.name: it for it in session.study.questions("desk", session.number)}
     answered = [name for name in asked if (name, None) in state.questions]
-    if wanted.name not in answered:
+    due = [name for name, it in asked.items() if name not in answered and it.follows(known)]
+    if wanted.name not in {*answered, *due}:
         return f"{wanted.name!r} has no answer to correct; answered: {', '.join(answered) or '-'}"
     if state.begun and not wanted.note:
         return "the session has begun: add the reason, as in `age 31 because misheard`"
@@ -187,9 +189,25 @@ def _corrected(context: SessionContext, wanted: screens.Correction) -> str:
     except ValueError as error:
         return str(error)
     given = QuestionAnswer(name=wanted.name, answer=answer, reaction_time_s=0.0, trace=None)
-    context.log.append(QuestionAnswered(when="desk", **vars(given), note=wanted.note or None))
-    kept = keeps_its_group(context, wanted.name)
-    return f"corrected: {wanted.name} {answer_text(answer)}{kept}"
+    known[wanted.name], moot = answer, []
+    for name in answered:
+        if not asked[name].follows(known):
+            moot.append(name)
+            del known[name]
+    note, gone = wanted.note or None, tuple(moot) or None
+    context.log.append(QuestionAnswered(when="desk", **vars(given), note=note, moot=gone))
+    # Until the resonance is measured the desk asks for it itself.
+    left = [
+        name
+        for name, question in asked.items()
+        if name not in {*known, *due} and question.follows(known) and context.resonance_hz
+    ]
+    told = [
+        f"corrected: {wanted.name} {answer_text(answer)}",
+        *([f"no longer counts: {', '.join(moot)}"] if moot else []),
+        *([f"now asked for: {', '.join(left)}; answer it as a correction"] if left else []),
+    ]
+    return "; ".join(told) + keeps_its_group(context, wanted.name)
 
 
 def keeps_its_group(context: SessionContext, name: str) -> str:

@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from analysis.export.trial_table import frames
 from analysis.loading.sessions import load_sessions
 from protocol.journal.events import QuestionAnswered, SessionOpened, TrialStarted
 from protocol.study_file.loading import StudyError, parsed_study, template
+from runner.journal.cohort import states
 from runner.journal.opening import open_journal, read_journal
 from runner.journal.verification import readable_chains, verdicts
 from runner.people.operator_console import recalled
@@ -150,6 +152,70 @@ def test_an_answer_is_corrected_freely_until_the_session_begins_and_later_with_a
         answers = load_sessions(readable_chains(journal, [])).answers
     desk = answers[answers["when"] == "desk"].set_index("name")["answer"]
     assert desk.to_dict() == {"glove": "nitrile", "glove_mm": 1.1, "remark": None}
+
+
+def test_an_answer_no_longer_counts_where_a_correction_takes_its_condition_away(
+    tmp_path: Path,
+) -> None:
+    orders: list[tuple[str, Any]] = [
+        ("touching", Correction(name="glove", answer="none", note="seen"))
+    ]
+    operator, records = done(tmp_path, ["nitrile", "0.8", ""], orders)
+    assert "corrected: glove none; no longer counts: glove_mm" in operator.notices
+    assert [it.moot for it in records if isinstance(it, QuestionAnswered)][-1] == ("glove_mm",)
+    with read_journal(tmp_path / "study.db") as journal:
+        assert {name for name, _ in states(journal)["P01/1"].questions} == {"glove", "remark"}
+        recorded = load_sessions(readable_chains(journal, []))
+    assert recorded.answers["name"].tolist() == ["glove", "remark"]
+    trials = frames(parsed_study(TEXT), recorded, rehearsals=False).trials
+    assert trials["glove_mm"].isna().all()
+    assert set(trials["glove"]) == {"none"}
+
+
+def test_a_question_that_a_correction_leads_to_is_answered_in_the_same_way(tmp_path: Path) -> None:
+    orders: list[tuple[str, Any]] = [
+        ("touching", Correction(name="glove_mm", answer="0.8", note="read")),
+        ("touching", Correction(name="glove", answer="nitrile", note="seen")),
+        ("touching", Correction(name="glove_mm", answer="0.8", note="read")),
+    ]
+    operator, records = done(tmp_path, ["none", ""], orders)
+    said = [text for text in operator.notices if "glove_mm" in text]
+    assert said == [
+        "'glove_mm' has no answer to correct; answered: glove, remark",
+        "corrected: glove nitrile; now asked for: glove_mm; answer it as a correction",
+        "corrected: glove_mm 0.8",
+    ]
+    assert given(records)[-1] == ("glove_mm", 0.8, "read")
+
+
+@pytest.mark.parametrize(
+    ("first", "corrected", "answers", "names"),
+    [
+        ("nitrile", "none", ["0.8"], ["glove", "glove", "remark"]),
+        ("none", "nitrile", ["", "0.8"], ["glove", "glove", "remark", "glove_mm"]),
+    ],
+)
+def test_a_correction_while_the_desk_asks_decides_on_what_it_asks(
+    tmp_path: Path, first: str, corrected: str, answers: list[str], names: list[str]
+) -> None:
+    class Correcting(FakeOperator):
+        def answered(self) -> str | None:
+            """Correct the first answer while the second question stands."""
+            if (
+                len(self.asked) == 2
+                and not self.orders
+                and f"corrected: glove {corrected}" not in (self.notices)
+            ):
+                self.orders.append(("armed", Correction(name="glove", answer=corrected)))
+                return None
+            return super().answered()
+
+    device = FakeDevice()
+    operator = Correcting(device, answers=[first, *answers, "", ""])
+    with open_journal(tmp_path / "study.db") as journal:
+        run(context(journal, device, FakeParticipant(), TEXT, operator))
+        records = [event.record for event in journal.events("P01/1")]
+    assert [name for name, _, _ in given(records)] == names
 
 
 def test_the_log_of_an_interrupted_session_comes_from_the_journal(tmp_path: Path) -> None:

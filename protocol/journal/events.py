@@ -50,7 +50,8 @@ class SessionOpened(Event, tag="session-opened"):
     trials: tuple[records.PlannedTrial, ...] = key("all planned trials", missing=())
     language: str | None = key("code of the participant's language", missing=None)
     consent: str | None = key("reference of the signed consent, if any", missing=None)
-    seed: int | None = key("of the simulated device and the virtual participant", missing=None)
+    seed: int | None = key(missing=None, any_size=True)
+    """of the simulated device and the virtual participant"""
     virtual: records.VirtualTruth | None = absent(None)
     """the true parameters, if the participant is virtual"""
     versions: Mapping[str, str] = key("of touchbeam and Python", missing={})
@@ -70,7 +71,8 @@ class SessionResumed(Event, tag="session-resumed"):
     trials: tuple[records.PlannedTrial, ...] = key("all trials as planned under it", missing=())
     language: str | None = key("code of the participant's language", missing=None)
     consent: str | None = key("reference of the signed consent, if any", missing=None)
-    seed: int | None = key("of the simulated device and the virtual participant", missing=None)
+    seed: int | None = key(missing=None, any_size=True)
+    """of the simulated device and the virtual participant"""
     virtual: records.VirtualTruth | None = absent(None)
     """the true parameters, if the participant is virtual"""
     versions: Mapping[str, str] = key("of touchbeam and Python", missing={})

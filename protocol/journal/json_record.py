@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
-from itertools import starmap
+from itertools import chain, starmap
 from types import NoneType, UnionType
 from typing import (
     Any,
@@ -20,6 +20,8 @@ from typing import (
 _REQUIRED: Final = object()
 # No quantity of a study is as large. NaN and infinity fail the comparison, too.
 _LARGEST = 1e18
+_WHOLE = 2**63
+"""What a whole number in a column of a table must be below."""
 _Reader = Callable[[Any], Any]
 
 
@@ -28,12 +30,13 @@ class Key:
     """The meaning of a payload key, and its value where an earlier build did not write it.
 
     A key without `missing` is required: every build has written it. A `sparse` one is left out
-    where it has the value `missing`.
+    where it has the value `missing`. A whole number has 63 bits unless it may be of `any_size`.
     """
 
     meaning: str
     missing: Any = _REQUIRED
     sparse: bool = False
+    any_size: bool = False
 
     @property
     def required(self) -> bool:
@@ -41,9 +44,9 @@ class Key:
         return self.missing is _REQUIRED
 
 
-def key(meaning: str = "", missing: Any = _REQUIRED) -> Any:
+def key(meaning: str = "", missing: Any = _REQUIRED, *, any_size: bool = False) -> Any:
     """Return a field that whoever makes the record must give."""
-    return field(metadata={"key": Key(meaning, missing)})
+    return field(metadata={"key": Key(meaning, missing, any_size=any_size)})
 
 
 def absent(value: Any, meaning: str = "") -> Any:
@@ -114,6 +117,8 @@ class JsonRecord:
         touchbeam alone. What came from elsewhere is judged here, and what has led to an error.
         """
         for name, hint, key, _ in cls.json_keys():
+            if key.any_size and type(payload.get(name)) is int:
+                continue
             if name in payload and (wrong := _misfit(payload[name], hint, name)):
                 return wrong
             if key.required and name not in payload:
@@ -192,18 +197,40 @@ def _parts(value: Any, hint: Any) -> Iterable[tuple[Any, Any]] | None:
     """Return what a JSON value of type `hint` contains, with its types; None if of another type."""
     origin, kinds = get_origin(hint), get_args(hint)
     if origin is tuple:
-        return ((each, kinds[0]) for each in value) if isinstance(value, list) else None
+        if not isinstance(value, list):
+            return None
+        # A long trace is judged as a whole: number by number would take as long as all the rest.
+        return () if _are_samples(value, kinds[0]) else ((each, kinds[0]) for each in value)
     if origin is not None:
         return ((it, kinds[1]) for it in value.values()) if isinstance(value, Mapping) else None
-    # JSON of other programs may have 7 for 7.0. `type` and not `isinstance`, because True is an
-    # int. A quantity must be one that can be, not NaN.
-    if hint is float:
-        return () if type(value) in {int, float} and abs(value) < _LARGEST else None
+    if hint in {int, float}:
+        return () if _is_number(value, hint) else None
     if hint is not Any and issubclass(hint, tuple):
         kinds = tuple(hint.__annotations__.values())
         fits = isinstance(value, list) and len(value) == len(kinds)
         return zip(value, kinds, strict=True) if fits else None
     return () if hint is Any or type(value) is hint else None
+
+
+def _is_number(value: Any, hint: type) -> bool:
+    # `type` and not `isinstance`, because True is an int.
+    if hint is int:
+        return type(value) is int and -_WHOLE <= value < _WHOLE
+    # JSON of other programs may have 7 for 7.0. A quantity must be one that can be, not NaN.
+    return type(value) in {int, float} and abs(value) < _LARGEST
+
+
+def _are_samples(rows: list[Any], hint: Any) -> bool:
+    """Return whether the rows are those of a named tuple of numbers, and `hint` is one."""
+    if not (isinstance(hint, type) and issubclass(hint, tuple)):
+        return False
+    kinds = tuple(hint.__annotations__.values())
+    if {*kinds} != {float} or {*map(type, rows)} - {list} or {*map(len, rows)} - {len(kinds)}:
+        return False
+    numbers = [*chain.from_iterable(rows)]
+    if {*map(type, numbers)} - {int, float}:
+        return False
+    return min(numbers, default=0) > -_LARGEST and max(numbers, default=0) < _LARGEST
 
 
 def _as_it_is(value: Any) -> Any:

@@ -208,7 +208,7 @@ class Study(Record):
         return tuple(group.name for group in self.group)
 
     def track_of(self, name: str) -> Track:
-        return next(track for track in self.track if track.name == name)
+        return {track.name: track for track in self.track}[name]
 
     def of_group(self, name: str | None) -> Self:
         """Return the study as one group runs it: with random streams of its own.

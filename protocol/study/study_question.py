@@ -112,11 +112,19 @@ ANALOGUE = (0.0, 100.0, 0.1)
 """Ends and resolution of an analogue scale."""
 
 
+_NAME = re.compile("[a-z][a-z0-9_]*")
 _OF_A_NAME = required(
-    re.compile("[a-z][a-z0-9_]*").fullmatch,
+    _NAME.fullmatch,
     "must begin with a small letter and hold only a to z, 0 to 9 and _",
 )
 Identifier = Annotated[str, Field(min_length=1, max_length=LONGEST_IDENTIFIER), _OF_A_NAME]
+
+
+def is_identifier(name: str) -> bool:
+    """Return whether a question can have the `name`."""
+    return len(name) <= LONGEST_IDENTIFIER and _NAME.fullmatch(name) is not None
+
+
 ScalePlace = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
 """On a scale."""
 LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]

@@ -2,7 +2,7 @@
 
 import os
 import secrets
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import IMPOSSIBLE, BadInput, WorkFailed
+from protocol.errors import IMPOSSIBLE, BadInput, WorkFailed, shown
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
 from protocol.journal.state import NotAllowed, SessionState, damage, folded, in_words
@@ -19,6 +19,7 @@ from runner.journal import store
 from runner.journal.database import RESTORE
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
 from runner.journal.opening import read_journal
+from runner.journal.plausible import contradiction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +100,7 @@ def _verdict(journal: store.Journal, name: str, known: "Registrations") -> Sessi
 
 def session_verdict(name: str, chain: list[store.ChainLink]) -> SessionVerdict:
     named = parsed_name(name)
-    state, planned, problem = _folded([link.event for link in chain])
+    state, planned, problem = _folded(name, [link.event for link in chain])
     erased = state.name == "withdrawn"
     if erased and not all(link.event.erased and not link.salt for link in chain):
         problem = "withdrawn but not erased; run touchbeam withdraw again"
@@ -158,9 +159,6 @@ def readable_chains(
         withdrawn = _is_withdrawn(events)
         if not chain_is_unbroken(name, chain, erased=withdrawn):
             broken.append(name)
-            # What was changed outside touchbeam may hold anything: each value is looked at.
-            if any(event.damage() for event in events):
-                raise store.damaged(name, damage(events))
         # What is erased cannot tell that it was a rehearsal, which no report would have counted.
         if not (withdrawn and parsed_name(name).kind == REHEARSAL):
             yield events
@@ -184,10 +182,31 @@ def _require_readable(session: str, events: list[kinds.StoredEvent]) -> None:
     )
     if not (withdrawn or session == STUDY_CHAIN or begins):
         raise store.damaged(session, "it has no opening event")
-    store.state_of(session, events)
-    # No state follows from the values of decisions, so that nothing else looks at them.
-    if session == STUDY_CHAIN and any(event.damage() for event in events):
-        raise store.damaged(session, damage(events))
+    state = store.state_of(session, events)
+    if wrong := _forged(session, state, events):
+        raise store.damaged(session, wrong)
+
+
+def _forged(session: str, state: SessionState, events: Sequence[kinds.StoredEvent]) -> str:
+    """Return what touchbeam cannot have written in events that lead to `state`, or ''.
+
+    Hashes do not tell: who writes a chain can compute them.
+    """
+    if wrong := next(filter(None, (event.damage() for event in events)), ""):
+        return wrong
+    if wrong := contradiction(events):
+        return wrong
+    named, opened = parsed_name(session), state.opened
+    if opened is None:
+        return ""
+    told = session_name(opened.participant, opened.session)
+    nobody = opened.participant in kinds.NOBODY
+    own = {opened.participant} if nobody else {"participant", kinds.ScoresImported.kind}
+    # In journals of earlier versions a rehearsal has a plain name.
+    allowed = {named.kind} if named.kind else {*own, REHEARSAL}
+    if told != named.plain or opened.kind not in allowed:
+        return f"event 0 is damaged: it opens another session, {shown(f'{told} ({opened.kind})')}"
+    return ""
 
 
 def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bool) -> bool:
@@ -210,10 +229,10 @@ def chain_is_unbroken(name: str, chain: Iterable[store.ChainLink], *, erased: bo
     return bool(chain)
 
 
-def _folded(events: list[kinds.StoredEvent]) -> tuple[SessionState, set[int], str]:
-    """Return the state and the planned trials of a session, and why there are none, or ''."""
+def _folded(name: str, events: list[kinds.StoredEvent]) -> tuple[SessionState, set[int], str]:
+    """Return the state and the planned trials of a session, and what is wrong with it, or ''."""
     try:
-        return (state := folded(events)), state.planned, ""
+        return (state := folded(events)), state.planned, _forged(name, state, events)
     except (NotAllowed, *IMPOSSIBLE) as error:
         why = str(error) if isinstance(error, NotAllowed) else damage(events)
         return SessionState(name="impossible"), set(), why
@@ -236,7 +255,7 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
     """Return why a readable session does not follow from the `known` registrations, or ''."""
     events = journal.events(chain)
     if chain == STUDY_CHAIN:
-        return next(filter(None, (it.damage() for it in events)), "") or _registered_problem(known)
+        return _registered_problem(known)
     opened = events[0].record if events and not events[0].erased else None
     # Imported scores have no plan, and a withdrawn session tells none.
     if not isinstance(opened, kinds.SessionOpened):

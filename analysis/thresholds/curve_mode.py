@@ -22,7 +22,8 @@ from analysis.thresholds.answer_curve import (
 
 MOST_STEPS = 60
 LEAST_STEPS = 5
-"""Before the highest place is believed to be the highest mode: others may still be below it."""
+RIVALS = 5.0
+"""Places whose log density lies less below the highest may still become the highest."""
 NEAR = 1e-7
 """Standard deviations: a shorter step has arrived at the mode."""
 AS_HIGH = 1e-6
@@ -82,9 +83,10 @@ def highest_density(answers: LevelAnswers, curve: Curve, cells: Cells) -> Mode:
         arrived = ((there.place - here.place) ** 2 * scale).sum(axis=1) < NEAR**2
         here = here.where(better, there)
         damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-9, 1e9)
-        top = int(np.argmax(here.height >= here.height.max() - AS_HIGH))
-        if arrived[top] and step >= LEAST_STEPS:
+        rivals = here.height > here.height.max() - RIVALS
+        if step >= LEAST_STEPS and arrived[rivals].all():
             break
+    top = int(np.argmax(here.height >= here.height.max() - AS_HIGH))
     alone = held(here)[top]
     information = here.information[top] + np.diag(FLAT)
     apart = (alone | alone[:, None]) & ~np.eye(4, dtype=bool)

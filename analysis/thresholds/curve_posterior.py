@@ -10,7 +10,7 @@ from analysis.thresholds.answer_curve import MOST_RATE, Cells, Curve, LevelAnswe
 from analysis.thresholds.curve_mode import highest_density
 
 COARSE: Final = (13, 11, 7, 5)
-FINE: Final = (36, 30, 14, 1), (22, 18, 9, 9)
+FINE: Final = (36, 30, 14, 1), (22, 18, 7, 7)
 """Cells for threshold, log width, lapse rate and guess rate; the second where the last is free."""
 NEGLIGIBLE = 12.0
 """Cells whose log density lies so far below the highest are left out."""

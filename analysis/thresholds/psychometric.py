@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import xlogy
 
-from analysis.estimates import ENDS, FloatArray, Interval
+from analysis.estimates import ENDS, LOWER, UPPER, FloatArray, Interval
 from analysis.thresholds.answer_curve import Curve, LevelAnswers, Shape
 from analysis.thresholds.curve_posterior import posterior
 from protocol.errors import BadInput
@@ -24,7 +24,7 @@ ENOUGH_LEVELS = 3
 POOR_FIT = 0.025
 RISES = 1.645
 """z of a trend that is expected to rise: one-sided 5%."""
-LIMITS, MIDDLE = np.array(ENDS), np.array(0.5)
+LIMITS = np.array(ENDS)
 NOTHING = (math.nan, math.nan)
 
 
@@ -161,7 +161,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     thresholds = ends if shape == "normal" else np.exp(ends)
     log_widths = np.insert(found.quantiles(1, LIMITS), 1, found.mode[1])
     slopes = curve.width / (np.exp(log_widths) * unit)
-    low_lapse, high_lapse = found.quantiles(2, LIMITS)
+    low_lapse, lapse_rate, high_lapse = found.quantiles(2, np.array([LOWER, 0.5, UPPER])).tolist()
     rng = np.random.default_rng(seed)
     drawn = found.draws(DRAWS, rng)[:, :, None]
     p = _deviance_p(answers, drawn, curve, rng)
@@ -174,9 +174,9 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         slope=float(slopes[1]),
         slope_ci=(float(slopes[2]), float(slopes[0])),
         jnd=_jnd(float(ends[1]), float(slopes[1]), curve) if task == "yes or no" else None,
-        lapse=float(found.quantiles(2, MIDDLE)),
-        lapse_ci=(float(low_lapse), float(high_lapse)),
-        guess=float(found.quantiles(3, MIDDLE)),
+        lapse=lapse_rate,
+        lapse_ci=(low_lapse, high_lapse),
+        guess=float(found.quantiles(3, np.array(0.5))),
         deviance_p=p,
         trials=int(number.sum()),
         flags=_flags(answers, thresholds, asked[np.isfinite(axis)], p),

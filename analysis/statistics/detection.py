@@ -14,6 +14,7 @@ from analysis.estimates import ENDS, UPPER, FloatArray, IntArray, Interval, NotE
 _STEPS = 128
 _Z = ndtri((np.arange(_STEPS) + 0.5) / _STEPS)
 """Equally probable standard normal values: pairs of them stand for a joint distribution."""
+_OF_TWO = NotEstimable("two people do not tell how hits and false alarms go together")
 _WIDE = np.linspace(-1.5, 1.5, 3 * _STEPS) * _Z[-1]
 
 
@@ -32,16 +33,17 @@ class Detection:
     """How well changes are told from no change, by one person or by several together.
 
     Of several people d′ and criterion are those of the average rates. `p` is of the exact test that
-    nobody reports a change more often with a signal than without.
+    nobody reports a change more often with a signal than without. How the rates of two people go
+    together is not known from two, so that d′ and criterion have no interval then.
     """
 
     people: int
     hits: Rate
     false_alarms: Rate
     d_prime: float
-    d_prime_interval: Interval
+    d_prime_interval: Interval | NotEstimable
     criterion: float
-    criterion_interval: Interval
+    criterion_interval: Interval | NotEstimable
     p: float
 
 
@@ -89,9 +91,9 @@ def detection(hits: IntArray, alarms: IntArray) -> Detection | NotEstimable:
         hits=rates[0],
         false_alarms=rates[1],
         d_prime=z_hit - z_alarm,
-        d_prime_interval=central(x - y),
+        d_prime_interval=_OF_TWO if people == 2 else central(x - y),
         criterion=-(z_hit + z_alarm) / 2,
-        criterion_interval=central(-(x + y) / 2),
+        criterion_interval=_OF_TWO if people == 2 else central(-(x + y) / 2),
         p=float(noticed_p(hits[None], alarms[None])[0]),
     )
 

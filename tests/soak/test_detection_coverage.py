@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from analysis.estimates import FloatArray, IntArray
+from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.simulation import PlannedTrials, cohort, noticed_counts
 from analysis.statistics.detection import Detection, detection
 from device.people.person import DEFAULT, World, people_of, person_name, session_name
@@ -44,6 +44,8 @@ def counted(planned: PlannedTrials, names: Sequence[str], sessions: int, key: st
 
 def ends(found: Detection) -> FloatArray:
     rates = found.hits.share_interval, found.false_alarms.share_interval
+    assert not isinstance(found.d_prime_interval, NotEstimable)
+    assert not isinstance(found.criterion_interval, NotEstimable)
     return np.array([*rates, found.d_prime_interval, found.criterion_interval])
 
 

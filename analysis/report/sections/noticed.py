@@ -12,6 +12,7 @@ from analysis.estimates import Json, NotEstimable, plain
 from analysis.loading.study_data import WITHHELD_AS
 from analysis.report import figure_data
 from analysis.report.blocks import Column, Figure, Section, Table, at, estimate, p_cell
+from analysis.report.estimates_json import with_reasons
 from analysis.report.findings import Findings
 from analysis.report.wording import MISSING, interval, of_all
 from analysis.statistics.detection import Detection, Rate
@@ -119,8 +120,15 @@ def _noticed_table(shown: Sequence[Detected]) -> Table:
         "that allow for differences between people; d′ and criterion of the average rates, "
         "against the catch trials (0 V) of the same people. p: exact test within people that "
         "nobody reports more changes than on catch trials, one-sided; Holm's correction is over "
-        "the conditions.",
+        f"the conditions.{_without_interval(shown)}",
     )
+
+
+def _without_interval(shown: Sequence[Detected]) -> str:
+    """Return why some d′ and criterion have no interval, in words."""
+    ends = (at(each, "found.d_prime_interval") for each in shown)
+    reasons = dict.fromkeys(one.reason for one in ends if isinstance(one, NotEstimable))
+    return "".join(f" No interval of d′ and criterion: {reason}." for reason in reasons)
 
 
 def _each_person(people: Sequence[Detected]) -> Table:
@@ -134,7 +142,7 @@ def _each_person(people: Sequence[Detected]) -> Table:
         ],
         name="noticed-subjects",
         caption="The same by subject. Intervals hold for independent trials; with few catch "
-        "trials they are wide, and d′ is too small on average.",
+        "trials they are wide.",
     )
 
 
@@ -197,4 +205,4 @@ def _noticed_by_condition(
 
 
 def _noticed_json(each: Detected) -> Json:
-    return {**plain(each.of), **plain(each.found), "p_holm": each.p_holm}
+    return {**plain(each.of), **with_reasons(each.found), "p_holm": each.p_holm}

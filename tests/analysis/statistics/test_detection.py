@@ -5,9 +5,10 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from scipy.special import ndtr, ndtri
 from scipy.stats import beta, fisher_exact
 
-from analysis.estimates import LEVEL, IntArray, NotEstimable
+from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable
 from analysis.statistics.detection import Detection, detection, noticed_p
 
 Z = NormalDist().inv_cdf
@@ -17,6 +18,13 @@ def detected(hits: list[list[int]], alarms: list[list[int]]) -> Detection:
     found = detection(np.array(hits), np.array(alarms))
     assert isinstance(found, Detection)
     return found
+
+
+def intervals(found: Detection) -> tuple[Interval, Interval]:
+    """Of d′ and criterion."""
+    assert not isinstance(found.d_prime_interval, NotEstimable)
+    assert not isinstance(found.criterion_interval, NotEstimable)
+    return found.d_prime_interval, found.criterion_interval
 
 
 @pytest.mark.parametrize(
@@ -37,8 +45,9 @@ def test_d_prime_and_criterion_are_those_worked_out_by_hand(
 ) -> None:
     found = detected([[*hits]], [[*alarms]])
     assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-4)
-    assert found.d_prime_interval[0] < found.d_prime < found.d_prime_interval[1]
-    assert found.criterion_interval[0] < found.criterion < found.criterion_interval[1]
+    d_prime_interval, criterion_interval = intervals(found)
+    assert d_prime_interval[0] < found.d_prime < d_prime_interval[1]
+    assert criterion_interval[0] < found.criterion < criterion_interval[1]
 
 
 def test_of_several_people_they_are_those_of_the_average_rates() -> None:
@@ -56,17 +65,17 @@ def test_the_interval_of_a_person_is_that_of_two_posteriors() -> None:
         [Z(rate) for rate in rng.beta(a, b, 100_000)] for a, b in ((15.5, 5.5), (2.5, 6.5))
     )
     drawn = np.array([np.subtract(hit, alarm), -np.add(hit, alarm) / 2])
-    ends = np.array([found.d_prime_interval, found.criterion_interval])
+    ends = np.array(intervals(found))
     np.testing.assert_allclose(ends, np.quantile(drawn, [0.025, 0.975], axis=1).T, atol=0.02)
     rate = beta(15.5, 5.5).ppf([0.025, 0.975])
     assert found.hits.share_interval == pytest.approx(tuple(rate))
 
 
 def test_a_share_of_all_or_none_lies_within_its_interval() -> None:
-    found = detected([[10, 10], [10, 10]], [[0, 5], [0, 5]])
+    found = detected([[10, 10]] * 3, [[0, 5]] * 3)
     assert found.hits.share_interval[1] == 1.0
     assert found.false_alarms.share_interval[0] == 0.0
-    assert np.isfinite([*found.d_prime_interval, *found.criterion_interval]).all()
+    assert np.isfinite(intervals(found)).all()
 
 
 def test_people_who_differ_make_wider_intervals() -> None:
@@ -77,8 +86,9 @@ def test_people_who_differ_make_wider_intervals() -> None:
     # Who reports much does so on both kinds of trial, which d′ is without and the criterion is not.
     together = detected([[9, 10], [4, 10]] * 4, [[4, 5], [1, 5]] * 4)
     against = detected([[9, 10], [4, 10]] * 4, [[1, 5], [4, 5]] * 4)
-    assert np.ptp(together.d_prime_interval) < np.ptp(against.d_prime_interval)
-    assert np.ptp(together.criterion_interval) > np.ptp(against.criterion_interval)
+    widths = [np.ptp(intervals(one), axis=1) for one in (together, against)]
+    assert widths[0][0] < widths[1][0]
+    assert widths[0][1] > widths[1][1]
 
 
 def test_signal_and_catch_trials_exchanged_turn_d_prime_round() -> None:
@@ -86,8 +96,43 @@ def test_signal_and_catch_trials_exchanged_turn_d_prime_round() -> None:
     one, other = detected(hits, alarms), detected(alarms, hits)
     assert other.d_prime == pytest.approx(-one.d_prime)
     assert other.criterion == pytest.approx(one.criterion)
-    low, high = one.d_prime_interval
-    assert other.d_prime_interval == pytest.approx((-high, -low), abs=0.01)
+    low, high = intervals(one)[0]
+    assert intervals(other)[0] == pytest.approx((-high, -low), abs=0.01)
+
+
+def test_two_people_have_no_interval_of_d_prime_and_criterion() -> None:
+    """Their two points lie on a line, whatever they are like, so that nothing seems uncertain."""
+    found = detected([[10, 20], [20, 20]], [[3, 6], [6, 6]])
+    why = NotEstimable("two people do not tell how hits and false alarms go together")
+    assert (found.d_prime_interval, found.criterion_interval) == (why, why)
+    assert found.d_prime == pytest.approx(Z(30.5 / 41) - Z(9.5 / 13))
+    assert 0 < found.p < 1
+
+
+def test_with_fewer_catch_trials_the_correction_can_enlarge_d_prime() -> None:
+    assert detected([[0, 20]], [[0, 4]]).d_prime == pytest.approx(-0.70, abs=0.005)
+
+
+@pytest.mark.parametrize("people", [3, 6])
+def test_intervals_hold_the_truth_from_three_people_on(people: int) -> None:
+    rng = np.random.default_rng(people)
+
+    def rates(number: int) -> FloatArray:
+        lean, own = rng.normal(0, 0.5, number), 1.2 + rng.normal(0, 0.3, number)
+        return np.array([ndtr(own / 2 + lean), ndtr(-own / 2 - 0.3 + lean)])
+
+    hit, alarm = ndtri(rates(400_000).mean(axis=1)).tolist()
+    held = 0
+    for _ in range(300):
+        counts = [
+            np.stack([rng.binomial(trials, own), np.full(people, trials)], axis=1)
+            for trials, own in zip((40, 20), rates(people), strict=True)
+        ]
+        found = detection(*counts)
+        assert isinstance(found, Detection)
+        low, high = intervals(found)[0]
+        held += low < hit - alarm < high
+    assert 0.91 <= held / 300 <= 0.98
 
 
 def test_without_trials_of_both_kinds_nothing_is_known() -> None:

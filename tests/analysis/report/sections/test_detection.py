@@ -75,6 +75,17 @@ def test_groups_are_compared_with_their_own_catch_trials() -> None:
     assert '<th scope="row">catch trials, young</th>' in page
 
 
+def test_of_two_people_d_prime_has_no_interval_and_the_report_says_why() -> None:
+    result = made(simulated_data(Simulation(study=EXTENDED), 2, 2))
+    found = report_json(result)["detection"]["overall"]
+    why = "two people do not tell how hits and false alarms go together"
+    assert found["people"] == 2
+    assert found["d_prime"] is not None
+    for name in ("d_prime_interval", "criterion_interval"):
+        assert (found[name], found[f"{name}_reason"]) == (None, why)
+    assert f"No interval of d′ and criterion: {why}." in report_html(result)
+
+
 def test_without_catch_trials_there_is_no_section() -> None:
     assert "detection" not in report_json(plain_report())
     result = made(simulated("paper"), PAPER)

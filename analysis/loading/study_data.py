@@ -19,7 +19,6 @@ from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
-from protocol.study.fields import listed
 from protocol.study.rules import Exclusions
 
 # The study's rules on who and what is left out, settled beforehand, applied to all alike.

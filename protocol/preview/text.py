@@ -6,10 +6,10 @@ from textwrap import wrap
 from typing import get_args
 
 from protocol.address import BAUD
+from protocol.errors import listed
 from protocol.plan.trials import Trial
 from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
-from protocol.study.fields import listed
 from protocol.study.languages import reference_texts
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rules import hours_in_words

@@ -94,16 +94,6 @@ def alternatives(names: Sequence[str]) -> str:
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def listed(names: Iterable[str]) -> str:
-    """Return `names` one after another; with semicolons where one has a comma itself.
-
-    >>> listed(["voltage", "pressure"]), listed(["fast, 40 V", "slow, 40 V"])
-    ('voltage, pressure', 'fast, 40 V; slow, 40 V')
-    """
-    every = list(names)
-    return ("; " if any("," in name for name in every) else ", ").join(every)
-
-
 class Record(BaseModel):
     """Frozen, keyword-only, no unknown keys; a number is never read from a text."""
 

@@ -7,13 +7,12 @@ from math import ceil, inf
 from types import MappingProxyType
 
 from protocol.address import SIMULATED
-from protocol.errors import Path, Problem
+from protocol.errors import Path, Problem, listed
 from protocol.plan.feasibility import design_problems
 from protocol.plan.orders import scaled
 from protocol.plan.plan import slide_plan, slide_study
 from protocol.plan.trials import session_s
 from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, combinations
-from protocol.study.fields import listed
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from unicodedata import category, normalize
 
-from protocol.errors import Path, Problem, dotted, meant
+from protocol.errors import Path, Problem, dotted, listed, meant
 from protocol.study.columns import GROUP, REACTION_TIME, TAKEN, TRACK_COLUMNS, names_of
-from protocol.study.fields import UNWANTED, listed, unprintable
+from protocol.study.fields import UNWANTED, unprintable
 from protocol.study.languages import reference_texts
 from protocol.study.participant_texts import (
     band_name,

@@ -6,13 +6,12 @@ from datetime import UTC, datetime, timedelta
 from math import inf
 from typing import Any
 
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.journal.events import Opening, terms_in
 from protocol.journal.records import PlannedTrial
 from protocol.journal.state import EXCLUDED, SessionState
 from protocol.plan.plan import SlotState, arrivals, next_slot
 from protocol.plan.trials import Trial
-from protocol.study.fields import listed
 from protocol.study.study import Study
 from runner.journal.names import STUDY_CHAIN, parsed_name
 from runner.journal.store import Journal, state_of

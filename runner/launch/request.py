@@ -15,12 +15,11 @@ from typing import TypeVar
 from device.people.person import Population
 from device.resonance import Resonance
 from protocol.address import SIMULATED
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.journal.state import UNFINISHED
 from protocol.plan.plan import slide_study
 from protocol.pseudonyms import pseudonym
 from protocol.registration.registration import Registration, locked
-from protocol.study.fields import listed
 from protocol.study.participant_texts import Wording, lacking, study_codes, study_wording
 from protocol.study.study import Study
 from protocol.study.study_question import BETWEEN, Answer, StudyQuestion

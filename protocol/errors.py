@@ -1,6 +1,7 @@
 """Errors that are not bugs, distinguished by their exit codes, and problems of a study file."""
 
 import re
+import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -64,6 +65,23 @@ def page(title: str) -> str:
     "see 'Journal' (touchbeam docs)"
     """
     return f"'{title}' (touchbeam docs)"
+
+
+def typed_as(path: object) -> str:
+    r"""Return a path as a shell reads it, also where its bytes are no text of this computer.
+
+    >>> typed_as("my study"), typed_as("caf\udce9")
+    ("'my study'", "$'caf\\xe9'")
+    """
+    text = str(path)
+    if text.isprintable():
+        return shlex.quote(text)
+    # What a terminal would obey or cannot show is written by its bytes, as bash and zsh read it.
+    halves = any("\ud800" <= it <= "\udfff" and not "\udc80" <= it <= "\udcff" for it in text)
+    told = text.encode(errors="surrogatepass" if halves else "surrogateescape")
+    plain = re.compile(rb"[A-Za-z0-9/._ -]")
+    byte_by_byte = (chr(it) if plain.match(bytes([it])) else f"\\x{it:02x}" for it in told)
+    return f"$'{''.join(byte_by_byte)}'"
 
 
 def meant(name: object, known: Iterable[str], more: Iterable[str] = ()) -> str:

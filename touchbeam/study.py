@@ -1,7 +1,6 @@
 """A study's data, as everything that reads them composes them: loading, tables, the report."""
 
 import os
-import shlex
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -75,7 +74,8 @@ def read_study(
 
     def read() -> "Sessions":
         with read_journal(folder.journal) as journal:
-            chains = followed(readable_chains(journal, broken), len(journal.sessions()))
+            readable = readable_chains(journal, broken, rehearsals=rehearsals)
+            chains = followed(readable, len(journal.sessions()))
             loaded.append(load_sessions(chains))
         return loaded[0]
 
@@ -88,7 +88,11 @@ def read_study(
     else:
         # Not the one of the report, which would hold the tables for as long.
         found = Kept(shelf, code_version()).made(
-            lambda: kept_sessions(read(), broken), KeptSessions, digest, worth=lambda _: unchanged()
+            lambda: kept_sessions(read(), broken),
+            KeptSessions,
+            digest,
+            rehearsals,
+            worth=lambda _: unchanged(),
         )
         recorded, broken = loaded[0] if loaded else found.sessions(), list(found.broken)
     return Study(
@@ -396,13 +400,16 @@ class AskedReport:
         """Return the report on `found`, data of the study; `recorded` are all sessions."""
         from analysis.report.findings import Origin
         from analysis.report.report import report
+        from protocol.errors import typed_as
         from protocol.study_file.loading import text_digest
 
         options = ["--rehearsals"] * self.rehearsals
         options += [] if self.named is None else ["--sections", ",".join(self.named)]
         origin = Origin(
             # Quoted, because a folder's name may have spaces and the line is to be run again.
-            command=shlex.join(["touchbeam", "report", self.folder.path.resolve().name, *options]),
+            command=" ".join(
+                map(typed_as, ["touchbeam", "report", self.folder.path.resolve().name, *options])
+            ),
             study_sha256=text_digest(self.text),
             broken_chains=tuple(broken),
             rig=self.rig,

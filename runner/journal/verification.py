@@ -144,11 +144,16 @@ def readable_events(journal: store.Journal, session: str) -> list[kinds.StoredEv
 
 
 def readable_chains(
-    journal: store.Journal, broken: list[str], participant: str | None = None
+    journal: store.Journal,
+    broken: list[str],
+    participant: str | None = None,
+    *,
+    rehearsals: bool = False,
 ) -> Iterator[list[kinds.StoredEvent]]:
     """Yield the events of each chain, or of one person's; add the names of broken ones to `broken`.
 
-    Withdrawn rehearsals are not yielded. Raise `JournalError` if a session is damaged.
+    Withdrawn rehearsals are yielded only if `rehearsals` are asked for. Raise `JournalError` if a
+    session is damaged.
     """
     for name in journal.sessions():
         if participant not in {None, name.rpartition("/")[0]}:
@@ -160,7 +165,7 @@ def readable_chains(
         if not chain_is_unbroken(name, chain, erased=withdrawn):
             broken.append(name)
         # What is erased cannot tell that it was a rehearsal, which no report would have counted.
-        if not (withdrawn and parsed_name(name).kind == REHEARSAL):
+        if rehearsals or not (withdrawn and parsed_name(name).kind == REHEARSAL):
             yield events
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 
-from protocol.errors import BadInput, Problem
+from protocol.errors import BadInput, Problem, typed_as
 from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
@@ -160,7 +159,7 @@ class StudyFolder:
                 ) from None
             raise BadInput(
                 f"{self.path}: no study here (study.toml is missing); {self._instead}"
-                f"make one with: touchbeam new {shlex.quote(str(self.path))}"
+                f"make one with: touchbeam new {typed_as(self.path)}"
             ) from None
         except NotADirectoryError:
             raise self._not_a_folder() from None
@@ -187,7 +186,7 @@ class StudyFolder:
     def _not_a_folder(self) -> BadInput:
         return BadInput(
             f"{self.path}: must be the folder that contains study.toml, got a file; "
-            f"give {shlex.quote(str(self.path.parent))}"
+            f"give {typed_as(self.path.parent)}"
         )
 
     def study(self) -> Study:

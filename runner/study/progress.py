@@ -1,7 +1,6 @@
 """The progress of a study: what became of each session, and what to do next, in words."""
 
 import re
-import shlex
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -9,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from protocol.errors import typed_as
 from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
 from protocol.journal.state import SessionState, in_words
 from protocol.plan.plan import plan
@@ -236,7 +236,7 @@ class Progress:
         )
 
     def _command(self, name: str, *options: str) -> str:
-        return f"{self.program} {shlex.join([name, str(self.folder), *options])}"
+        return f"{self.program} {' '.join(map(typed_as, [name, self.folder, *options]))}"
 
 
 def _options(state: SessionState) -> list[str]:

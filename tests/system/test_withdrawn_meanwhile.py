@@ -90,3 +90,19 @@ def test_no_backup_holds_a_person_who_withdrew_while_it_was_verified(
     assert typed("backup", study, tmp_path / "copy.db") == 0
     with read_journal(tmp_path / "copy.db") as journal:
         assert journal.withdrawals() == 1
+
+
+def test_a_rehearsal_that_was_withdrawn_is_counted_where_rehearsals_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "study"
+    assert typed("new", study) == 0
+    for name in ("P01", "P02"):
+        assert typed("run", study, "--participant", name, "--ratings", "virtual") == 0
+    assert typed("withdraw", study, "--participant", "P01", "--rehearsal", "--yes") == 0
+    capsys.readouterr()
+    for kind in ("csv", "bids"):
+        out = tmp_path / kind
+        assert typed("export", study, out, "--format", kind, "--rehearsals") == 0
+        assert "left out: 0 rehearsals, 1 withdrawn session\n" in capsys.readouterr().out
+    assert typed("export", study, tmp_path / "none", "--format", "csv") == 2

@@ -6,7 +6,6 @@ nothing reaches a terminal unescaped.
 
 import errno
 import gc
-import shlex
 import shutil
 import sys
 import warnings
@@ -17,7 +16,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from protocol.errors import BadInput, WorkFailed, shown
+from protocol.errors import BadInput, WorkFailed, shown, typed_as
 from runner.people.terminal import at_terminal, visible, visible_json
 
 # Columns of a table in a pipe: programs and searches find each cell whole.
@@ -43,7 +42,7 @@ def program() -> str:
     elsewhere = started.stem == "touchbeam" and started.parent != Path()
     if not elsewhere or (on_path and started.exists() and started.samefile(on_path)):
         return "touchbeam"
-    return shlex.quote(sys.argv[0])
+    return typed_as(sys.argv[0])
 
 
 _DECIMALS = {"V": 2, "Hz": 0, "N": 3, "m": 4, "s": 2, "ms": 1, "°C": 1, "Ω": 0}

@@ -1,6 +1,5 @@
 """Commands that take data in and give them away: import, export."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option, Typer
 
-from protocol.errors import BadInput
+from protocol.errors import BadInput, typed_as
 from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, followed, say
 from touchbeam.cli.results import warn_of_broken
@@ -57,7 +56,7 @@ def import_scores(
     if note := unpredicted_note(table.conditions):
         say(note)
     imported = counted(len(table.subjects), "subject")
-    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
+    say(f"{imported} imported; next: touchbeam report {typed_as(study)}")
 
 
 def _import_data_set(source: Path, study: Path) -> None:
@@ -72,7 +71,7 @@ def _import_data_set(source: Path, study: Path) -> None:
         raise BadInput(f"{source}: a session cannot be read ({error})") from error
     import_data_set(options.study_folder(study), data)
     imported = counted(len(data.sessions), "session")
-    say(f"{imported} imported; next: touchbeam report {shlex.quote(str(study))}")
+    say(f"{imported} imported; next: touchbeam report {typed_as(study)}")
 
 
 @app.command(cls=options.Choosing)
@@ -113,7 +112,8 @@ def export(
         read = read_study(source, rehearsals=rehearsals, followed=bar)
         tables, broken = read.recorded, list(read.broken)
     with read_journal(source.journal) as journal:
-        chains = readable_chains(journal, [] if tables else broken, participant)
+        told = [] if tables else broken
+        chains = readable_chains(journal, told, participant, rehearsals=rehearsals)
         data = dataset(
             tables or bar(chains, len(journal.sessions())),
             source.study(),

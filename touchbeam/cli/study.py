@@ -1,12 +1,11 @@
 """Commands that create, check, run and register a study."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from protocol.errors import BadInput, page
+from protocol.errors import BadInput, page, typed_as
 from runner.clock import Pace, WallClock
 from touchbeam.cli import options, output
 from touchbeam.cli.output import complain, counted, print_json, program, say
@@ -47,7 +46,7 @@ def demo(
     say(f"Device off, read back after {sessions}.")
     say("The participants are virtual and the device is simulated: no person gave these scores.")
     say(
-        f"Now open {shlex.quote(str(folder.report / 'report.html'))} in a browser, "
+        f"Now open {typed_as(folder.report / 'report.html')} in a browser, "
         f"and begin a study of your own: {program()} new mystudy"
     )
 
@@ -68,7 +67,7 @@ def new(
     with new_study(study, text):
         tests = folder / "test_study.py"
         write_whole(tests, template_tests().encode())
-    place = shlex.quote(str(folder))
+    place = typed_as(folder)
     say(f"Edit {study.study_file}; {page('Study file')} describes every key. Then:")
     say(f"  {program()} check {place}")
     say(f"  {program()} run {place} --participant P01 --ratings virtual    # a rehearsal")
@@ -89,7 +88,7 @@ def translate(
     say(
         f'Translate {file}. Name "{code}" in `languages` of [session] in {folder.study_file}. Then:'
     )
-    say(f"  {program()} check {shlex.quote(str(study))}")
+    say(f"  {program()} check {typed_as(study)}")
 
 
 @app.command()
@@ -338,4 +337,4 @@ def register(
     if replaced:
         say(f"This replaces {replaced}")
     say(f"Written: {study / FILE}; the text above: {study / REGISTRY_FILE}")
-    say(f"Paste it into a registry now, then: touchbeam check {shlex.quote(str(study))}")
+    say(f"Paste it into a registry now, then: touchbeam check {typed_as(study)}")

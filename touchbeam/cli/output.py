@@ -38,7 +38,7 @@ def program() -> str:
     """Return how touchbeam was started, as its next command can be typed."""
     started, on_path = Path(sys.argv[0]), shutil.which("touchbeam")
     if started.name == "__main__.py" and on_path is None:
-        return f"{shlex.quote(sys.executable)} -m touchbeam"
+        return f"{typed_as(sys.executable)} -m touchbeam"
     elsewhere = started.stem == "touchbeam" and started.parent != Path()
     if not elsewhere or (on_path and started.exists() and started.samefile(on_path)):
         return "touchbeam"

@@ -8,7 +8,7 @@ from analysis.sensitivity.linear_model import LinearSensitivity
 from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
-from analysis.statistics.omnibus import MonteCarlo, SkillingsMack
+from analysis.statistics.omnibus import Friedman, MonteCarlo, SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.summary import Reading
 from analysis.trials.law_likelihood import LawOrder
@@ -43,6 +43,7 @@ def friedman_json(reading: Reading) -> Json:
         "p_exact": or_null(test.p_exact),
         **why("p_exact", test.p_exact),
         **_monte_carlo_json(test.monte_carlo),
+        "p_used": _p_used(test),
     }
 
 
@@ -55,11 +56,19 @@ def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | Non
     known: Json = plain(test)
     # Its numbers stand beside the others, under names that Friedman's test has as well.
     del known["monte_carlo"]
-    return {**known, **_monte_carlo_json(test.monte_carlo)}
+    return {**known, **_monte_carlo_json(test.monte_carlo), "p_used": _p_used(test)}
+
+
+def _p_used(test: Friedman | SkillingsMack) -> str:
+    """Return the name of the p by which the test decides; `p` is that of chi-square."""
+    if test.monte_carlo is not None:
+        return "p_monte_carlo"
+    exact = isinstance(test, Friedman) and not isinstance(test.p_exact, NotEstimable)
+    return "p_exact" if exact else "p"
 
 
 def _monte_carlo_json(found: MonteCarlo | None) -> Json:
-    """Return the p of random shufflings, or nothing if there is an exact one."""
+    """Return the p of random shufflings, or nothing if another one is better."""
     if found is None:
         return {}
     return {

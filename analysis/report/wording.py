@@ -147,7 +147,9 @@ def group_gain(lines: Lines, contrast: str) -> str:
     )
 
 
-def _monte_carlo(found: MonteCarlo) -> str:
+def _monte_carlo(found: MonteCarlo | None) -> str:
+    if found is None:
+        return "of chi-square, which is accurate in a table of this size"
     return (
         f"permutation {p_equals(found.p)} (Monte Carlo standard error {found.error:.1g}) from "
         f"{found.shuffles:,} shufflings within subjects"
@@ -159,7 +161,7 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
         return f"Friedman's test could not be computed: {test.reason}."
     exact = (
         _monte_carlo(test.monte_carlo)
-        if test.monte_carlo is not None
+        if isinstance(test.p_exact, NotEstimable)
         else f"exact permutation {p_equals(test.p_exact)}"
     )
     return (

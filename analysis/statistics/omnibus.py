@@ -19,9 +19,12 @@ from analysis.statistics import intervals, signed_rank, two_way
 
 SEED = 1
 MOST_SHUFFLES = 100_000
-# Large studies get fewer shuffles, at least the least number: there chi-square is accurate.
+# Large studies get fewer shuffles, at least the least number.
 MOST_CELLS = 10_000_000
 LEAST_SHUFFLES = 500
+# With fewer than enough, p is coarser than chi-square is wrong where subjects are many.
+ENOUGH_SHUFFLES = 20_000
+MANY_SUBJECTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,15 @@ class MonteCarlo:
 def shuffles_of(cells: int, most: int = MOST_SHUFFLES) -> int:
     """Return how often a table of so many cells is shuffled."""
     return int(np.clip(MOST_CELLS // cells, LEAST_SHUFFLES, most))
+
+
+def _chi_square_serves(subjects: int, conditions: int) -> bool:
+    """Return whether a table is too large to be shuffled often enough.
+
+    Chi-square is accurate there; with few subjects it is not, however many the conditions.
+    """
+    shuffles = shuffles_of(subjects * conditions)
+    return subjects >= MANY_SUBJECTS and shuffles < ENOUGH_SHUFFLES
 
 
 def monte_carlo_p(
@@ -137,9 +149,10 @@ class Friedman:
     """Friedman's test of one table.
 
     `p` is the chi-square approximation, `p_exact` the permutation p over all rearrangements of
-    each subject's scores (ties kept), and `monte_carlo` its estimate, None if `p_exact` is known;
-    `kendall_w` is the agreement of the subjects, 0 to 1,
-    corrected for ties; `rank_sums` has one rank sum per condition (1 = the lowest score).
+    each subject's scores (ties kept), and `monte_carlo` its estimate, None if `p_exact` is known
+    or the table is so large that chi-square is more accurate; `kendall_w` is the agreement of the
+    subjects, 0 to 1, corrected for ties; `rank_sums` has one rank sum per condition (1 = the
+    lowest score).
     """
 
     chi2: float
@@ -153,7 +166,7 @@ class Friedman:
 
     @property
     def best_p(self) -> float:
-        """The permutation p, or its estimate."""
+        """The permutation p, its estimate, or in large tables that of chi-square."""
         if self.monte_carlo is not None:
             return self.monte_carlo.p
         return self.p if isinstance(self.p_exact, NotEstimable) else self.p_exact
@@ -183,7 +196,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     if within == 0:
         return NotEstimable("every subject gave all conditions the same score")
     chi2, exact, shuffled = (conditions - 1) * between / within, exact_p(ranks), None  # (12)
-    if isinstance(exact, NotEstimable):
+    if isinstance(exact, NotEstimable) and not _chi_square_serves(subjects, conditions):
         centred = (ranks - middle).astype(np.float64)
         shuffled = monte_carlo_p(centred, table.given, lambda sums: (sums**2).sum(axis=1))
     return Friedman(
@@ -213,7 +226,8 @@ def _refusal(table: ScoreTable) -> NotEstimable | None:
 class SkillingsMack:
     """The Skillings-Mack test of equal conditions; p is the chi-square approximation.
 
-    `monte_carlo` has the permutation p, over rearrangements of the scores that each subject gave.
+    `monte_carlo` has the permutation p, over rearrangements of the scores that each subject gave;
+    None where the table is so large that chi-square is more accurate.
 
     `statistic` is corrected for ties and so equals Friedman's χ² when no score is missing;
     `untied` is the statistic as first published, without that correction. `left_out` has the
@@ -223,14 +237,14 @@ class SkillingsMack:
     statistic: float
     df: int
     p: float
-    monte_carlo: MonteCarlo
+    monte_carlo: MonteCarlo | None
     untied: float
     left_out: tuple[str, ...] = ()
 
     @property
     def best_p(self) -> float:
-        """The permutation p."""
-        return self.monte_carlo.p
+        """The permutation p, or in large tables that of chi-square."""
+        return self.p if self.monte_carlo is None else self.monte_carlo.p
 
 
 def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
@@ -250,7 +264,9 @@ def skillings_mack(table: ScoreTable) -> SkillingsMack | NotEstimable:
         df=found.rank,
         p=float(chdtrc(found.rank, found.statistic)),
         # Rearranging a subject's scores leaves their covariance as it is.
-        monte_carlo=monte_carlo_p(
+        monte_carlo=None
+        if _chi_square_serves(*scores.shape)
+        else monte_carlo_p(
             deviations, ~np.isnan(scores), lambda sums: ((sums @ inverse) * sums).sum(axis=1)
         ),
         untied=float(total @ untied @ total),

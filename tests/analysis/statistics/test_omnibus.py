@@ -156,6 +156,28 @@ def test_a_p_of_shufflings_is_never_zero() -> None:
     assert agreed.monte_carlo.p == 1 / (1 + agreed.monte_carlo.shuffles)
 
 
+def test_a_table_too_large_to_be_shuffled_often_has_the_p_of_chi_square() -> None:
+    """Of 625 shufflings no p could be below 1/626, and each errs by several percent."""
+    scores = np.random.default_rng(629).integers(0, 11, (2000, 8)).astype(float)
+    found = result_of(scores)
+    expected = stats.friedmanchisquare(*scores.T)
+    assert found.monte_carlo is None
+    assert found.best_p == found.p == pytest.approx(expected.pvalue, rel=1e-9)
+    assert found.p == pytest.approx(0.053, abs=5e-4)
+    clear = result_of(scores + np.arange(8) / 4)
+    assert clear.best_p < 1e-30
+    missing = np.where(np.arange(8) == np.arange(2000)[:, None] % 50, np.nan, scores)
+    test = skillings_mack(table_from(missing))
+    assert isinstance(test, SkillingsMack)
+    assert (test.monte_carlo, test.best_p) == (None, test.p)
+
+
+def test_few_subjects_are_shuffled_however_many_their_conditions() -> None:
+    found = result_of(np.random.default_rng(3).permuted(np.tile(np.arange(60.0), (10, 1)), axis=1))
+    assert isinstance(found.monte_carlo, MonteCarlo)
+    assert found.monte_carlo.shuffles == 16_666
+
+
 @pytest.mark.parametrize("shape", [(13, 5), (7, 6)])
 def test_tables_past_enumeration_have_the_p_of_shufflings(shape: tuple[int, int]) -> None:
     scores = np.random.default_rng(11).integers(3, 11, shape) + np.arange(shape[1]) / 2
@@ -245,6 +267,7 @@ def test_shufflings_of_the_scores_given_agree_with_all_of_them(table_of: TableOf
     inverse = np.linalg.pinv(np.cov(sums.T, ddof=0), rtol=1e-9, hermitian=True)
     statistics = np.einsum("ij,jk,ik->i", sums, inverse, sums)
     found = skillings_mack_of(table_of(scores))
+    assert found.monte_carlo is not None
     exact = float((statistics >= found.statistic - 1e-9).mean())
     assert found.monte_carlo.p == pytest.approx(exact, abs=4 * found.monte_carlo.error)
 

@@ -45,3 +45,25 @@ def test_the_page_says_when_no_scores_of_so_few_subjects_can_show_a_difference()
     page = unescape(report_html(made([[5, 6, 7], [7, 6, 5]] * 4)))
     assert none in page
     assert few not in page
+
+
+def test_which_p_decides_is_said() -> None:
+    """Exact of a few, of shufflings where these are too many to list, of chi-square of a large
+    table."""
+    rng = np.random.default_rng(1)
+    names = tuple(f"condition {number}" for number in range(8))
+    told = {
+        "p_exact": made(SCORES),
+        "p_monte_carlo": made(rng.integers(0, 11, (9, 8)).tolist(), names=names),
+        "p": made(rng.integers(0, 11, (70, 8)).tolist(), names=names),
+    }
+    words = {
+        "p_exact": "exact permutation p",
+        "p_monte_carlo": "shufflings within subjects",
+        "p": "(of chi-square, which is accurate in a table of this size)",
+    }
+    for used, result in told.items():
+        found = report_json(result)["friedman"]
+        assert found["p_used"] == used
+        assert found[used] is not None
+        assert words[used] in unescape(report_html(result))

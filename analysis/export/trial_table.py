@@ -248,7 +248,13 @@ class Frames:
     @cached_property
     def _trials(self) -> pd.DataFrame:
         names = [column.name for column in self.columns if not column.per_touch]
-        return self._answered[names].infer_objects()
+        # Texts would stand in the order of the alphabet: 120 V, 40 V, 80 V.
+        ordered = {
+            each.name: pd.CategoricalDtype([*each.levels], ordered=True)
+            for each in self.factors
+            if each.levels
+        }
+        return self._answered[names].infer_objects().astype(ordered)
 
     @cached_property
     def flat(self) -> pd.DataFrame:
@@ -317,7 +323,9 @@ class Frames:
             self.found.touches["attempt_id"].value_counts().reindex(trials.index, fill_value=0)
         )
         own = {
-            each.name: trials["condition"].map(each.of_condition).astype(TEXT)
+            each.name: trials["condition"]
+            .map(each.of_condition)
+            .astype(TEXT if each.levels else np.float64)
             for each in self.factors
         }
         own |= self._answers(trials)

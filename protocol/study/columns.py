@@ -39,7 +39,7 @@ class Column:
     several: bool = False
     private: bool = False
     of_session: bool = False
-    of_condition: Mapping[str, str] = field(default_factory=dict)
+    of_condition: Mapping[str, str | float] = field(default_factory=dict)
     planned: str = ""
     made: Callable[[Any], Any] | None = None
 
@@ -366,24 +366,45 @@ PARTICIPANT_COLUMNS = (
 
 
 def factor_columns(study: Study, questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
-    """Return a column for each factor, with its name, or `factor_` before one that is taken."""
+    """Return a column for each factor, and one for the value of each whose values are numbers.
+
+    It has the factor's name, or `factor_` before one that is taken. Levels are in the order of the
+    study file.
+    """
     taken = set(names_of((*COLUMNS, GROUP, *question_columns(questions))))
     taken |= set(names_of(TRACK_COLUMNS)) if study.track else set()
     crossed = {factor.name: factor for factor in study.factor}
     made = []
     for name, levels in study.factors.items():
+        own = f"factor_{name}" if name in taken else name
         told, values = "Condition of the study file that is crossed with factors.", levels
         if factor := crossed.get(name):
             told = f"Factor of the condition, which sets {factor.varies} of a touch."
             values = tuple(map(str, factor.values))
+        of_condition = {each.name: each.cell[name] for each in study.condition}
         made.append(
             Column(
-                f"factor_{name}" if name in taken else name,
+                own,
                 told,
                 levels=dict(zip(levels, values, strict=True)),
-                of_condition={each.name: each.cell[name] for each in study.condition},
+                of_condition=of_condition,
             )
         )
+        numbers = {
+            level: float(value)
+            for level, value in zip(levels, factor.values if factor else (), strict=False)
+            if not isinstance(value, str)
+        }
+        if factor and len(numbers) == len(levels):
+            in_use = taken | set(study.factors)
+            made.append(
+                Column(
+                    f"factor_{name}_value" if f"{own}_value" in in_use else f"{own}_value",
+                    f"What {own} sets {factor.varies} of a touch to.",
+                    factor.unit,
+                    of_condition={one: numbers[level] for one, level in of_condition.items()},
+                )
+            )
     return tuple(made)
 
 

@@ -24,7 +24,7 @@ Varied = Literal[
     "voltage_v", "ramp_to_v", "frequency", "frequency_hz", "sweep_to", "sweep_to_hz", "press",
     "sliding_speed_m_s", "direction", "place", "coverage", "beam", "duration_s", "instruction",
 ]  # fmt: skip
-_UNITS = {"_v": "V", "_m_s": "m/s", "_s": "s"}
+_UNITS = {"_v": "V", "_hz": "Hz", "_m_s": "m/s", "_s": "s"}
 MOST_CONDITIONS = 30
 """Written or crossed: with more a session is too long, and a table cannot be read."""
 CONDITION = "condition"
@@ -83,13 +83,17 @@ class Factor(Record):
         """What each value is called."""
         return self.labels or tuple(map(self._said, self.values))
 
+    @property
+    def unit(self) -> str | None:
+        """The unit of the values, if they have one."""
+        return next((unit for ending, unit in _UNITS.items() if self.varies.endswith(ending)), None)
+
     def _said(self, value: float | str) -> str:
         if isinstance(value, str):
             return f"{self.name} {value}"
-        if self.varies.endswith("_hz"):
+        if self.unit == "Hz":
             return f"{value / 1000:.10g} kHz"
-        unit = next((unit for ending, unit in _UNITS.items() if self.varies.endswith(ending)), None)
-        return f"{value:g} {unit}" if unit else f"{self.name} {value:g}"
+        return f"{value:g} {self.unit}" if self.unit else f"{self.name} {value:g}"
 
     def set_in(self, touches: Sequence[Touch], value: float | str) -> tuple[Touch, ...]:
         """Return a condition's touches with this value."""

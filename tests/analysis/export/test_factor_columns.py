@@ -8,6 +8,7 @@ from analysis.export.dataset import Dataset, dataset
 from analysis.export.psychds import psychds_export
 from analysis.loading.records import values
 from protocol.journal.events import Event, QuestionAnswered, StoredEvent
+from protocol.study.columns import factor_columns
 from protocol.study_file.loading import parsed_study
 from tests.analysis.chains import chain, scored_session
 from tests.protocol.study.test_factor import RAMPS
@@ -53,15 +54,40 @@ def test_each_factor_is_a_column_by_its_name_or_one_that_is_free() -> None:
     assert values(data.trials["seed"]) == [1, 1]
     tables = csv_tables(data, shared=True)
     assert '"100 V": "100"' in tables["trials.json"]
-    assert "voltage,factor_seed,age," in tables["trials.csv"].partition("\n")[0]
+    named = "voltage,voltage_value,factor_seed,factor_seed_value,age,"
+    assert named in tables["trials.csv"].partition("\n")[0]
     files = bids_export(data)
     (told,) = (text for path, text in files.items() if path.endswith("_beh.tsv"))
-    assert "\tvoltage\tfactor_seed\t" in told
+    assert "\tvoltage\tvoltage_value\tfactor_seed\tfactor_seed_value\t" in told
     frames = data.tables
     assert values(frames.trials["voltage"]) == ["50 V", "50 V"]
     assert frames.described("0 to 10").loc[("trials", "voltage"), "meaning"] == (
         "Factor of the condition, which sets ramp_to_v of a touch."
     )
+
+
+def test_levels_stand_in_the_order_of_the_study_and_with_their_numbers() -> None:
+    """Not in the order of the alphabet, in which 100 V comes before 50 V."""
+    trials = exported([session("P01", 1, 30)]).tables.trials
+    assert trials["voltage"].cat.ordered
+    levels = ["50 V", "100 V", "150 V", "200 V"]
+    assert trials["voltage"].cat.categories.tolist() == levels
+    assert trials["voltage_value"].tolist() == [50.0, 50.0]
+    assert trials["factor_seed_value"].tolist() == [23_000.0, 24_000.0]
+    described = exported([session("P01", 1, 30)]).tables.described("0 to 10")
+    assert described.loc[("trials", "voltage_value"), "unit"] == "V"
+    assert described.loc[("trials", "voltage_value"), "meaning"] == (
+        "What voltage sets ramp_to_v of a touch to."
+    )
+    assert described.loc[("trials", "factor_seed_value"), "unit"] == "Hz"
+
+
+def test_a_factor_of_words_has_no_numbers() -> None:
+    words = RAMPS.replace("frequency_hz", "direction").replace(
+        "[23000, 24000, 25000]", '["left", "right"]'
+    )
+    columns = factor_columns(parsed_study(words), ())
+    assert [column.name for column in columns] == ["voltage", "voltage_value", "frequency"]
 
 
 def test_a_heading_is_no_formula_in_a_table_nor_in_what_describes_it() -> None:

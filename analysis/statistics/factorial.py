@@ -209,7 +209,7 @@ def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotE
         p_permuted=shuffled.p if shuffled else exact or 0.0,
         monte_carlo=shuffled,
         partial_eta2=test.between / test.total,
-        partial_eta2_interval=_eta2_interval(test.f, *test.df),
+        partial_eta2_interval=_eta2_interval(test.f, *(test.epsilon * df for df in test.df)),
         generalized_eta2=between / (between + rest),
     )
 
@@ -299,11 +299,12 @@ def _reach(sums: FloatArray, own: FloatArray) -> BoolArray:
     return np.asarray((sums**2).sum(axis=1) >= observed * (1 - 1e-7))
 
 
-def _eta2_interval(f: float, df: int, error_df: int) -> Interval | NotEstimable:
+def _eta2_interval(f: float, df: float, error_df: float) -> Interval | NotEstimable:
     """Return the 95% interval of partial η²: λ / (λ + df of the error), λ of the noncentral F.
 
     (22): the ends are the λ for which an F as large, or as small, has a chance of 2.5% (Steiger,
-    Psychological Methods 9, 2004). A lower end of 0 is no noncentrality at all.
+    Psychological Methods 9, 2004). A lower end of 0 is no noncentrality at all. The degrees of
+    freedom are those of the p of F, corrected by Greenhouse and Geisser's ε.
     """
 
     def excess(lam: float, chance: float) -> float:

@@ -106,8 +106,9 @@ def test_f_is_that_of_least_squares(seed: int) -> None:
         ends = found.partial_eta2_interval
         assert not isinstance(ends, NotEstimable)
         for end, chance in zip(ends, (0.975, 0.025), strict=True):
-            noncentral = end / (1 - end) * found.df[1]
-            told = ncfdtr(*found.df, noncentral, found.f)
+            corrected = [found.epsilon * one for one in found.df]
+            noncentral = end / (1 - end) * corrected[1]
+            told = ncfdtr(*corrected, noncentral, found.f)
             assert told == pytest.approx(chance, abs=1e-6) or (end == 0 and told < chance)
 
 
@@ -130,6 +131,21 @@ def test_f_is_that_of_statsmodels(
     assert fdtrc(*found.df, found.f) == pytest.approx(p)
     corrected = [found.epsilon * each for each in found.df]
     assert found.p_f == pytest.approx(fdtrc(corrected[0], corrected[1], found.f))
+
+
+def test_the_interval_of_partial_eta2_excludes_0_where_its_p_is_below_a_fortieth() -> None:
+    """It has the correction that p has: people here differ more at some levels than at others."""
+    rng = np.random.default_rng(2)
+    decided = []
+    for _ in range(200):
+        slopes = rng.normal(0.6, 1.0, (10, 1))
+        found = effect_of(slopes * np.arange(4) + rng.normal(0, 0.5, (10, 4)), 0)
+        assert not isinstance(found.partial_eta2_interval, NotEstimable)
+        low, high = found.partial_eta2_interval
+        assert (low > 0) == (found.p_f < 0.025)
+        assert low <= found.partial_eta2 <= high or low == 0
+        decided.append(low > 0)
+    assert 20 < sum(decided) < 180
 
 
 def test_random_shufflings_agree_with_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:

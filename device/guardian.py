@@ -6,11 +6,11 @@ the process hears nothing any more, and sends off.
 """
 
 import os
-import select
 import socket
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 
 from device import guardian_process
 from device.errors import DeviceError
@@ -33,23 +33,33 @@ class Guardian:
         self._off = off
         self._limit_s = limit_s
         self._socket: socket.socket | None = None
+        self._is_deaf = False
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
         """Start the process, unless it runs; raise `DeviceError` if it does not get ready."""
-        if self._socket is not None:
+        if self._process is not None and self._process.poll() is None:
             return
+        self.close()
+        import fcntl  # not on Windows, where no guardian is made
+
         ours, its = socket.socketpair()
-        arguments = (its.fileno(), self._descriptor, self._limit_s, self._off.hex())
         try:
-            with its:
+            with its, ExitStack() as copies:
+                # A program without standard streams may have its port at their numbers, and there
+                # the process has /dev/null.
+                numbers = []
+                for number in (its.fileno(), self._descriptor):
+                    numbers.append(fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, 3))
+                    copies.callback(os.close, numbers[-1])
+                arguments = (*numbers, self._limit_s, self._off.hex())
                 self._process = subprocess.Popen(
                     # Isolated: neither the folder nor the environment gives it other modules.
                     [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, arguments)],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
-                    pass_fds=(its.fileno(), self._descriptor),
+                    pass_fds=numbers,
                     start_new_session=True,  # no signal of a terminal reaches it
                 )
             ours.settimeout(STARTS_S)
@@ -63,7 +73,7 @@ class Guardian:
             ours.close()
             self._ended()
             raise DeviceError(f"the guardian of the output cannot start: {why}")
-        self._socket = ours
+        self._socket, self._is_deaf = ours, False
 
     def hears(self, at_s: float, *, on: bool) -> None:
         """Tell it that the program lives at `at_s`, and whether the output may be on."""
@@ -71,24 +81,33 @@ class Guardian:
             return
         try:
             self._socket.send(BEAT.pack(on, at_s))
+        except BlockingIOError:  # it has read none of some hundred
+            self._is_deaf = True
         except OSError:  # it has ended: `has_tripped` says so
             return
 
     def has_tripped(self) -> bool:
         """Return whether it has turned the output off; raise `DeviceError` if it has ended."""
-        if self._socket is None or not select.select([self._socket], [], [], 0)[0]:
+        if self._socket is None:
             return False
         try:
             heard = self._socket.recv(4096)
+        except BlockingIOError:
+            if self._is_deaf:
+                raise DeviceError("the guardian of the output does not listen") from None
+            return False
         except OSError:
             heard = b""
         if not heard:
-            raise DeviceError("the guardian of the output has ended; was it killed?")
+            raise DeviceError("the guardian of the output has ended (was it killed?)")
         return ALARM in heard
 
     def close(self) -> None:
         """End the process; it turns off what may be on."""
         if self._socket is not None:
+            with suppress(OSError):  # it has ended
+                # Also where a fork of the program holds the connection open.
+                self._socket.shutdown(socket.SHUT_RDWR)
             self._socket.close()
             self._socket = None
             self._ended()
@@ -144,7 +163,10 @@ class Pulse:
     def release(self) -> str:
         """The output is off, read back; return as `broken`."""
         self.beat()
-        why = self.broken()
+        try:
+            why = self.broken()
+        except DeviceError as error:  # off is off, also without a guardian
+            why = str(error)
         self._on = False
         self.beat()
         return why

@@ -385,6 +385,7 @@ class Rig(PortOwner):
 
     def _drive(self, setpoint: Setpoint) -> ReadBack:
         self._pulse.watch()
+        self._require_unbroken()  # nothing goes on without the guardian
         read_back = self._driver.drive(setpoint)
         self._ramping = True
         return read_back
@@ -443,7 +444,10 @@ class Rig(PortOwner):
             self._driver.confirm_off()
         except OutputUnknown as unknown:
             return error if isinstance(error, OutputUnknown) else type(unknown)(str(error))
-        self._pulse.release()
+        why = self._pulse.release()
+        # That it is off is found first; why it is says more, but for a board, which says so itself.
+        if why and type(error) is DeviceError and not self._driver.has_watchdog:
+            error = DeviceError(why) if why not in str(error) else error
         if isinstance(error, OutputUnknown):
             return error  # it was asked before, and did not say so then
         return type(error)(f"{error}; output off, read back")

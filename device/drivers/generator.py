@@ -26,9 +26,9 @@ NO_WATCHDOG = (
     "switch"
 )
 GUARDED = (
-    "this generator has no watchdog: another process turns it off if this program stops; if the "
-    "computer, its power or the cable fails, the output stays on: keep a hand on the amplifier's "
-    "switch"
+    "this generator has no watchdog: its guardian, a process of touchbeam, turns it off if this "
+    "program stops; if the computer, its power or the cable fails, the output stays on: keep a "
+    "hand on the amplifier's switch"
 )
 NO_LIMITS = "this model has no limits of its own: only the plan and this program keep them"
 NO_ERRORS = (

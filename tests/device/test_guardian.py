@@ -16,6 +16,7 @@ from device.errors import DeviceError
 from device.guardian import Guardian, Pulse, guardian_of
 from device.guardian_process import passed_s
 from tests.device.lying import SteppedClock
+from tests.device.rigs import until
 
 pytestmark = pytest.mark.waits
 
@@ -40,6 +41,10 @@ class Line:
         ready, _, _ = select.select([self.device_end], [], [], within_s)
         return os.read(self.device_end, 100) if ready else b""
 
+    def is_told(self) -> bool:
+        """Whether the program hears of it within a while."""
+        return until(self.guardian.has_tripped, within_s=5)
+
     @property
     def process(self) -> int:
         assert self.guardian._process is not None
@@ -62,7 +67,7 @@ def test_off_is_sent_once_the_program_is_silent_and_the_program_is_told(line: Li
     line.guardian.hears(passed_s(), on=True)
     assert line.heard(LIMIT_S / 2) == b""
     assert line.heard(5) == OFF
-    assert line.guardian.has_tripped()
+    assert line.is_told()
 
 
 def test_nothing_is_sent_while_the_program_lives(line: Line) -> None:
@@ -97,7 +102,7 @@ def test_a_gap_between_two_beats_counts_also_if_it_is_over_when_it_is_seen(line:
     line.guardian.hears(now_s + 2 * LIMIT_S, on=False)
     os.kill(line.process, signal.SIGCONT)
     assert line.heard(5) == OFF
-    assert line.guardian.has_tripped()
+    assert line.is_told()
 
 
 def test_a_guardian_that_looks_late_sends_nothing_if_the_beats_came_in_time(line: Line) -> None:
@@ -123,8 +128,70 @@ def test_a_guardian_that_was_killed_is_a_fault(line: Line) -> None:
     assert line.guardian._process is not None
     line.guardian._process.wait()
     line.guardian.hears(passed_s(), on=True)
-    with pytest.raises(DeviceError, match=r"^the guardian of the output has ended; was it kil"):
+    with pytest.raises(DeviceError, match=r"^the guardian of the output has ended \(was it k"):
         line.guardian.has_tripped()
+
+
+def test_a_guardian_that_was_stopped_is_a_fault(line: Line) -> None:
+    os.kill(line.process, signal.SIGSTOP)
+    try:
+        for _ in range(10_000):
+            line.guardian.hears(passed_s(), on=False)
+        with pytest.raises(DeviceError, match=r"^the guardian of the output does not listen$"):
+            line.guardian.has_tripped()
+    finally:
+        os.kill(line.process, signal.SIGCONT)
+
+
+def test_a_guardian_that_was_killed_is_replaced_at_the_next_start(line: Line) -> None:
+    os.kill(line.process, signal.SIGKILL)
+    assert line.guardian._process is not None
+    line.guardian._process.wait()
+    line.guardian.start()
+    line.guardian.hears(passed_s(), on=True)
+    assert line.heard(5) == OFF
+
+
+def test_off_is_sent_once_more_to_what_a_stopped_program_had_on_its_way(line: Line) -> None:
+    line.guardian.hears(passed_s(), on=True)
+    assert line.heard(5) == OFF
+    line.guardian.hears(passed_s(), on=True)  # it goes on, and so does its command
+    assert line.heard(LIMIT_S / 2) == OFF
+    line.guardian.hears(passed_s(), on=False)
+    assert line.heard(2 * LIMIT_S) == b""
+
+
+def test_a_guardian_that_cannot_write_does_not_say_that_it_turned_anything_off(line: Line) -> None:
+    os.close(line.device_end)
+    line.guardian.hears(passed_s(), on=True)
+    assert not until(line.guardian.has_tripped, within_s=2 * LIMIT_S)
+    line.guardian.hears(passed_s(), on=False)
+    line.device_end, unused = os.pipe()
+    os.close(unused)
+
+
+WITHOUT_STREAMS = """\
+import os, sys
+from device.guardian import Guardian
+from device.guardian_process import passed_s
+line = int(sys.argv[1])
+os.close(0), os.close(1)
+assert (os.dup(line), os.dup(line)) == (0, 1)
+guardian = Guardian(1, bytes.fromhex(sys.argv[2]), 0.3)
+guardian.start()
+guardian.hears(passed_s(), on=True)
+os._exit(9)
+"""
+
+
+def test_a_port_at_the_number_of_a_standard_stream_is_guarded_too() -> None:
+    """As of a program that was started without them, by cron for one."""
+    device_end, program_end = os.pipe()
+    command = [sys.executable, "-c", WITHOUT_STREAMS, str(program_end), OFF.hex()]
+    subprocess.run(command, pass_fds=(program_end,), check=False)
+    os.close(program_end)
+    with os.fdopen(device_end, "rb") as device:
+        assert device.read() == OFF + OFF
 
 
 def test_a_guardian_that_cannot_start_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,3 +291,21 @@ def test_a_fork_of_the_program_that_lives_on_keeps_no_guardian_alive(
     finally:
         os.close(device_end)
         os.close(program_end)
+
+
+class Ended(Guardian):
+    """One that was killed."""
+
+    def hears(self, at_s: float, *, on: bool) -> None: ...
+
+    def has_tripped(self) -> bool:
+        raise DeviceError("the guardian has ended")
+
+
+def test_off_is_off_also_without_a_guardian() -> None:
+    clock = SteppedClock()
+    sign = Pulse(clock, 0.5, Ended(-1, OFF, 0.5))
+    sign.watch()
+    assert sign.release() == "the guardian has ended"
+    clock.advance(60)
+    assert sign.release() == "the guardian has ended"

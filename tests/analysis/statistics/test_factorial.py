@@ -108,7 +108,7 @@ def test_f_is_that_of_least_squares(seed: int) -> None:
         for end, chance in zip(ends, (0.975, 0.025), strict=True):
             corrected = [found.epsilon * one for one in found.df]
             noncentral = end / (1 - end) * corrected[1]
-            told = ncfdtr(*corrected, noncentral, found.f)
+            told = float(ncfdtr(corrected[0], corrected[1], noncentral, found.f))
             assert told == pytest.approx(chance, abs=1e-6) or (end == 0 and told < chance)
 
 

@@ -5,6 +5,7 @@ import sys
 import time
 from contextlib import suppress
 from typing import cast
+from unittest.mock import Mock
 
 import pytest
 
@@ -225,3 +226,37 @@ def test_a_call_that_switches_on_is_a_beat(bench: Bench, call: str) -> None:
     beats = bench.rig._beats
     _ = bench.rig.drive(DRIVE) if call == "drive" else bench.rig.watchdog_trips()
     assert bench.rig._beats == beats + 1
+
+
+@pytest.mark.parametrize("then", ["beat", "drive", "off", "emergency_stop"])
+def test_a_guardian_that_was_killed_is_a_fault_and_the_output_goes_off(then: str) -> None:
+    bench = Bench(RecordedDriver(has_watchdog=False))
+    guardian = Mock(has_tripped=Mock(return_value=False))
+    bench.rig = Rig(cast(Driver, bench.driver), LIMITS, None, bench.clock, guardian=guardian)
+    bench.rig.arm()
+    bench.rig.drive(DRIVE)
+    bench.calls()
+    guardian.has_tripped = Mock(side_effect=DeviceError("the guardian has ended"))
+    with suppress(DeviceError):
+        getattr(bench.rig, then)(*[DRIVE] * (then == "drive"))
+    bench.rig.step()
+    assert bench.driver.driven is None
+    assert "drive" not in bench.calls()
+    why = "stopped by hand" if then == "emergency_stop" else "the guardian has ended"
+    with pytest.raises(DeviceError, match=f"^{why}; output off, read back$"):
+        bench.rig.beat()
+
+
+def test_why_an_output_is_off_is_told_where_its_being_off_is_found_first() -> None:
+    bench = Bench(RecordedDriver(has_watchdog=False))
+    bench.rig.arm()
+    bench.rig.drive(DRIVE)
+
+    def found_off() -> None:
+        bench.clock.advance(3.2)
+        bench.driver.link.alive()
+        raise DeviceError("the output is off, and nobody here switched it")
+
+    bench.driver.does["read_back"] = found_off
+    with pytest.raises(DeviceError, match=r"^the program stood still for 3\.2 s .*, read back$"):
+        bench.rig.read_back()

@@ -16,8 +16,13 @@ from typing import Any
 from protocol.study.participant_texts import Wording
 
 _FROM_THE_RIGHT = {"R", "AL"}
-_JOINED = ("ADLAM", "HANIFI", "MANDAIC", "MANICHAEAN", "MONGOLIAN", "NKO", "PHAGS-PA", "SYRIAC")
-"""How the names of letters begin of scripts, beside Arabic, that join them."""
+_JOINED = (
+    *("ADLAM", "HANIFI", "MANDAIC", "MANICHAEAN", "MONGOLIAN", "NKO", "OLD UYGHUR", "PHAGS-PA"),
+    *("SOGDIAN", "SYRIAC"),
+    # Signs that make one picture of several.
+    *("ZERO WIDTH JOINER", "EMOJI MODIFIER", "REGIONAL INDICATOR"),
+)
+"""How the names of letters and signs begin, beside those of Arabic, that are joined."""
 
 
 def is_from_the_right(wording: Wording) -> bool:
@@ -63,8 +68,8 @@ def _reshaper() -> Any:
 def unshaped(text: str) -> str:
     """Return the characters of `text` that belong on or to others, and cannot be drawn there.
 
-    >>> unshaped("कि"), unshaped("Tiếng Việt"), unshaped("سلام")
-    ('ि', '', '')
+    >>> unshaped("कि"), unshaped("Tiếng Việt"), unshaped("سلام"), len(unshaped("👨‍👩‍👧"))
+    ('ि', '', '', 1)
     """
     composed = unicodedata.normalize("NFC", text)
     return "".join(sorted({sign for sign in composed if _is_unshaped(sign)}))

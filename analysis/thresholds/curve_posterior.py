@@ -186,7 +186,7 @@ def _closer(grid: _Grid, lattice: _Lattice, log_mass: FloatArray) -> tuple[_Grid
         covariance = (off * mass) @ off.T + within @ within.T
         both = grid.free & grid.free[:, None]
         factor = np.linalg.cholesky(np.where(both, covariance, np.eye(4)))
-    there = np.linalg.solve(factor, points - centre[:, None])
+    there = np.linalg.inv(factor) @ (points - centre[:, None])
     low, high = there.min(axis=1), there.max(axis=1)
     scaled = sizes.min(axis=1) * np.diag(grid.factor) / np.diag(factor)
     cell = np.maximum((high - low) / np.maximum(np.array(kept.shape) - 1, 1), scaled)

@@ -99,16 +99,15 @@ def test_f_is_that_of_least_squares(seed: int) -> None:
         own = deviations(scores, factors)
         effect = people * prod(levels) * (own.mean(axis=0) ** 2).mean()
         differences = (own**2).sum() * prod(levels) * people / own.size - effect
-        df = prod(levels[factor] - 1 for factor in factors)
-        assert found.df == (df, df * (people - 1))
+        of_effect = prod(levels[factor] - 1 for factor in factors)
+        assert found.df == (of_effect, of_effect * (people - 1))
         assert found.f == pytest.approx(effect * (people - 1) / differences, rel=1e-9)
         assert found.partial_eta2 == pytest.approx(effect / (effect + differences), rel=1e-9)
         ends = found.partial_eta2_interval
         assert not isinstance(ends, NotEstimable)
         for end, chance in zip(ends, (0.975, 0.025), strict=True):
-            corrected = [found.epsilon * one for one in found.df]
-            noncentral = end / (1 - end) * corrected[1]
-            told = float(ncfdtr(corrected[0], corrected[1], noncentral, found.f))
+            df, error_df = found.epsilon * found.df[0], found.epsilon * found.df[1]
+            told = ncfdtr(df, error_df, end / (1 - end) * error_df, found.f)
             assert told == pytest.approx(chance, abs=1e-6) or (end == 0 and told < chance)
 
 

@@ -410,7 +410,11 @@ def test_a_program_that_ends_has_its_output_turned_off(
     with (
         ControlClient(endpoints.control) as control,
         subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            process_group=0,  # as a shell does: SIGTSTP does not stop an orphaned group
         ) as process,
     ):
         control.reset()

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ import pandas as pd
 import pytest
 
 import touchbeam
-from protocol.journal.events import ResonanceMeasured, TrialExcluded, Withdrawn
+from protocol.journal.events import ResonanceMeasured, SessionOpened, TrialExcluded, Withdrawn
 from protocol.plan.plan import plan
 from protocol.study.columns import COLUMNS
-from protocol.study_file.loading import parsed_study, template
+from protocol.study_file.loading import parsed_study, template, text_digest
 from runner.journal.opening import open_journal
 from runner.study.calibration import keep_fit
 from tests.analysis.chains import chain
@@ -199,9 +200,11 @@ def test_rehearsals_are_there_if_asked_for(folder: Path, study: touchbeam.Study)
 
 def test_a_study_of_rehearsals_alone_names_the_argument_that_includes_them(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(template("paper"), encoding="utf-8")
-    events = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+    opened, *rest = session_events(PAPER, 0, np.random.default_rng(1), kind="rehearsal")
+    assert isinstance(opened, SessionOpened)
+    opened = replace(opened, study_sha256=text_digest(template("paper")))
     with open_journal(tmp_path / "study.db") as journal, journal.alone():
-        for stored in chain(events):
+        for stored in chain([opened, *rest]):
             journal.append("P01/1", stored)
     rehearsed = touchbeam.load(tmp_path)
     assert rehearsed.trials.empty

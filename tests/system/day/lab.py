@@ -450,7 +450,7 @@ class Lab:
 
     def stand_still(self, seconds: float) -> None:
         """Let nothing of the process run, as when it is stopped or the computer sleeps."""
-        self.watch.stands_still()
+        self.watch.stands_still(seconds)
         for _ in range(round(seconds / _STILL_STEP_S)):
             self.device.advance(_STILL_STEP_S)
             if self.guardian is not None:

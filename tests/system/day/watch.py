@@ -260,11 +260,11 @@ class Watch:
             fits = min(hertz) * (1 - 1e-6) <= shown["frequency_hz"] <= max(hertz) * (1 + 1e-6)
             require(9, fits, f"{shown['frequency_hz']:g} Hz, planned {hertz}")
 
-    def stands_still(self) -> None:
-        """Take note that the process stands still from now on."""
+    def stands_still(self, seconds: float) -> None:
+        """Take note that the process stands still from now on; a short while is allowed."""
         if self.is_board or self.has_guardian:
             self.hanging_from_s = self.device.now_s()
-        self.stood_still |= self.is_driven
+        self.stood_still |= self.is_driven and seconds > self.rig.watchdog_s
 
     @property
     def is_driven(self) -> bool:
@@ -330,7 +330,7 @@ class Watch:
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None
             return
-        if self.touch is not None:
+        if self.touch is not None and output_v > OFF_V:  # before it is the least of a generator
             now_s = self.device.now_s()
             self._driven_s = (self._driven_s or (now_s, now_s))[0], now_s
         if self._outlasts():

@@ -330,7 +330,7 @@ class Watch:
         if output_v <= _TOLERANCE_V:
             self._wrong_from_s = None
             return
-        if self.touch is not None and output_v > OFF_V:  # before it is the least of a generator
+        if self.touch is not None:
             now_s = self.device.now_s()
             self._driven_s = (self._driven_s or (now_s, now_s))[0], now_s
         if self._outlasts():

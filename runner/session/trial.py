@@ -176,11 +176,14 @@ class _Stimulus:
         moves_s = context.clock.monotonic_s() + before.seconds
         # The finger is put down while the output rises, on the same page whatever is driven.
         show_page(context, before)
+        asked_s, ramp_s = context.clock.monotonic_s(), start.voltage_v / start.ramp_v_per_s
         said = context.device.drive(start)
-        steady_s = context.clock.monotonic_s() + start.voltage_v / start.ramp_v_per_s
+        begun_s = context.clock.monotonic_s()
+        # The output may be on from the beginning of this call: who stands still in it is late.
+        slowest_s = asked_s + (context.device.pace.begin_s if context.device.pace else 0.0)
+        self._ends_s = max(moves_s, min(begun_s, slowest_s) + ramp_s) + self.pacing.duration_s
         # A soft start may outlast the lead-in; a held drive is steady before the mark moves.
-        moves_s = max(moves_s, steady_s)
-        self._ends_s = moves_s + self.pacing.duration_s
+        moves_s = max(moves_s, begun_s + ramp_s)
         update_view(context, device=said)
         while (left_s := moves_s - context.clock.monotonic_s()) > 1e-9:  # rounding of summed ticks
             wait(context, min(left_s, SAMPLE_EVERY_S))

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from device.drivers.limits import SLOWEST_RAMP_V_PER_S, Setpoint
+from device.drivers.pace import Pace
 from device.errors import DeviceError
 from protocol.journal.events import (
     BeamMounted,
@@ -288,6 +289,31 @@ def test_a_touch_that_ended_over_a_second_late_does_not_count(
             assert not made.device.on
         else:
             made.touched(0, hold(duration_s=1.0))
+
+
+@pytest.mark.parametrize(("takes_s", "counts"), [(0.5, True), (1.4, False), (3.0, False)])
+def test_who_stands_still_while_the_output_goes_on_is_late(
+    tmp_path: Path, takes_s: float, counts: bool
+) -> None:
+    """The output may be on from the first moment of that call, shorter than a watchdog sees."""
+    with scene(tmp_path) as made:
+        made.device.takes_s = takes_s
+        if counts:
+            made.touched(0, hold(duration_s=1.0))
+        else:
+            with pytest.raises(DeviceError, match=r"too slow; it does not count$"):
+                made.touched(0, hold(duration_s=1.0))
+        assert any(isinstance(event, TouchEnded) for event in made.events()) == counts
+
+
+def test_a_device_may_take_the_time_to_begin_that_was_measured_when_it_was_armed(
+    tmp_path: Path,
+) -> None:
+    with scene(tmp_path) as made:
+        made.device.takes_s = 1.4
+        made.device.pace = Pace(answer_s=0.02, watch_s=0.6, begin_s=1.5, end_s=0.2, late_s=0.5)
+        made.touched(0, hold(duration_s=1.0))
+        assert any(isinstance(event, TouchEnded) for event in made.events())
 
 
 def test_a_fault_that_is_found_as_a_touch_ends_keeps_it_from_counting(tmp_path: Path) -> None:

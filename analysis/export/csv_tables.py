@@ -19,17 +19,11 @@ from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, 
 from protocol.study.columns import TOUCH_COLUMNS, Column
 
 
-def csv_tables(data: Dataset, *, shared: bool = False) -> dict[str, str]:
-    """Return tables of trials, touches, contrasts and participants, each with its description.
-
-    Args:
-        data: what is exported.
-        shared: whether others are to have it, who get no private columns.
-    """
-    columns = data.shared_columns if shared else data.columns
+def csv_tables(data: Dataset) -> dict[str, str]:
+    """Return tables of trials, touches, contrasts and participants, each with its description."""
     touched = data.tables.touched
     return {
-        **_table("trials", data.tables.flat, columns, data),
+        **_table("trials", data.tables.flat, data.columns, data),
         # Published scores have no touches; an empty table would look like a loss.
         **({} if touched.empty else _table("touches", touched, TOUCH_COLUMNS, data)),
         **_table("contrasts", data.contrasts, CONTRAST_COLUMNS, data),

@@ -8,7 +8,6 @@ from analysis.export.csv_tables import csv_recordings, csv_tables
 from analysis.export.dataset import Dataset
 from analysis.export.psychds import psychds_export
 from analysis.export.readme import changed
-from analysis.export.rocrate import rocrate_export
 
 
 def csv_export(data: Dataset) -> dict[str, str]:
@@ -22,7 +21,6 @@ EXPORTS: Mapping[str, Callable[[Dataset], dict[str, str]]] = MappingProxyType(
         "csv": csv_export,
         "bids": bids_export,
         "psychds": psychds_export,
-        "rocrate": rocrate_export,
     }
 )
 """Each returns text by relative path; nothing is written."""
@@ -32,13 +30,12 @@ RECORDINGS: Mapping[str, Callable[[Dataset], dict[str, bytes]]] = MappingProxyTy
         "csv": csv_recordings,
         "bids": bids_recordings,
         "psychds": lambda _: {},
-        "rocrate": csv_recordings,
     }
 )
 """Each returns further files by relative path: what was recorded during touches."""
 
-WITH_SOURCE = frozenset({"bids", "rocrate"})
+WITH_SOURCE = frozenset({"bids"})
 """The formats from which `touchbeam import` makes a study again."""
 
-WITH_CONTRASTS = frozenset({"csv", "rocrate"})
+WITH_CONTRASTS = frozenset({"csv"})
 """The formats with predictions, for which the rig's calibration is needed."""

@@ -31,12 +31,12 @@ class DataSet:
 
 
 def read_data_set(source: Path) -> DataSet:
-    """Return the study in the BIDS or RO-Crate data set `source`; `BadInput` if it is damaged."""
+    """Return the study in the BIDS data set `source`; `BadInput` if it is damaged."""
     place = source / shared_form.FOLDER
     study_file = place / shared_form.STUDY_FILE
     if not study_file.exists():
         raise BadInput(
-            f"{source}: must be what touchbeam export --format bids or rocrate wrote; "
+            f"{source}: must be what touchbeam export --format bids wrote; "
             f"{shared_form.FOLDER}/{shared_form.STUDY_FILE} is missing"
         )
     text = text_of(bytes_of(study_file, most=LONGEST_TEXT), study_file)
@@ -66,11 +66,6 @@ def _registration(place: Path) -> events.StoredEvent | None:
     # As it is: text without its byte order mark would have another digest.
     text = bytes_of(file, most=LONGEST_TEXT).decode(errors="replace")
     return shared_registration(text, str(file))
-
-
-def shared_sessions(texts: Iterable[tuple[str, str]]) -> list[shared_form.SharedSession]:
-    """Return the sessions in `texts`, by file name, in the study's order; `BadInput` if not one."""
-    return _in_order(shared_form.shared_session(name, text) for name, text in texts)
 
 
 def _in_order(sessions: Iterable[shared_form.SharedSession]) -> list[shared_form.SharedSession]:

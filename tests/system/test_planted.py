@@ -134,7 +134,6 @@ COMMANDS = (
     "export . csv --format csv --rehearsals",
     "export . bids --format bids --rehearsals",
     "export . psychds --format psychds --rehearsals",
-    "export . rocrate --format rocrate --rehearsals",
     "import bids again",
     "report . --rehearsals --sections table4",
     "withdraw . --participant P01 --rehearsal --yes",

@@ -32,7 +32,6 @@ from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template, text_digest
 from runner.journal.opening import open_journal
 from tests.analysis.chains import chain
-from tests.analysis.export.data_slips import csv_rows
 from tests.analysis.hostile_study import sessions, study_text
 from tests.analysis.reports import session_events
 from tests.runner.command_line import typed
@@ -159,30 +158,6 @@ def test_what_is_private_stays_behind(original: Path, exported: Path) -> None:
             assert not [secret for secret in SECRETS if secret.encode() in file.read_bytes()], file
 
 
-@pytest.mark.usefixtures("figures_as_svg")
-def test_a_crate_has_the_same_sessions_and_the_report_on_them(
-    original: Path, exported: Path, reported: Path, tmp_path: Path
-) -> None:
-    crate = tmp_path / "crate"
-    assert typed("export", original, crate, "--format", "rocrate") == 0
-    test_what_is_private_stays_behind(original, crate)
-    for file in (exported / SESSIONS).iterdir():
-        assert (crate / SESSIONS / file.name).read_bytes() == file.read_bytes()
-    for name in ("table4.csv", "report.json", "report.html"):
-        own, theirs = (crate / "report" / name).read_bytes(), (reported / name).read_bytes()
-        assert own == theirs, name
-    assert b"1970" not in (crate / "report" / "report.html").read_bytes()
-    predicted = {
-        (row["participant"], row["trial_index"], row["law"]): row["predicted_contrast"]
-        for row in csv_rows((crate / "contrasts.csv").read_text())
-    }
-    for trial in json.loads((crate / "report" / "report.json").read_text())["trials"]:
-        for law, contrast in trial["predicted"].items():
-            cell = predicted[trial["subject"], str(trial["index"]), law]
-            assert (float(cell) if cell else None) == contrast
-    assert typed("import", crate, tmp_path / "back") == 0
-
-
 def test_every_kind_of_session_comes_back_but_those_that_left(tmp_path: Path) -> None:
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / "study.toml").write_text(study_text(), encoding="utf-8")
@@ -219,7 +194,7 @@ def test_a_folder_that_touchbeam_has_not_exported_is_refused(
 ) -> None:
     assert typed("import", tmp_path, tmp_path / "study") == 2
     said = capsys.readouterr().err
-    assert "must be what touchbeam export --format bids or rocrate wrote" in said
+    assert "must be what touchbeam export --format bids wrote" in said
     assert not (tmp_path / "study").exists()
 
 

@@ -1,21 +1,17 @@
 """Commands that take data in and give them away: import, export."""
 
-from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option, Typer
 
 from protocol.errors import BadInput, typed_as
 from touchbeam.cli import options
-from touchbeam.cli.output import complain, counted, followed, say
+from touchbeam.cli.output import counted, followed, say
 from touchbeam.cli.results import warn_of_broken
-from touchbeam.study import asked_report, read_study
-
-if TYPE_CHECKING:
-    from runner.study.folder import StudyFolder
+from touchbeam.study import read_study
 
 app = Typer()
 
@@ -131,44 +127,9 @@ def export(
     warn_of_broken(broken, study)
     # One by one, because texts and bytes of all would need twice the memory.
     files = {name: texts.pop(name).encode() for name in tuple(texts)} | RECORDINGS[as_format](data)
-    if as_format == "rocrate":
-        files |= _report_in_crate(source, files, broken, rehearsals=rehearsals)
-        from analysis.export.rocrate import METADATA, crate_metadata
-
-        files[METADATA] = crate_metadata(data, files, datetime.now(UTC).date()).encode()
     # Who withdrew while it was made is in what was read before.
     write_new_folder(files, folder, partial(require_no_withdrawal, source.journal, withdrawals))
     say(f"Written: {folder}, {data.summary()}")
-
-
-def _report_in_crate(
-    source: "StudyFolder", files: Mapping[str, bytes], broken: Sequence[str], *, rehearsals: bool
-) -> dict[str, bytes]:
-    """Return the report on the events among `files`: on what others get, and on nothing else."""
-    from analysis.export.rocrate import REPORT
-    from analysis.loading.sessions import load_sessions
-    from analysis.loading.study_data import NothingToReport, study_data
-    from analysis.report.report import report_files
-    from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, SUFFIX
-    from protocol.registration.registration import shared_registration
-    from runner.study.data_set import shared_sessions
-
-    texts = {name: content.decode() for name, content in files.items() if name.endswith(SUFFIX)}
-    chains = [session.events for session in shared_sessions(texts.items())]
-    if registered := files.get(f"{FOLDER}/{REGISTRATION_FILE}"):
-        chains.insert(0, (shared_registration(registered.decode()),))
-    recorded = load_sessions(chains)
-    study = source.study()
-    try:
-        data = study_data(recorded, rehearsals=rehearsals, rules=study.exclusions)
-    except NothingToReport as error:
-        complain(f"touchbeam: warning: there is no report in it: {error}")
-        return {}
-    asked = asked_report(source, rehearsals=rehearsals, named=None)
-    result = asked.made(study, data, broken, recorded)
-    return {
-        f"{REPORT}/{name}": content for name, content in report_files(result, figures=True).items()
-    }
 
 
 def _require_known(participant: str | None, sessions: Sequence[str]) -> None:

@@ -52,7 +52,7 @@ def test_each_factor_is_a_column_by_its_name_or_one_that_is_free() -> None:
     # There is a column `seed` already, of the session's seed.
     assert values(data.trials["factor_seed"]) == ["23 kHz", "24 kHz"]
     assert values(data.trials["seed"]) == [1, 1]
-    tables = csv_tables(data, shared=True)
+    tables = csv_tables(data)
     assert '"100 V": "100"' in tables["trials.json"]
     named = "voltage,voltage_value,factor_seed,factor_seed_value,age,"
     assert named in tables["trials.csv"].partition("\n")[0]
@@ -92,7 +92,7 @@ def test_a_factor_of_words_has_no_numbers() -> None:
 
 def test_a_heading_is_no_formula_in_a_table_nor_in_what_describes_it() -> None:
     data = exported([session("P01", 1, 30)], ONCE.replace('"voltage"', '"=1+1"'))
-    tables, bids, psychds = csv_tables(data, shared=True), bids_export(data), psychds_export(data)
+    tables, bids, psychds = csv_tables(data), bids_export(data), psychds_export(data)
     assert ",'=1+1," in tables["trials.csv"].partition("\n")[0]
     assert '"\'=1+1": {' in tables["trials.json"]
     for end, mark in (("_beh.tsv", "\t'=1+1\t"), ("_beh.json", '"\'=1+1": {')):

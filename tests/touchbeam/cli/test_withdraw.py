@@ -24,17 +24,16 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def make_results(where: str) -> None:
     assert typed("report", "study", "--out", f"study/{where}/report") == 0
-    for form in ("csv", "bids", "psychds", "rocrate"):
+    for form in ("csv", "bids", "psychds"):
         assert typed("export", "study", f"study/{where}/{form}", "--format", form) == 0
 
 
-@pytest.mark.usefixtures("figures_as_svg")
 def test_reports_and_exports_made_before_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("import", str(PUBLISHED), "study") == 0
     make_results("before")
     capsys.readouterr()
     assert typed("withdraw", "study", "--participant", "3", "--yes") == 0
-    made = ("bids", "csv", "psychds", "report", "rocrate")
+    made = ("bids", "csv", "psychds", "report")
     old = tuple(f"before/{name}" for name in made)
     assert capsys.readouterr().out.splitlines() == [
         "Erased: 3/1.",

@@ -9,6 +9,8 @@ In a page, fenced blocks mean this, in order, in one empty folder:
 - any with `title="FILE"`: the file FILE.
 - `python`: run after all of these, in one process; a `text` block right below is what it prints.
 
+A line `--8<-- "docs/FILE"` stands for that file, as in the site.
+
 Without options the outputs are compared with the page's. `--write` puts the real ones in the page.
 """
 
@@ -25,6 +27,8 @@ from pathlib import Path
 _FENCE = re.compile(
     r'^```(?P<language>\w+)(?: title="(?P<title>[^"]+)")?\n(?P<text>.*?)^```$', re.M | re.S
 )
+_INCLUDED = re.compile(r'^--8<-- "([^"]+)"\n', re.MULTILINE)
+_SOURCE = Path(__file__).resolve().parents[1]
 _CHANGES = (
     (r"\d{4}-\d\d-\d\d", "DATE"),
     (r"\b\d\d:\d\d(:\d\d)?\b", "TIME"),
@@ -72,6 +76,7 @@ def run_page(
     Raises:
         ValueError: a command or a program failed; the message has its output.
     """
+    page = _INCLUDED.sub(lambda line: (_SOURCE / line[1]).read_text(encoding="utf-8"), page)
     found = list(_FENCE.finditer(page))
     for block in found:
         language, title, text = block["language"], block["title"], block["text"]

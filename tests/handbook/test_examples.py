@@ -16,6 +16,8 @@ from tests.runner.command_line import typed
 PAGES = [
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
     *sorted((ROOT / "docs" / "how-to").glob("*.md")),
+    ROOT / "docs" / "cookbook.md",
+    ROOT / "docs" / "annotated-study.md",
     ROOT / "README.md",
 ]
 

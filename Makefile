@@ -47,11 +47,12 @@ check: $(READY)
 bench: $(READY)
 	$(BIN)/pytest benchmarks --benchmark-only --page docs/reference/benchmarks.md
 
-# Pictures of every page of the participant's window and of the console, for the documentation.
+# Pictures of every page of the participant's window, of the console and of a report, for the documentation.
 pictures: $(READY)
 	@.ci/system-packages
 	$(BIN)/python -m tests.runner.window.pictures docs/window
 	$(BIN)/python -m tests.runner.people.picture docs/pictures/console.svg
+	$(BIN)/python -m tests.analysis.picture docs/pictures/report.png
 
 # The documentation as a site, site/index.html: it needs no server and no network.
 docs: $(READY)

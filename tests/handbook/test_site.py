@@ -23,6 +23,8 @@ pytestmark = pytest.mark.skipif(
 LOOKED_AT = (
     "index.html",
     "tutorials/first-study.html",
+    "annotated-study.html",
+    "cookbook.html",
     "study-file.html",
     "rig.html",
     "glossary.html",
@@ -129,6 +131,36 @@ def test_the_search_finds_a_word_that_is_typed_on_a_page_opened_as_a_file(
         wait.until(lambda browser: "result" in shown(browser))
     wait.until(lambda browser: "The resonance with a generator" in shown(browser))
     assert entry(browser) == "vibrometer"
+
+
+@pytest.mark.parametrize(
+    ("word", "heading"),
+    [
+        ("Likert", "A 7-point scale (Likert)"),
+        ("VAS", "A visual analogue scale (VAS)"),
+        ("Excel", "My ratings are in Excel"),
+        ("randomise", "Randomise, counterbalance, Latin square"),
+        ("counterbalance", "Randomise, counterbalance, Latin square"),
+        ("Latin square", "Randomise, counterbalance, Latin square"),
+        ("latency", "Timing accuracy"),
+        ("EEG", "EEG, or LSL markers"),
+        ("LSL", "EEG, or LSL markers"),
+        ("JND", "A threshold: staircase, 2AFC, JND"),
+        ("staircase", "A threshold: staircase, 2AFC, JND"),
+        ("2AFC", "A threshold: staircase, 2AFC, JND"),
+        ("PsychoPy", "I know PsychoPy"),
+        ("masking noise", "Masking noise"),
+    ],
+)
+def test_what_people_search_for_is_found(
+    browser: webdriver.Chrome, site: Path, word: str, heading: str
+) -> None:
+    opened(browser, site / "index.html", 1200)
+    browser.execute_script("document.querySelector('label[for=__search]').click()")
+    wait = WebDriverWait(browser, 30)
+    wait.until(lambda browser: entry(browser) == "")
+    ActionChains(browser).send_keys(word).perform()
+    wait.until(lambda browser: heading in shown(browser))
 
 
 SEARCH = "[...document.querySelectorAll('*')].find(e => e.shadowRoot)?.shadowRoot"

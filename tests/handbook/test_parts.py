@@ -1,4 +1,4 @@
-"""The three parts of the documentation: each page stands in one, and what a user needs stays short."""
+"""The three parts of the documentation: each page stands in one, and Use it stays short."""
 
 import tomllib
 from collections.abc import Iterator

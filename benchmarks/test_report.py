@@ -96,18 +96,3 @@ def test_a_report_of_five_people_costs_a_few_imports_of_all_it_needs(
     work = f"report of five people{', again, into another folder' if again else ''}"
     ratio = compare(benchmark, work, "the import of all it needs", reports, imports)
     assert ratio <= most
-
-
-def test_all_choices_of_analysis_cost_less_than_the_report(
-    benchmark: BenchmarkFixture, tmp_path: Path
-) -> None:
-    folder = large_study(tmp_path / "study", 20)
-    plain_s = _reported(folder).used_s
-
-    def explored() -> float:
-        return _reported(folder, "--sections", "multiverse").used_s
-
-    alone_s = benchmark.pedantic(explored, rounds=1)
-    work = "all choices of analysis (20 participants), alone"
-    compare(benchmark, work, "a report without them", [alone_s], [plain_s])
-    assert alone_s <= plain_s

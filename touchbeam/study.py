@@ -309,7 +309,7 @@ class Study:
         )
 
         def found() -> Found:
-            return self.file, self._counted, self.broken, reported(self)
+            return self.file, self._counted, self.broken
 
         made = asked.written(found, figures=figures)
         folder = self.folder.report if out is None else Path(out)
@@ -350,8 +350,8 @@ def reported(study: Study) -> "Sessions":
     return rehearsed_with(study.recorded, text_digest(study._read[1]))
 
 
-Found = tuple["StudyFile", "StudyData", Sequence[str], "Sessions | None"]
-"""A study file, the data that count, the broken chains, and all sessions where they are at hand."""
+Found = tuple["StudyFile", "StudyData", Sequence[str]]
+"""A study file, the data that count, and the broken chains."""
 
 _MOST_KEPT = 2**25
 """Bytes of a report that is kept whole; of a larger one the tests, fits and figures are kept."""
@@ -390,14 +390,8 @@ class AskedReport:
     keep: "Kept"
     withdrawals: int
 
-    def made(
-        self,
-        file: "StudyFile",
-        found: "StudyData",
-        broken: Sequence[str],
-        recorded: "Sessions | None",
-    ) -> "Report":
-        """Return the report on `found`, data of the study; `recorded` are all sessions."""
+    def made(self, file: "StudyFile", found: "StudyData", broken: Sequence[str]) -> "Report":
+        """Return the report on `found`, data of the study."""
         from analysis.report.findings import Origin
         from analysis.report.report import report
         from protocol.errors import typed_as
@@ -418,7 +412,7 @@ class AskedReport:
             alone=self.named is not None,
         )
         title = file.publication.title or file.study.name
-        return report(title, found, file, origin, self.shown, recorded, keep=self.keep)
+        return report(title, found, file, origin, self.shown, keep=self.keep)
 
     def written(self, load: Callable[[], Found], *, figures: bool) -> Written:
         """Return the files of the report on what `load` returns, which is the data of `journal`.
@@ -471,6 +465,21 @@ class AskedReport:
         )
 
 
+def shown_sections(folder: "StudyFolder") -> tuple[str, ...] | None:
+    """Return the sections that `report.toml` chooses, None for all.
+
+    A section that an earlier version had gives a warning, and is left out.
+    """
+    from analysis.report.page import FORMER_SECTIONS
+
+    names = folder.report_sections() or ()
+    if former := [name for name in names if name in FORMER_SECTIONS]:
+        where = folder.path / "report.toml"
+        said = f"{where}: sections that only earlier versions had are left out: {', '.join(former)}"
+        warnings.warn(said, stacklevel=2)
+    return tuple(name for name in names if name not in FORMER_SECTIONS) or None
+
+
 def asked_report(
     folder: "StudyFolder",
     *,
@@ -505,7 +514,7 @@ def asked_report(
         text=text,
         rehearsals=rehearsals,
         named=named,
-        shown=folder.report_sections() if named is None else named,
+        shown=shown_sections(folder) if named is None else named,
         unlocked=unlocked,
         rig=fitted_calibration(folder.path),
         keep=Kept(shelf, code_version()),

@@ -136,16 +136,10 @@ class Sheet:
         """Return the only axes of a figure of this height; a narrow one is lower."""
         return self.grid(1, 1, height_in)[0]
 
-    def grid(
-        self, rows: int, columns: int, height_in: float, heights: Sequence[float] | None = None
-    ) -> list[Axes]:
-        """Return `rows` x `columns` axes with shared scales, row by row.
-
-        With relative `heights` of the rows, each row has a vertical scale of its own.
-        """
+    def grid(self, rows: int, columns: int, height_in: float) -> list[Axes]:
+        """Return `rows` x `columns` axes with shared scales, row by row."""
         self.figure.set_size_inches(self.size.width_in, self.size.height * height_in)
-        shared: Any = {"sharex": True, "sharey": "row" if heights else True}
-        grid = self.figure.subplots(rows, columns, squeeze=False, height_ratios=heights, **shared)
+        grid = self.figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         return list(grid.ravel())
 
 

@@ -13,7 +13,6 @@ from analysis.kept import Kept
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
-from analysis.multiverse.curve import Multiverse
 from analysis.sensitivity.linear_model import own_gains
 from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.corrections import holm
@@ -104,8 +103,7 @@ class Design:
 class Findings:
     """Data and results that the sections of a report present.
 
-    `measured` has those of recorded touches, None where nothing was recorded; `multiverse` has the
-    study's claims under all choices of analysis, None where they were not asked for.
+    `measured` has those of recorded touches, None where nothing was recorded.
     """
 
     title: str
@@ -115,7 +113,6 @@ class Findings:
     table: TableStatistics
     trials: TrialStatistics
     measured: MeasuredStatistics | None
-    multiverse: Multiverse | None = None
     keep: Kept = field(default_factory=Kept)
 
     @cached_property

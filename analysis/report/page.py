@@ -16,7 +16,6 @@ from analysis.report.sections import (
     groups_and_factors,
     methods,
     model_checks,
-    multiverse,
     noticed,
     predictions,
     registration,
@@ -188,13 +187,14 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
         ),
         "recovery": Part(model_checks.recovery),
         "contrasts": Part(model_checks.section, fits=("M2 at places",)),
-        multiverse.MULTIVERSE: Part(multiverse.section, figures=multiverse.FIGURES),
         "glossary": Part(glossary, of_tracks=True),
         "provenance": Part(methods.provenance, of_tracks=True),
         "trials": Part(scores.trials, of_tracks=True),
     }
 )
 """The sections of the page by name, in the order in which an author needs them."""
+FORMER_SECTIONS = frozenset({"multiverse"})
+"""Sections of earlier versions, which the `report.toml` of a study may still name."""
 
 
 def require_sections(names: Iterable[str]) -> None:

@@ -1,6 +1,5 @@
 """Report of a study as an HTML page, tables, figures and JSON."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -8,14 +7,11 @@ from typing import Any
 from analysis.cells import json_text
 from analysis.felt.measured_statistics import measured_statistics
 from analysis.kept import Kept
-from analysis.loading.sessions import Sessions
 from analysis.loading.study_data import StudyData
-from analysis.multiverse.curve import multiverse
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
 from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html, require_sections
-from analysis.report.sections.multiverse import MULTIVERSE
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
@@ -95,14 +91,12 @@ def report(
     study: Study,
     origin: Origin,
     shown: tuple[str, ...] | None = None,
-    recorded: Sessions | None = None,
     *,
     keep: Kept | None = None,
 ) -> Report:
     """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
-    If they name `multiverse`, that is made of all sessions `recorded`. What `keep` knows is
-    not computed again.
+    What `keep` knows is not computed again.
     Scores of a published table were felt on a rig of their own, which no calibration describes.
 
     Raises:
@@ -126,9 +120,6 @@ def report(
         table=TableStatistics(tables=loaded.readings(least), keep=keep),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW], keep),
-        multiverse=None
-        if recorded is None or not asks_for_multiverse(shown)
-        else multiverse(recorded, loaded, study, origin.rig),
         shown=shown,
         keep=keep,
     )
@@ -136,11 +127,6 @@ def report(
     # Before any section asks for them, because sections ask one after another.
     trials.fit_ahead(dict.fromkeys(needed))
     return result
-
-
-def asks_for_multiverse(shown: Sequence[str] | None) -> bool:
-    """Return whether the sections `shown` have that of all choices, which takes long to make."""
-    return shown is not None and MULTIVERSE in shown
 
 
 _KEYS = (

@@ -64,8 +64,6 @@ def trial_contrasts(
     touches: pd.DataFrame,
     rig: Calibration = NOMINAL,
     *,
-    rung: str = RUNG,
-    as_felt: bool = True,
     keep: Kept | None = None,
 ) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
@@ -77,17 +75,16 @@ def trial_contrasts(
     registered sessions were felt on the rig as it was calibrated then.
 
     `trials` are those of `StudyData`, or some of them, and `touches` theirs; `rig` is taken where
-    no calibration was in force, and `as_felt` is whether what was measured takes the place of what
-    was planned.
+    no calibration was in force.
     """
-    changes = trial_changes(study, trials, touches, as_felt=as_felt)
+    changes = trial_changes(study, trials, touches)
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
     number_of: dict[FeltChange, int] = {}
     numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), rung)
+    by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), RUNG)
     return TrialContrasts(
         by_law={law: values[numbers] for law, values in by_law.items()},
         measured=trials.index.isin(measured),

@@ -19,7 +19,7 @@ from selenium.webdriver.common.print_page_options import PrintOptions
 
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_data import study_data
-from analysis.report.report import report, report_files, report_html
+from analysis.report.report import report, report_files
 from protocol.journal.events import Answered, NoteTaken, SessionOpened, StoredEvent, TrialExcluded
 from protocol.study.factor import Group
 from runner.study.files import write_files
@@ -64,10 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("report")
     recorded = load_sessions(nasty_sessions())
     found = study_data(recorded, rehearsals=False, rules=STUDY.exclusions)
-    made = report(TYPED, found, STUDY, ORIGIN, ("multiverse",), recorded)
-    every = (section.name for section in made.sections if section.name != "multiverse")
-    alone = {"multiverse.html": report_html(made).encode()}
-    write_files(report_files(replace(made, shown=tuple(every)), figures=False) | alone, place)
+    write_files(report_files(report(TYPED, found, STUDY, ORIGIN), figures=False), place)
     return place
 
 
@@ -212,14 +209,3 @@ def test_the_page_runs_and_loads_nothing_that_is_put_into_it(
     assert browser.title == f"{TYPED}: report"
     messages = [entry["message"] for entry in browser.get_log("browser")]  # type: ignore[no-untyped-call]
     assert [message for message in messages if "Content Security Policy" in message]
-
-
-def test_other_choices_of_analysis_are_accessible_and_fit_a_narrow_screen(
-    browser: webdriver.Chrome, folder: Path
-) -> None:
-    browser.get(f"file://{folder / 'multiverse.html'}")
-    browser.find_element(By.CSS_SELECTOR, "#h-multiverse summary").send_keys("\n")
-    assert browser.find_element(By.ID, "figure-multiverse-voltage-best").is_displayed()
-    assert [axe(browser, width) for width in (1200, 400)] == [[], []]
-    script = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    assert browser.execute_script(script) == 0

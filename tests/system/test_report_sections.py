@@ -57,32 +57,39 @@ def test_sections_are_chosen_by_file_and_by_name(
 
 
 @pytest.mark.usefixtures("figures_as_svg")
-def test_all_choices_of_analysis_are_made_only_if_they_are_named(study: Path) -> None:
+def test_named_sections_alone_are_computed_and_old_figures_are_removed(study: Path) -> None:
     assert typed("report", study) == 0
     plain = (study / "report" / "report.json").read_bytes()
-    assert typed("report", study, "--figures", "--sections", "multiverse,methods") == 0
-    assert shown(study) == ["multiverse", "methods"]
+    assert typed("report", study, "--figures", "--sections", "agreement,methods") == 0
+    assert shown(study) == ["agreement", "methods"]
     numbers = json.loads((study / "report" / "report.json").read_text())
-    assert command(study) == "touchbeam report study --sections multiverse,methods"
+    assert command(study) == "touchbeam report study --sections agreement,methods"
     numbers["provenance"]["command"] = "touchbeam report study"
-    claims = {entry["id"]: entry for entry in numbers.pop("multiverse")["claims"]}
     assert numbers.items() <= json.loads(plain).items()
-    assert {"table4", "provenance"} < numbers.keys()
-    assert not {"sensitivity", "laws", "ordinal"} & numbers.keys()
-    # No score is missing or excluded: one table; three laws on five rungs, of which one law errs.
-    assert (claims["voltage-best"]["analyses"], claims["voltage-best"]["significant"]) == (1, 0)
-    follows = claims["order-follows-model"]
-    assert (follows["analyses"], follows["supported"], follows["significant"]) == (15, 10, 0)
-    assert follows["decides"] == "friction law"
-    drawn = study / "report" / "figures" / "multiverse-order-follows-model.pdf"
+    assert {"table4", "provenance", "ordinal"} < numbers.keys()
+    assert not {"sensitivity", "laws", "trials"} & numbers.keys()
+    drawn = study / "report" / "figures" / "people.pdf"
     assert drawn.exists()
-    touchbeam.load(study).report(sections="multiverse", figures=True)
+    touchbeam.load(study).report(sections="agreement", figures=True)
     assert drawn.exists()
-    assert shown(study) == ["multiverse"]
-    assert command(study) == "touchbeam report study --sections multiverse"
+    assert shown(study) == ["agreement"]
+    assert command(study) == "touchbeam report study --sections agreement"
     assert typed("report", study) == 0
     assert not drawn.exists()
     assert (study / "report" / "report.json").read_bytes() == plain
+
+
+def test_a_section_of_an_earlier_version_is_left_out_with_a_warning(study: Path) -> None:
+    chosen = study / "report.toml"
+    chosen.write_text('sections = ["multiverse", "glossary"]\n')
+    said = "report.toml: sections that only earlier versions had are left out: multiverse"
+    try:
+        with pytest.warns(UserWarning, match=said):
+            touchbeam.load(study).report()
+        assert shown(study) == ["glossary"]
+        assert typed("report", study, "--sections", "multiverse") == 2
+    finally:
+        chosen.unlink()
 
 
 @pytest.mark.parametrize(

@@ -260,16 +260,13 @@ def _found(
 ) -> "Found":
     from analysis.loading.study_data import study_data
     from analysis.report.page import require_sections
-    from analysis.report.report import asks_for_multiverse
 
     # Before anything is read, which may take long.
     require_sections(shown or ())
     bar = partial(output.followed, "sessions", alone=alone)
     study = read_study(folder, rehearsals=rehearsals, followed=bar)
-    recorded = reported(study)
-    data = study_data(recorded, rehearsals=rehearsals, rules=study.file.exclusions)
-    # All sessions may be large, and few reports need them.
-    return study.file, data, study.broken, recorded if asks_for_multiverse(shown) else None
+    data = study_data(reported(study), rehearsals=rehearsals, rules=study.file.exclusions)
+    return study.file, data, study.broken
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

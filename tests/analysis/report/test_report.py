@@ -76,10 +76,10 @@ def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:
     assert written == {
         path for path in figures if Path(path).name.split(".")[0].removesuffix("-column") in drawn
     }
-    of_design = ("factor-", "groups", "track-", "psychometric-", "multiverse-")
+    of_design = ("factor-", "groups", "track-", "psychometric-")
     absent = tuple(f"figures/{name}" for name in of_design)
     others = {path for path in FIGURE_FILES if not path.startswith(absent)}
-    assert figures == others, "it has no factors, groups or tracks; choices were not asked for"
+    assert figures == others, "it has no factors, groups or tracks"
     page = ReadPage(files["report.html"].decode())
     tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
     for figure in result.figures:
@@ -116,12 +116,10 @@ def test_each_key_comes_from_one_section_and_a_number_is_followed_by_its_reason(
 def test_a_figure_that_is_not_drawn_has_no_file() -> None:
     lacking = FIGURE_FILES - report_files(plain_report(), figures=True).keys()
     missing = {Path(path).name.split(".")[0].removesuffix("-column") for path in lacking}
-    multiverse = {name for name in missing if name.startswith("multiverse-")}
     numbered = ("factor-", "track-", "psychometric-")
     factors = {name for name in missing if name.startswith(numbered)}
     others = {
         *("course", "forces", "groups", "levels", "noticed", "places", "predictive-m3"),
         "reaction-times",
     }
-    assert missing - multiverse - factors == others
-    assert multiverse, "it is made only when asked for"
+    assert missing - factors == others

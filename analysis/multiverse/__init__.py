@@ -1,4 +1,0 @@
-"""A study's claims under every defensible choice of analysis (Steegen and others, 2016).
-
-Public face: `curve.multiverse`.
-"""

@@ -8,7 +8,7 @@ READY := .venv/.ready
 FAST := tests/protocol tests/device $(addprefix tests/runner/,journal people session study) \
 	$(addprefix tests/analysis/,loading statistics trials)
 
-.PHONY: demo test test-computing test-waiting test-fast check bench docs pictures soak mutants day-mutants clean
+.PHONY: demo test test-computing test-waiting test-fast check bench docs paper pictures soak mutants day-mutants clean
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -58,6 +58,10 @@ pictures: $(READY)
 docs: $(READY)
 	$(BIN)/python -m handbook.reference
 	$(BIN)/python -m handbook.build
+
+# The paper's figures and claims, computed again: docs/paper.md.
+paper: $(READY)
+	$(BIN)/python -m handbook.paper
 
 soak: $(READY)
 	$(BIN)/pytest -m soak -s

@@ -1,7 +1,7 @@
 """Reference pages written from the code: `python -m handbook.reference` writes them anew.
 
-Commands with their options, the Python package, the statistics with formula and source, the
-faults that can be simulated, the journal's events, and the parameters of virtual people.
+Commands with their options, the columns of tables, the Python package, the statistics with formula
+and source, the faults that can be simulated, the journal's events, and virtual people's parameters.
 """
 
 import inspect
@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 import touchbeam
 from device.simulator.faults import FAULTS
 from handbook.build import ROOT
+from handbook.columns import columns_page
 from handbook.events import event_list
 from handbook.people import parameters_page
 from touchbeam.cli.app import app
@@ -228,6 +229,7 @@ def faults_page() -> str:
 
 
 PAGES: dict[str, Callable[[], str]] = {
+    "columns.md": columns_page,
     "commands.md": commands_page,
     "faults.md": faults_page,
     "journal-events.md": event_list,

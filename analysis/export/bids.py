@@ -27,9 +27,7 @@ _TABLES = (
     "`n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
     "taking a text for a formula. `participants.tsv` gives each participant's pseudonym, and the "
-    "answers that were given once. "
-    "`sourcedata/touchbeam/` has the study file and each session's events, traces of the finger "
-    "among them: `touchbeam import` makes a study of them again."
+    "answers that were given once."
 )
 
 _RECORDINGS = (

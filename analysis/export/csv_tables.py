@@ -1,7 +1,7 @@
 """Tables as CSV, each with a JSON file that describes its columns."""
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +10,10 @@ import pandas as pd
 
 from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_item, csv_quoted, csv_scalar, json_text
 from analysis.estimates import IntArray
-from analysis.export.dataset import Chain, Dataset, known
+from analysis.export.dataset import Dataset, known
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
 from analysis.export.trial_table import CONTRAST_COLUMNS
 from analysis.loading.records import values
-from protocol.journal.events import ScoresImported, SessionOpened, StudyRegistered, Withdrawn
-from protocol.journal.shared_form import FOLDER, REGISTRATION_FILE, STUDY_FILE, SUFFIX, shared_text
 from protocol.study.columns import TOUCH_COLUMNS, Column
 
 
@@ -115,35 +113,3 @@ def _described(column: Column, data: Dataset) -> dict[str, object]:
             "any_separated_by": BETWEEN_TOUCHES if column.several else None,
         }
     )
-
-
-# What a data set was made from: study file, registration, and sessions' events as they may leave.
-#
-# `touchbeam import` makes a study of these files again; docs/data.md lists what they do not hold.
-
-
-def source_files(data: Dataset, chains: Iterable[Chain], study_text: str) -> dict[str, str]:
-    """Return the files by path: of the sessions of `data`, whose events are among `chains`.
-
-    Args:
-        data: what is exported.
-        chains: the events of all sessions, in their order.
-        study_text: the study file with its own languages.
-    """
-    files = {f"{FOLDER}/{STUDY_FILE}": study_text}
-    for place, events in enumerate(chains):
-        first = events[0]
-        found = [event.record for event in events if event.tag == StudyRegistered.TAG]
-        registered = [record.text for record in found if isinstance(record, StudyRegistered)]
-        files |= {f"{FOLDER}/{REGISTRATION_FILE}": text for text in registered}
-        # Checked before the first event is read, because withdrawal erases what it said.
-        withdrawn = any(event.tag == Withdrawn.TAG for event in events)
-        opened = None if withdrawn else first.record
-        if not isinstance(opened, SessionOpened | ScoresImported):
-            continue
-        # Only sessions of the tables go along, so that both tell of the same people.
-        subject = data.subject_of.get((opened.participant, opened.session, opened.kind))
-        if subject is not None:
-            name = "_".join(data.entities(subject, opened.session))
-            files[f"{FOLDER}/{name}{SUFFIX}"] = shared_text(place, events)
-    return files

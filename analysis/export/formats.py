@@ -33,9 +33,3 @@ RECORDINGS: Mapping[str, Callable[[Dataset], dict[str, bytes]]] = MappingProxyTy
     }
 )
 """Each returns further files by relative path: what was recorded during touches."""
-
-WITH_SOURCE = frozenset({"bids"})
-"""The formats from which `touchbeam import` makes a study again."""
-
-WITH_CONTRASTS = frozenset({"csv"})
-"""The formats with predictions, for which the rig's calibration is needed."""

@@ -28,7 +28,7 @@ from analysis.report.wording import count_of
 from analysis.trials.trial_statistics import LINKS
 from device.friction.laws import LAWS
 from protocol.errors import BadInput, listed
-from protocol.journal.shared_form import UNKNOWN_UTC
+from protocol.journal.events import UNKNOWN_UTC
 from protocol.study.fields import printable
 
 # The terms of the report, each in a sentence or two, for readers of other fields.
@@ -116,7 +116,7 @@ def _sessions(found: Findings) -> str:
     """Return the known days of the sessions, in UTC; of a published table the file it came from."""
     if found.published:
         return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
-    # Imported sessions begin in 1970, because a data set for others has no time of day.
+    # Sessions that an earlier version imported from a data set begin in 1970.
     answered = found.loaded.trials["answered_utc"].dropna()
     known = answered[answered.dt.year > UNKNOWN_UTC.year]
     days = sorted(known.dt.strftime("%Y-%m-%d").unique())

@@ -7,7 +7,7 @@ from this module.
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any, ClassVar
 
 from protocol.journal import records
@@ -315,6 +315,9 @@ class ScoresImported(Event, tag="scores-imported"):
     source_sha256: str | None = key("digest of the file", missing=None)
 
 
+UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)
+"""When everything began in a journal that an earlier version imported from a data set, which did
+not tell the time of day."""
 Opening = SessionOpened | ScoresImported
 """The first event of a session."""
 SessionTerms = SessionOpened | SessionResumed

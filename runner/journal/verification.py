@@ -271,7 +271,7 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
         return "it is not registered, although the study was registered before it"
     held = {None, *(record.registration for _, record in known)}
     for under in kinds.terms_in(events):
-        # A journal made from exported data has sessions alone.
+        # A journal that an earlier version made of exported data may have sessions alone.
         if known and under.registration not in held:
             return "its registration is none that the journal holds"
         if problem := order_problem(opened, under):

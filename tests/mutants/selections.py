@@ -92,10 +92,6 @@ SELECTIONS: Mapping[str, tuple[str, ...]] = {
     "protocol/journal/json_record.py": _EVENTS,
     "protocol/journal/records.py": _EVENTS,
     "protocol/journal/events.py": _EVENTS,
-    "protocol/journal/shared_form.py": (
-        "tests/runner/study/test_sent_folders.py", "tests/runner/study/test_track_data.py",
-        "tests/protocol/journal/test_events.py", "tests/analysis/export/test_csv_tables.py",
-    ),
     **{
         f"device/drivers/{name}.py": _DRIVERS
         for name in ("board", "driver", "generator", "keysight", "rigol", "siglent")

@@ -134,7 +134,7 @@ COMMANDS = (
     "export . csv --format csv --rehearsals",
     "export . bids --format bids --rehearsals",
     "export . psychds --format psychds --rehearsals",
-    "import bids again",
+    "import scores.csv again",
     "report . --rehearsals --sections table4",
     "withdraw . --participant P01 --rehearsal --yes",
     "predict scenes.csv --out friction.csv",
@@ -163,6 +163,7 @@ def sent(tmp_path: Path) -> Sender:
 
 def test_no_command_obeys_what_lies_in_the_study_or_above(sent: Sender, tmp_path: Path) -> None:
     (sent.study / "scenes.csv").write_text("voltage_v\n100\n")
+    (sent.study / "scores.csv").write_text("subject,voltage,pressure\nP01,1,2\nP02,3,4\n")
     with cluster_in(tmp_path, 1) as (address, _):
         typed = [
             (command, False) for command in (*COMMANDS, f"power . {TESTED} 2 --scheduler {address}")

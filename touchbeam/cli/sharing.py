@@ -20,10 +20,7 @@ app = Typer()
 def import_scores(
     scores: Annotated[
         Path,
-        Argument(
-            metavar="SOURCE",
-            help="A table: subject, then conditions. Or the folder of a BIDS export.",
-        ),
+        Argument(metavar="TABLE", help="A CSV file: subject, then conditions."),
     ],
     study: Annotated[Path, Argument(metavar="STUDY", help="A new or an empty folder.")],
     keep_means: Annotated[
@@ -33,18 +30,17 @@ def import_scores(
         ),
     ] = False,
 ) -> None:
-    """Create a study from published scores or from a BIDS export.
+    """Create a study from published scores.
 
-    A table is a CSV file with a column `subject` and one column per condition. Each subject is a
-    pseudonym of letters, digits, - and _ with a digit in it; a blank cell is a missing score.
+    The table has a column `subject` and one column per condition. Each subject is a pseudonym of
+    letters, digits, - and _ with a digit in it; a blank cell is a missing score.
     """
-    if scores.is_dir():
-        _import_data_set(scores, study)
-        return
     from analysis.loading.published import MOST_BYTES, published_table, unpredicted_note
-    from runner.study.data_set import import_table
     from runner.study.files import bytes_of, text_of
+    from runner.study.table_import import import_table
 
+    if scores.is_dir():
+        raise BadInput(f"{scores}: must be a table of scores, a CSV file, got a folder")
     content = bytes_of(scores, most=MOST_BYTES)
     table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
     rows = followed("subjects", table.by_subject().items(), len(table.subjects))
@@ -52,21 +48,6 @@ def import_scores(
     if note := unpredicted_note(table.conditions):
         say(note)
     imported = counted(len(table.subjects), "subject")
-    say(f"{imported} imported; next: touchbeam report {typed_as(study)}")
-
-
-def _import_data_set(source: Path, study: Path) -> None:
-    from analysis.loading.sessions import load_sessions
-    from protocol.journal.state import NotAllowed
-    from runner.study.data_set import import_data_set, read_data_set
-
-    data = read_data_set(source)
-    try:  # the events are in order, but a value in them may have been changed
-        load_sessions(session.events for session in data.sessions.values())
-    except NotAllowed as error:
-        raise BadInput(f"{source}: a session cannot be read ({error})") from error
-    import_data_set(options.study_folder(study), data)
-    imported = counted(len(data.sessions), "session")
     say(f"{imported} imported; next: touchbeam report {typed_as(study)}")
 
 
@@ -88,9 +69,8 @@ def export(
     """
     from importlib.metadata import version
 
-    from analysis.export.csv_tables import source_files
     from analysis.export.dataset import dataset, with_recordings
-    from analysis.export.formats import EXPORTS, RECORDINGS, WITH_CONTRASTS, WITH_SOURCE
+    from analysis.export.formats import EXPORTS, RECORDINGS
     from device.friction.scenes import NOMINAL
     from runner.journal.opening import read_journal
     from runner.journal.verification import readable_chains, require_no_withdrawal
@@ -115,15 +95,13 @@ def export(
             source.study(),
             version("touchbeam"),
             rehearsals=rehearsals,
-            rig=fitted_calibration(source.path) if as_format in WITH_CONTRASTS else NOMINAL,
+            # Tables alone have predictions.
+            rig=fitted_calibration(source.path) if as_format == "csv" else NOMINAL,
             broken_chains=broken,
         )
         if tables and tables.forces:
             data = with_recordings(data, chains)
         texts = EXPORTS[as_format](data)
-        if as_format in WITH_SOURCE:
-            # Read a second time, because all events of a large study do not fit the memory at once.
-            texts |= source_files(data, readable_chains(journal, [], participant), source.text())
     warn_of_broken(broken, study)
     # One by one, because texts and bytes of all would need twice the memory.
     files = {name: texts.pop(name).encode() for name in tuple(texts)} | RECORDINGS[as_format](data)

@@ -21,7 +21,7 @@ from analysis.statistics.signed_rank import LARGEST_EXACT
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from protocol.errors import listed
-from protocol.journal.shared_form import UNKNOWN_UTC
+from protocol.journal.events import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
 
 # The settings of the analysis that a registration fixes beside the study file.
@@ -140,7 +140,7 @@ def section(found: Findings) -> Section:
     results = named_results(found, lock)
     departed = deviations(lock.registration, conduct(found, lock))
     later = _later_contrasts(found)
-    # A data set does not tell the time of the registration.
+    # A journal that was imported from a data set does not tell the time of the registration.
     when = f" at {lock.utc:%Y-%m-%d %H:%M} UTC" if lock.utc > UNKNOWN_UTC else ""
     return Section(
         title="Registration",

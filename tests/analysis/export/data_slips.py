@@ -11,7 +11,6 @@ ENTITIES = re.compile(
     r"sub-(?P=sub)(_ses-(?P=ses))?_task-(?P<task>[0-9A-Za-z]+)_(beh|events)\.(tsv|json)"
 )
 BIDS_ROOT = {"README.md", "dataset_description.json", "participants.json", "participants.tsv"}
-SOURCE = "sourcedata/touchbeam/"
 PSYCHDS_ROOT = {"README.md", "dataset_description.json"}
 PSYCHDS_NAME = re.compile(r"data/([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.csv")
 PSYCHDS_KEYWORDS = {"study", "site", "subject", "session", "task", "condition", "trial", "stimulus"}
@@ -59,12 +58,7 @@ def bids_slips(files: Mapping[str, str]) -> Iterator[str]:
     }
     for who in sorted(listed ^ with_data):
         yield f"{who}: {'no data' if who in listed else 'not in participants.tsv'}"
-    source = {path for path in files if path.startswith(SOURCE)}
-    sessions = {re.sub(r"_task-.*", "", path.rpartition("/")[2]) for path in tables if "/" in path}
-    due = {f"{SOURCE}study.toml", *(f"{SOURCE}{session}.jsonl" for session in sessions)}
-    for path in sorted(source and source ^ due):
-        yield f"{path}: {'stray' if path in source else 'missing'}"
-    for path in sorted(files.keys() - BIDS_ROOT - source):
+    for path in sorted(files.keys() - BIDS_ROOT):
         yield from _task_slips(path, files)
 
 

@@ -513,19 +513,3 @@ def test_files_that_were_amended_are_accepted(
     capsys.readouterr()
     assert typed("verify", folder) == 1
     assert "study.toml is missing" in capsys.readouterr().out
-
-
-def test_a_data_set_carries_the_registration(tmp_path: Path) -> None:
-    folder = registered_in(tmp_path / "study")
-    for name in ("P01", "P02"):
-        run_session(folder, name)
-    assert typed("export", folder, tmp_path / "bids", "--format", "bids") == 0
-    assert typed("import", tmp_path / "bids", tmp_path / "again") == 0
-    kept = (folder / "registration.toml").read_bytes()
-    assert (tmp_path / "again" / "registration.toml").read_bytes() == kept
-    assert typed("verify", tmp_path / "again") == 0
-    assert opened(tmp_path / "again").registration == digest_of(folder)
-    carried = tmp_path / "bids" / "sourcedata" / "touchbeam" / "registration.toml"
-    carried.write_bytes(kept + b"#")
-    assert typed("import", tmp_path / "bids", tmp_path / "other") == 2
-    assert not (tmp_path / "other").exists()

@@ -7,8 +7,8 @@ resonance, at every amplitude, finger load and direction; and the paper's freque
 
 import random
 
-from device.friction.changes import PATH_M
 from device.friction.scenes import FingerContact
+from protocol.study.touch import TouchDefaults
 
 RIGS = 20
 SCENES_PER_RIG = 50
@@ -35,7 +35,7 @@ def _rig_rows(draw: random.Random) -> list[str]:
         cells = (
             draw.choice((0.0, 25.0, 50.0, 100.0, 150.0, 200.0)) if resonant else 100.0,
             "resonance" if resonant else resonance_hz * _APPROACH[index % len(_APPROACH)],
-            FingerContact().x_m if draw.random() < 0.5 else draw.uniform(*PATH_M),
+            FingerContact().x_m if draw.random() < 0.5 else draw.uniform(*TouchDefaults().path_m),
             draw.uniform(0.008, 0.014),
             draw.uniform(0.3, 0.9),
             "left" if draw.random() < 0.25 else "right",

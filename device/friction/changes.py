@@ -139,7 +139,6 @@ def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> M
 
 
 _FINGER = TouchDefaults()
-PATH_M = _FINGER.path_m
 REFERENCE = Moment(
     voltage_v=100.0,
     frequency=1.0,

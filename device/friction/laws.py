@@ -119,7 +119,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         ),
     }
 )
-"""A new law is an entry here: commands, claims, reports and exports take what this lists."""
+"""A new law is an entry here: commands, reports and exports take what this lists."""
 
 
 def law_by_name(name: str) -> Law:

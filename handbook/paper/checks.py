@@ -8,7 +8,6 @@ import numpy as np
 from analysis.estimates import LEVEL, FloatArray
 from device.beam.eq15 import same_direction_ratio
 from device.beam.modes import mode_shape
-from device.friction.changes import PATH_M
 from device.friction.rungs import rung_resonance_hz
 from handbook.paper import people, scenes
 from handbook.paper.claim import Outcome, judged
@@ -189,9 +188,8 @@ def varies_when_sliding(law: str) -> Outcome:
     """Return the swing along the path at 23,200 Hz and 0.56 N, as a share of Fig 12's."""
 
     def share(damping_ratio: float) -> float:
-        x_m = np.linspace(*PATH_M, 711)
-        paper = mu(law, x_m=x_m, damping_ratio=damping_ratio)
-        slid = mu(law, x_m=x_m, damping_ratio=damping_ratio, **scenes.SLIDING)
+        paper = mu(law, x_m=scenes.PATH_M, damping_ratio=damping_ratio)
+        slid = mu(law, x_m=scenes.PATH_M, damping_ratio=damping_ratio, **scenes.SLIDING)
         return float(np.ptp(slid) / np.ptp(paper))
 
     # If theory varies, only the measured curve could decide.
@@ -202,9 +200,8 @@ def varies_when_sliding(law: str) -> Outcome:
 
 def smoother_with_the_signal(law: str) -> Outcome:
     """Return μ' at the smooth place and along the path, under a finger of 0.5 N."""
-    x_m = np.linspace(*PATH_M, 711)
     place = float(mu(law, scenes.WHOLE_BEAM, finger_load_n=0.5))
-    path = mu(law, scenes.WHOLE_BEAM, finger_load_n=0.5, x_m=x_m)
+    path = mu(law, scenes.WHOLE_BEAM, finger_load_n=0.5, x_m=scenes.PATH_M)
     rougher = np.mean(path > MU * (1 + 1e-9))
     numbers = {"at_smooth_place": place, "mean_along_path": path.mean(), "part_rougher": rougher}
     return judged([place < MU, path.mean() < MU and rougher == 0], **numbers)

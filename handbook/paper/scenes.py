@@ -13,6 +13,7 @@ from analysis.estimates import FloatArray
 from device.beam.beam import Beam
 from device.beam.zones import zones
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
+from protocol.study.touch import TouchDefaults
 
 MODE, WHOLE_BEAM = "mode", TOP_RUNG
 """The rungs: one mode of the bare beam, as in the paper; and the beam as built."""
@@ -27,9 +28,12 @@ TROUGHS_M = np.array([0.0137, 0.0275, 0.0422])
 PERIODIC_M = 0.0231
 """Eq 15 is periodic from here on; the first rise lies before."""
 PLACES_M = np.linspace(0.0, 0.1, 2001)
+PATH_M = np.linspace(*TouchDefaults().path_m, 711)
+"""The path of a study's conditions, every 0.1 mm."""
 BEAM = Beam()
 RESONANCE_HZ = rung_resonance_hz(MODE, BEAM, 6)
-EDGES_M, PEAKS_M = zones(6, BEAM.length_m).edges_m[1:-1], zones(6, BEAM.length_m).antinodes_m
+EDGES_M = zones(6, BEAM.length_m).edges_m[1:-1]
+PEAKS_M = EDGES_M[::2]
 """Of mode 6: where the bodies' direction changes, and the peaks of the vibration."""
 
 

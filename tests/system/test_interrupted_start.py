@@ -25,7 +25,6 @@ COMMANDS = (
     "run study --participant P01 --ratings virtual",
     "demo --participants 1 --out made",
     "predict scenes.csv -o made",
-    "claims",
     "ladder",
     "device list",
     "device sweep sim",

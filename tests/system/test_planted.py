@@ -138,7 +138,6 @@ COMMANDS = (
     "report . --rehearsals --sections table4",
     "withdraw . --participant P01 --rehearsal --yes",
     "predict scenes.csv --out friction.csv",
-    "claims",
     "device list",
     "device probe sim",
 )

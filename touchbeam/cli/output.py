@@ -21,7 +21,6 @@ from runner.people.terminal import at_terminal, visible, visible_json
 
 # Columns of a table in a pipe: programs and searches find each cell whole.
 WIDE = 10_000
-_SHORT_WORD = 8
 
 
 def say(line: str) -> None:
@@ -158,12 +157,8 @@ def _computing(category: type[Warning]) -> str:
     )
 
 
-def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: bool = False) -> None:
-    """Print `lines`: a header, rows, and a last row as the footer.
-
-    Sentences in the first column get a line between them and all the width that short words in
-    the other columns leave.
-    """
+def print_table(title: str, lines: Sequence[Sequence[str]]) -> None:
+    """Print `lines`: a header, rows, and a last row as the footer."""
     from rich import box
     from rich.console import Console
     from rich.markup import escape
@@ -180,15 +175,9 @@ def print_table(title: str, lines: Sequence[Sequence[str]], *, of_sentences: boo
         show_footer=True,
         title_justify="left",
         padding=0,
-        leading=int(of_sentences),
     )
     for place, (name, foot) in enumerate(zip(header, last, strict=True)):
-        table.add_column(
-            shown(name),
-            shown(foot),
-            justify="right" if place else "left",
-            max_width=max(len(name), _SHORT_WORD) if place and of_sentences else None,
-        )
+        table.add_column(shown(name), shown(foot), justify="right" if place else "left")
     for row in rows:
         table.add_row(*(shown(cell) for cell in row))
     # A pipe has no width. Where TERM is dumb, rich uses the given width only if a height is given.

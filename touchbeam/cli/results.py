@@ -1,4 +1,4 @@
-"""Commands for results: report, predict, fit, ladder, claims."""
+"""Commands for results: report, predict, fit, ladder."""
 
 import sys
 from collections.abc import Sequence
@@ -187,22 +187,6 @@ def ladder(
         output.print_json([asdict(row) for row in rows])
         return
     output.print_table("The ladder", ladder_lines(rows))
-
-
-@app.command()
-def claims(as_json: options.JsonOption = False) -> None:
-    """Check the paper's claims.
-
-    Recomputes each claim under every friction law, or once if no law plays a role.
-    """
-    from analysis.claims.audit import audit, claims_lines, summary_line
-
-    results = audit()
-    if as_json:
-        output.print_json([result.record() for result in results])
-        return
-    output.print_table("Claims", claims_lines(results), of_sentences=True)
-    output.say(summary_line(results))
 
 
 def write_report(

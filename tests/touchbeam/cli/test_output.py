@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from analysis.statistics.intervals import mean_interval
-from touchbeam.cli import output
 from touchbeam.cli.output import print_table, progress, warnings_in_lines
 
 
@@ -31,30 +30,6 @@ def test_a_pipe_gets_every_row_whole(capsys: pytest.CaptureFixture[str]) -> None
     print_table("Table 4", [header, ["P01", *"123456789"], ["mean", *"123456789"]])
     lines = capsys.readouterr().out.splitlines()
     assert any(all(name in line for name in header) for line in lines)
-
-
-@pytest.mark.parametrize("width", [80, 120])
-def test_sentences_get_the_width_that_short_words_leave(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], width: int
-) -> None:
-    monkeypatch.setattr(output, "at_terminal", lambda _: True)
-    monkeypatch.setenv("COLUMNS", str(width))
-    monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setenv("TERM", "xterm")
-    sentence = "a-name-of-thirty-letters-at-most: " + 20 * "a sentence of words, "
-    header = ["claim", "law-free", "printed", "consistent", "coulomb"]
-    rows = [[sentence, "", "holds", "not testable", "partly"], ["short", "fails", "", "", ""]]
-    print_table("Claims", [header, *rows, ["2 claims", "1", "1", "1", "1"]], of_sentences=True)
-    lines = capsys.readouterr().out.splitlines()
-    assert max(len(line) for line in lines) <= width
-    first = next(number for number, line in enumerate(lines) if "a-name-of" in line)
-    assert "a-name-of-thirty-letters-at-most:" in lines[first]
-    assert lines[first].split()[-3:] == ["holds", "not", "partly"]
-    assert lines[first + 1].split()[-1] == "testable"
-    words = lines[next(n for n, line in enumerate(lines) if "short" in line) - 1]
-    assert not words.strip()  # a line between the claims
-    widest = max(len(line.split("   ")[0]) for line in lines[first + 2 : -4])
-    assert widest > width - 42
 
 
 def test_a_closed_output_gets_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

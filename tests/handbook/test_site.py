@@ -25,6 +25,7 @@ LOOKED_AT = (
     "tutorials/first-study.html",
     "annotated-study.html",
     "cookbook.html",
+    "architecture.html",
     "study-file.html",
     "rig.html",
     "glossary.html",

@@ -1,7 +1,7 @@
 """The hypotheses that a registration can name: each with its test in words and how results decide.
 
-A further one is a `Hypothesis` here and nothing else: `touchbeam register` knows its name, the text
-for a registry its test, and the report its verdict. Power is told of those that
+A further one is a `Hypothesis` here and nothing else: `touchbeam register` knows its name and its
+test, and the report its verdict. Power is told of those that
 `analysis/power/diagnosands.py` knows.
 """
 
@@ -21,7 +21,6 @@ from analysis.report.wording import interval, number, p_equals
 from analysis.statistics.signed_rank import signed_rank
 from device.friction.changes import LAW
 from protocol.registration import registration as hypothesis
-from protocol.registration.registry_text import registry_text
 from protocol.study.study import Study
 
 Judged = tuple[str, float | None, bool | None] | NotEstimable
@@ -53,11 +52,6 @@ def how_tested(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
     return {each.name: each.test for each in _all(study, named) if each.asked}
 
 
-def for_registry(study: Study, registration: hypothesis.Registration) -> str:
-    """Return the text of a registration for a registry."""
-    return registry_text(study, registration, how_tested(study, registration.hypotheses))
-
-
 def registered(study: Study, names: Sequence[str]) -> list[Hypothesis]:
     """Return the hypotheses of these names; also one of which the study no longer has the parts."""
     known = {each.name: each for each in _all(study, names)}
@@ -77,7 +71,6 @@ def _all(study: Study, named: Iterable[str]) -> Iterator[Hypothesis]:
 
 def _of_conditions(study: Study) -> Iterator[Hypothesis]:
     named = partial(Hypothesis, asked=bool(study.condition))
-    # The tests' words stand in registered texts, which are compared: another p of F leaves them.
     yield named(
         hypothesis.OMNIBUS,
         "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",

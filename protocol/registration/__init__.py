@@ -1,5 +1,5 @@
-"""The lock of a plan: what was registered, orders that follow from it, deviations from it.
+"""The lock of a plan: what was registered, the seed that follows from it, deviations from it.
 
-Public face: `registration.Registration`, `registration.locked`, `registration.order_problem`,
-`deviations.deviations`, `registry_text.registry_text`.
+Public face: `registration.Registration`, `registration.locked`, `deviations.deviations`,
+`registry_text.registry_text`.
 """

@@ -6,16 +6,12 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import lru_cache
 from typing import Any
 
 from protocol.errors import BadInput
 from protocol.journal import events
-from protocol.journal.records import PlannedTrial
-from protocol.plan.plan import plan, slide_plan, slide_study
-from protocol.plan.trials import Plan, planned_trial
 from protocol.study.study import Study
-from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.loading import text_digest
 from protocol.study_file.toml import in_toml
 
 FILE = "registration.toml"
@@ -40,7 +36,6 @@ class Registration:
         participants, sessions, groups: the stopping rule: how many, with how many sessions each,
             and how many in each group.
         exclusions: the rules on who and what is left out, in words.
-        power: what a power analysis found, as texts by name; empty without one.
         touchbeam: the version that registered.
     """
 
@@ -56,7 +51,6 @@ class Registration:
     groups: Mapping[str, int] = field(default_factory=dict)
     exclusions: tuple[str, ...] = ()
     analysis: Mapping[str, Setting] = field(default_factory=dict)
-    power: Mapping[str, str] = field(default_factory=dict)
     touchbeam: str
     written: str = field(default="", compare=False, repr=False)
     """The text that it was read from, perhaps of another version's; the digest is that text's."""
@@ -99,7 +93,6 @@ class Registration:
             },
             "exclusions": {"rules": self.exclusions},
             "analysis": {"sha256": self.analysis_sha256, "settings": self.analysis},
-            "power": self.power,
         }
 
 
@@ -121,7 +114,6 @@ def registration_in(text: str, source: str = FILE) -> Registration:
             **document["stopping"],
             exclusions=tuple(document["exclusions"]["rules"]),
             analysis=document["analysis"]["settings"],
-            power=document["power"],
             touchbeam=document["touchbeam"],
             written=text,
         )
@@ -137,9 +129,9 @@ def registration_in(text: str, source: str = FILE) -> Registration:
 
 def _require_form(made: Registration, schema: object) -> None:
     """Raise TypeError unless the schema is this one, numbers are numbers, and texts are texts."""
-    rig, power = dict(made.calibration), made.power.values()
+    rig = dict(made.calibration)
     named = (made.study, made.study_sha256, made.law, made.rung, made.touchbeam, made.primary)
-    texts = (*named, *made.secondary, *made.exclusions, *power, rig.pop("origin", ""))
+    texts = (*named, *made.secondary, *made.exclusions, rig.pop("origin", ""))
     kinds: tuple[tuple[Iterable[object], Any], ...] = (
         (texts, str),
         ((made.participants, made.sessions, *made.groups.values()), int),
@@ -233,62 +225,3 @@ def require_known(name: str, known: Iterable[str]) -> None:
     more = f" and {len(names) - _MOST_NAMES} more" * (len(names) > _MOST_NAMES)
     listed = ", ".join(map(repr, names[:_MOST_NAMES]))
     raise BadInput(f"no hypothesis {name!r}; there are {listed}{more}")
-
-
-def order_problem(opened: events.SessionOpened, under: events.SessionTerms) -> str:
-    """Return why a session's trials are not those of its registration's digest; '' if they are.
-
-    The plan is drawn from what the journal holds, so that it proves its orders by itself. `under`
-    is `opened`, the session's first event, or a later one that resumes it.
-    """
-    # A session without a registration promises no order, and after a withdrawal nothing is left to
-    # prove.
-    if under.registration is None or under.study_text is None:
-        return ""
-    # Otherwise another study file could be put beside the digest, and its orders would fit.
-    if under.study_sha256 != text_digest(under.study_text):
-        return "its study file does not have the digest that the journal names"
-    slot = None if opened.participant == events.SLIDE else opened.slot
-    try:
-        drawn = _drawn(under.study_text, under.registration, slot, opened.session, opened.group)
-    except ValueError as error:  # a study file that this version refuses, or no digest
-        return f"its order cannot be drawn again ({error})"
-    if len(drawn.trials) != len(under.trials):
-        return f"the digest gives {len(drawn.trials)} trials, the journal has {len(under.trials)}"
-    for trial, recorded in zip(drawn.trials, under.trials, strict=True):
-        if not _is_recorded(planned_trial(trial), recorded):
-            made, due = recorded.condition or recorded.kind, trial.condition or trial.kind
-            told = f"trial {recorded.index} is {made}, the digest gives {due}"
-            return f"its order does not follow from the registration: {told}"
-    return ""
-
-
-@lru_cache(maxsize=64)
-def as_run(study_text: str, digest: str | None, group: str | None) -> Study:
-    """Return the study of a session: locked by its registration, if it has one, and of its group.
-
-    Raises `ValueError` for a text that this version refuses.
-    """
-    try:
-        study = parsed_study(study_text)
-    except BadInput as error:
-        raise ValueError(str(error)) from error
-    return locked(study, digest).of_group(group)
-
-
-# A plan is drawn once though `verify` and the report both ask, and sessions share a file.
-@lru_cache(maxsize=256)
-def _drawn(study_text: str, digest: str, slot: int | None, session: int, group: str | None) -> Plan:
-    """Return the plan of a slot, or of a sliding experiment, which has none."""
-    study = as_run(study_text, digest, group)
-    return slide_plan(slide_study(study), session) if slot is None else plan(study, slot, session)
-
-
-def _is_recorded(trial: PlannedTrial, recorded: PlannedTrial) -> bool:
-    """Return whether a trial is the recorded one; keys that its build did not write are skipped."""
-    drawn, kept = trial.to_json(), recorded.to_json()
-    made, before = drawn.pop("touches"), kept.pop("touches")
-    if drawn != kept or len(made) != len(before):
-        return False
-    pairs = zip(made, before, strict=True)
-    return all({key: new.get(key) for key in old} == old for new, old in pairs)

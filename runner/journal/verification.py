@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,9 @@ from protocol.errors import IMPOSSIBLE, BadInput, WorkFailed, shown
 from protocol.journal import events as kinds
 from protocol.journal.records import TrackAnswer
 from protocol.journal.state import NotAllowed, SessionState, damage, folded, in_words
-from protocol.registration.registration import as_run, order_problem, registration_in
+from protocol.registration.registration import locked, registration_in
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, text_digest
 from runner.journal import store
 from runner.journal.database import RESTORE
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, is_rehearsal, parsed_name, session_name
@@ -243,7 +246,7 @@ def _folded(name: str, events: list[kinds.StoredEvent]) -> tuple[SessionState, s
         return SessionState(name="impossible"), set(), why
 
 
-# The registrations in a journal, and the check that its sessions follow from them.
+# The registrations in a journal, and the check that its sessions ran under them.
 
 Registrations = list[tuple[datetime, kinds.StudyRegistered]]
 """Each with its UTC, the one in force last."""
@@ -257,7 +260,7 @@ def in_force(journal: store.Journal) -> kinds.StudyRegistered | None:
 
 
 def session_problem(journal: store.Journal, chain: str, known: Registrations) -> str:
-    """Return why a readable session does not follow from the `known` registrations, or ''."""
+    """Return why a readable session did not run under the `known` registrations, or ''."""
     events = journal.events(chain)
     if chain == STUDY_CHAIN:
         return _registered_problem(known)
@@ -266,7 +269,7 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
     if not isinstance(opened, kinds.SessionOpened):
         return ""
     before = any(utc <= events[0].utc for utc, _ in known) and opened.kind != kinds.SCRIPT
-    # A session that was opened before the registration cannot follow from it.
+    # A session that was opened before the registration cannot name it.
     if before and opened.registration is None and not is_rehearsal(journal, chain):
         return "it is not registered, although the study was registered before it"
     held = {None, *(record.registration for _, record in known)}
@@ -274,8 +277,13 @@ def session_problem(journal: store.Journal, chain: str, known: Registrations) ->
         # A journal that an earlier version made of exported data may have sessions alone.
         if known and under.registration not in held:
             return "its registration is none that the journal holds"
-        if problem := order_problem(opened, under):
-            return problem
+        # Otherwise another study file could be put beside the registration.
+        if (
+            under.registration is not None
+            and under.study_text is not None
+            and under.study_sha256 != text_digest(under.study_text)
+        ):
+            return "its study file does not have the digest that the journal names"
     return _level_problem(opened, events)
 
 
@@ -294,7 +302,10 @@ def _level_problem(opened: kinds.SessionOpened, events: Iterable[kinds.StoredEve
             continue
         from device.tracks.next_level import recorded_level
 
-        study = as_run(under.study_text, under.registration, opened.group)
+        try:
+            study = _as_run(under.study_text, under.registration, opened.group)
+        except BadInput as error:  # this version refuses it
+            return f"the levels of its tracks cannot be followed ({error})"
         told = before.setdefault(made.track.name, [])
         level = recorded_level(study, made.track, told, opened.slot, opened.session)
         value = None if level is None else study.track_of(made.track.name).values[level]
@@ -306,6 +317,15 @@ def _level_problem(opened: kinds.SessionOpened, events: Iterable[kinds.StoredEve
             )
         told.append(made.track)
     return ""
+
+
+@lru_cache(maxsize=64)
+def _as_run(study_text: str, digest: str | None, group: str | None) -> Study:
+    """Return the study of a session: locked by its registration, if it has one, and of its group.
+
+    Raise `BadInput` for a text that this version refuses.
+    """
+    return locked(parsed_study(study_text), digest).of_group(group)
 
 
 def _registered_problem(known: Registrations) -> str:

@@ -1,15 +1,11 @@
 """The registration of a study on disk: made, read, and compared with the journal."""
 
-import json
-import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from hashlib import sha256
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-from protocol.errors import IMPOSSIBLE, BadInput
+from protocol.errors import BadInput
 from protocol.journal.events import StudyRegistered
 from protocol.registration.registration import (
     FILE,
@@ -19,9 +15,8 @@ from protocol.registration.registration import (
     registration_in,
     require_known,
 )
-from protocol.study.fields import require_printable
 from protocol.study.study import Study
-from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.loading import text_digest
 from protocol.study_file.toml import LONGEST_TEXT
 from runner.clock import Clock
 from runner.journal.amendments import accepted_digests
@@ -31,17 +26,8 @@ from runner.journal.store import Journal, SessionLog
 from runner.journal.verification import in_force
 from runner.study.calibration import FILE as CALIBRATION_FILE
 from runner.study.calibration import fitted_calibration
-from runner.study.files import bytes_of, own_file, require_no_link, text_of, write_whole
+from runner.study.files import bytes_of, own_file, require_no_link, write_whole
 from runner.study.folder import StudyFolder
-
-REGISTRY_FILE = "registration.txt"
-_MOST_TESTS = 50
-_LONGEST_LINE = 10_000
-_LONGEST_POWER_BYTES = 2**24
-"""Of every design and pair of conditions there are some 800 bytes."""
-Told = Callable[[Study, Registration], str]
-"""Returns the text of a registration for a registry."""
-_STALE = "it has changed since this analysis; run touchbeam power again"
 
 
 def registration_of(folder: Path) -> Registration | None:
@@ -95,28 +81,25 @@ def file_problem(
 
 def _command(made: Registration) -> str:
     asked = [word for name in made.secondary for word in ("--hypothesis", name)]
-    command = shlex.join(["touchbeam", "register", "STUDY", "--primary", made.primary, *asked])
-    file = made.power.get("file")
-    return f"{command} --power FILE (that with {file})" if file else command
+    return shlex.join(["touchbeam", "register", "STUDY", "--primary", made.primary, *asked])
 
 
-def registration_problem(journal: Journal, folder: StudyFolder, told: Told | None = None) -> str:
-    """Return what is wrong with the file of a study's registration, if anything; '' otherwise.
-
-    Or, if there is what it is `told` as, which one of the files that it locks is not as it was
-    registered.
-    """
-    recorded = in_force(journal)
+def registration_problem(journal: Journal, folder: StudyFolder) -> str:
+    """Return what is wrong with the file of a study's registration, if anything; '' otherwise."""
     try:
-        problem = file_problem(recorded, registration_of(folder.path))
-        if problem or recorded is None or told is None:
-            return problem
+        return file_problem(in_force(journal), registration_of(folder.path))
+    except BadInput as error:
+        return str(error)
+
+
+def lock_problem(journal: Journal, folder: StudyFolder) -> str:
+    """Return the same, or which of the files that it locks is not as it was registered."""
+    recorded = in_force(journal)
+    if (problem := registration_problem(journal, folder)) or recorded is None:
+        return problem
+    try:
         made = registration_in(recorded.text)
-        return (
-            _changed_study(journal, folder)
-            or _changed_calibration(folder, made)
-            or _changed_registry_text(folder, made, told)
-        )
+        return _changed_study(journal, folder) or _changed_calibration(folder, made)
     except BadInput as error:
         return str(error)
 
@@ -143,21 +126,6 @@ def _changed_calibration(folder: StudyFolder, made: Registration) -> str:
     )
 
 
-def _changed_registry_text(folder: StudyFolder, made: Registration, told: Told) -> str:
-    """Return that the registry's text was changed, if this version made it from this study file."""
-    path, text = folder.path / REGISTRY_FILE, folder.text()
-    known = (made.touchbeam, made.study_sha256) == (version("touchbeam"), text_digest(text))
-    # Another version may word it otherwise, and another study file gives another text.
-    if not (known and path.exists()):
-        return ""
-    if bytes_of(path, most=LONGEST_TEXT) == told(parsed_study(text), made).encode():
-        return ""
-    return (
-        f"{path}: was changed after touchbeam register wrote it; move it away and run touchbeam "
-        "register again, with the options that were given then"
-    )
-
-
 def new_registration(
     folder: StudyFolder,
     text: str,
@@ -166,13 +134,11 @@ def new_registration(
     hypotheses: tuple[str | None, Sequence[str], Iterable[str]],
     analysis: Mapping[str, Setting],
     exclusions: Sequence[str],
-    power: Path | None,
 ) -> Registration:
     """Return the registration of a study with a file of this text.
 
     `hypotheses` are the primary one, else the first that is known, the others, and all that are
-    known; `power` is the file of a power analysis. Raise `BadInput` for an unknown hypothesis, no
-    planned size, or an unreadable power analysis.
+    known. Raise `BadInput` for an unknown hypothesis, or no planned size.
     """
     from device.friction.changes import LAW, RUNG
 
@@ -200,93 +166,44 @@ def new_registration(
         groups={group.name: group.size for group in study.group},
         exclusions=tuple(exclusions),
         analysis=analysis,
-        power=power_result(power, text_digest(text), (primary, *secondary)) if power else {},
         touchbeam=version("touchbeam"),
     )
 
 
-def power_result(path: Path, study_sha256: str, hypotheses: Sequence[str]) -> dict[str, str]:
-    """Return a power analysis's answer, each test's power, its digest, and if its study is another.
-
-    Of many tests those of the registered `hypotheses` come first, and the last are only counted.
-    Raise `BadInput` if it is no JSON object, is too long, or has texts that are no printable lines.
-    """
-    content = bytes_of(path, most=_LONGEST_POWER_BYTES)
-    try:
-        result = json.loads(text_of(content, path))
-        said = {"answer": _line(result["answer"])} if "answer" in result else {}
-        tests = {_line(test["name"]): _power(test) for test in result.get("tests", [])}
-        # Results of earlier versions do not name the study file and are taken as its.
-        simulated = str(result.get("study_sha256", study_sha256))
-    except IMPOSSIBLE as error:
-        told = "not the result of a power analysis; run touchbeam power again"
-        raise BadInput(f"{path}: {told}") from error
-    wanted = [_ends(name) for name in hypotheses]
-    names = list(tests)
-    left_out = len(names) - _MOST_TESTS
-    if left_out > 0:
-        names.sort(key=lambda name: _ends(name) not in wanted)
-    return {
-        **said,
-        **{f"power of {name}": tests[name] for name in names[:_MOST_TESTS]},
-        **({"further tests": f"{left_out}, in {path.name}"} if left_out > 0 else {}),
-        "file": f"SHA-256 {sha256(content).hexdigest()}",
-        **({} if simulated == study_sha256 else {"study file": _STALE}),
-    }
-
-
-def _ends(name: str) -> list[str]:
-    """Return what a test or a hypothesis compares: `a - b` is the test of `b above a`."""
-    return sorted(re.split(" - | above | by | between groups", name))
-
-
-def _line(given: object) -> str:
-    """Return a text that stands in the registration as one printable line, or raise ValueError."""
-    text = str(given)
-    if len(text) > _LONGEST_LINE or len(f"{text}.".splitlines()) > 1:
-        raise ValueError(f"each text must be one line of at most {_LONGEST_LINE} characters")
-    text.encode()  # half a character is no text that can be written
-    return require_printable(text)
-
-
-def _power(test: Mapping[str, Any]) -> str:
-    error = test.get("mc_error")
-    exact = f"{test['power']:.3g}"
-    return exact if error is None else f"{exact} (Monte Carlo error {error:.2g})"
-
-
-def register(
-    folder: StudyFolder, study: Study, made: Registration, clock: Clock, told: Told
-) -> tuple[Registration, str]:
+def register(folder: StudyFolder, made: Registration, clock: Clock) -> tuple[Registration, str]:
     """Write `made` into the study's folder and its journal; restore a lost file.
 
     Return the registration in force, and what it replaces and changes; '' if it replaces none.
     Raise `BadInput` if a session was recorded, the study is registered otherwise, or as `own_file`.
     """
-    file, for_registry = (
-        own_file(folder.path / name, folder.path) for name in (FILE, REGISTRY_FILE)
-    )
+    file = own_file(folder.path / FILE, folder.path)
     # Alone, so that no first session begins between the question whether there is one and the
     # registration.
     with journal_if_used(folder.journal) as journal, journal.alone():
         recorded, kept = in_force(journal), registration_of(folder.path)
+        held = (
+            None
+            if recorded is None
+            else registration_in(recorded.text, "the registration in the journal")
+        )
         begun, replaced = real_sessions(journal), ""
         # The file was lost after sessions began: the journal has all of it, whatever options are
         # given now.
-        if recorded is not None and kept is None and begun:
-            made = registration_in(recorded.text)
-        elif recorded is None or recorded.registration != made.digest:
+        if held is not None and kept is None and begun:
+            made = held
+        # The same plan keeps the text that an earlier version wrote of it, and so its digest.
+        made = next((earlier for earlier in (held, kept) if earlier == made), made)
+        if held is None or held.digest != made.digest:
             _require_new(recorded, kept, made, begun)
             SessionLog(journal, STUDY_CHAIN, clock).append(registered_event(made))
-            if recorded:
-                changed = ", ".join(_differences(registration_in(recorded.text), made))
-                before = f"registration {recorded.registration[:12]}, which the journal keeps"
+            if held is not None:
+                changed = ", ".join(_differences(held, made))
+                before = f"registration {held.digest[:12]}, which the journal keeps"
                 replaced = f"{before}; changed: {changed}"
         elif kept is not None and kept.digest != made.digest:
             raise BadInput(file_problem(recorded, kept))
     # After the event: a file without one is refused, and a lost file is restored from the journal.
     write_whole(file, made.text().encode())
-    write_whole(for_registry, told(study, made).encode())
     return made, replaced
 
 

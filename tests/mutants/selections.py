@@ -48,7 +48,7 @@ _JOURNAL: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 _EVENTS = (
     "tests/protocol/journal", "tests/runner/study/test_sent_folders.py",
-    "tests/runner/study/test_track_data.py",
+    "tests/system/test_imported_study.py",
 )  # fmt: skip
 _STUDY_FILE = (
     "tests/protocol/study_file/test_limits.py", "tests/protocol/study_file/test_loading.py",

@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from protocol.journal.events import StoredEvent
+from protocol.journal.events import SessionOpened, StoredEvent
+from protocol.journal.records import PlannedTrial
+from protocol.plan.plan import plan
+from protocol.plan.trials import planned_trial
+from protocol.registration.registration import locked
 from protocol.study.participant_texts import study_wording
-from protocol.study_file.loading import template
+from protocol.study_file.loading import parsed_study, template
 from runner.journal.opening import journal_if_used, read_journal
 from runner.journal.store import SessionLog
 from runner.launch.request import Request, SessionOptions
@@ -86,6 +90,14 @@ def run_session(
             opened_now=new,
         )
         run(context)
+
+
+def drawn_again(opened: SessionOpened) -> tuple[PlannedTrial, ...]:
+    """Return the trials that the registration's digest gives a session, from what it recorded."""
+    assert opened.study_text is not None
+    assert opened.slot is not None
+    study = locked(parsed_study(opened.study_text), opened.registration).of_group(opened.group)
+    return tuple(map(planned_trial, plan(study, opened.slot, opened.session).trials))
 
 
 def events_of(place: Path, chain: str) -> list[StoredEvent]:

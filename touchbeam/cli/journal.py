@@ -14,8 +14,6 @@ from touchbeam.cli import options
 from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
-    from protocol.registration.registration import Registration
-    from protocol.study.study import Study
     from runner.journal.store import Journal
     from runner.journal.verification import SessionVerdict
     from runner.study.folder import StudyFolder
@@ -59,7 +57,7 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
     from runner.journal.store import JournalError
     from runner.journal.verification import verdicts
     from runner.launch.locks import held_sessions
-    from runner.study.registered import registration_problem
+    from runner.study.registered import lock_problem
 
     folder = options.study_folder(study)
     path = study if study.is_file() else folder.existing_journal()
@@ -68,7 +66,7 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
         unlocked = ""
         with suppress(JournalError):  # a damaged event, which the verdicts tell
             if not study.is_file():
-                unlocked = registration_problem(journal, folder, _for_registry)
+                unlocked = lock_problem(journal, folder)
     result = _verification(lacking, checked, unlocked)
     if as_json:
         print_json(result)
@@ -89,13 +87,6 @@ def verify(study: options.StudyOrBackupArgument, as_json: options.JsonOption = F
             say("The journal contains no sessions.")
     if not result["ok"]:
         raise Exit(1)
-
-
-def _for_registry(study: "Study", registered: "Registration") -> str:
-    # Imported here, because few studies are registered.
-    from analysis.report.hypotheses import for_registry
-
-    return for_registry(study, registered)
 
 
 @app.command()

@@ -277,27 +277,20 @@ def register(
         list[str] | None,
         Option(metavar="NAME", help='A further one, such as "voltage above structure".'),
     ] = None,
-    power: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Result of `touchbeam power`. [default: STUDY/power/power.json, if it is there]",
-        ),
-    ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Lock the plan and the analysis before the first session.
 
-    Writes registration.toml and registration.txt, a text to paste into a registry. Its digest then
-    seeds every order, so that the data prove that the plan came first.
+    Writes registration.toml, whose digest then seeds every order, and prints what it settles.
     """
     from analysis.loading.study_data import rules_in_words
-    from analysis.report.hypotheses import for_registry, how_tested
+    from analysis.report.hypotheses import how_tested
     from analysis.report.sections.registration import analysis_settings
     from protocol.registration.registration import FILE
+    from protocol.registration.registry_text import registry_text
     from runner.journal.opening import checked_place, mounts_of_this_machine
     from runner.study.check import validated_study
-    from runner.study.registered import REGISTRY_FILE, new_registration
+    from runner.study.registered import new_registration
     from runner.study.registered import register as write
 
     folder = options.study_folder(study)
@@ -313,10 +306,11 @@ def register(
         hypotheses=(primary, asked, known),
         analysis=analysis_settings(checked.rating.minimum),
         exclusions=rules_in_words(checked.exclusions),
-        power=power or (kept if (kept := study / "power" / "power.json").exists() else None),
     )
-    made, replaced = write(folder, checked, made, WallClock(), for_registry)
-    told = for_registry(checked, made)
+    made, replaced = write(folder, made, WallClock())
+    text = "".join(
+        f"{line}\n" for line in registry_text(made, how_tested(checked, made.hypotheses))
+    )
     if as_json:
         print_json(
             {
@@ -326,15 +320,15 @@ def register(
                 "secondary": list(made.secondary),
                 "participants": made.participants,
                 "replaced": replaced,
-                "text": told,
+                "text": text,
             }
         )
         return
-    for line in told.splitlines():
+    for line in text.splitlines():
         say(line)
     say("")
-    say(f"Registered: {made.digest}")
     if replaced:
         say(f"This replaces {replaced}")
-    say(f"Written: {study / FILE}; the text above: {study / REGISTRY_FILE}")
-    say(f"Paste it into a registry now, then: touchbeam check {typed_as(study)}")
+    say(f"Written: {study / FILE}")
+    say("Put it into a registry now, with the study file and the text above.")
+    say(f"Next: touchbeam check {typed_as(study)}")

@@ -147,8 +147,8 @@ def section(found: Findings) -> Section:
         blocks=[
             f"Plan and analysis were registered{when} with touchbeam "
             f"{lock.registration.touchbeam}, before the first session. The digest of the "
-            f"registration, SHA-256 {lock.registration.digest}, seeded every order; touchbeam "
-            "verify draws them again. Not registered: every result that this table does not name.",
+            f"registration, SHA-256 {lock.registration.digest}, seeded every order. Not "
+            "registered: every result that this table does not name.",
             Table.over(
                 results,
                 [

@@ -2,10 +2,9 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
-from pathlib import Path
-from typing import get_args
 
 import pytest
 
@@ -18,9 +17,7 @@ from protocol.registration.registration import (
     registration_in,
     require_known,
 )
-from protocol.registration.registry_text import _ORDERS, registry_text
-from protocol.study.rules import Order
-from protocol.study.study import Study
+from protocol.registration.registry_text import registry_text
 from protocol.study_file.loading import parsed_study, template
 
 PAPER = parsed_study(template("paper"))
@@ -37,19 +34,19 @@ REGISTERED = Registration(
     sessions=1,
     exclusions=("a trial answered sooner than 0.3 s is left out",),
     analysis={"significance level": 0.05, "correction": "Holm"},
-    power={"answer": "80 % for \x7f „voltage above structure“\nwith 20 participants"},
     touchbeam="0.1.0",
 )
-
-
-def told(study: Study, registered: Registration) -> str:
-    return registry_text(study, registered, dict.fromkeys(registered.hypotheses, "a test"))
 
 
 def test_a_registration_comes_back_as_it_was_written() -> None:
     text = REGISTERED.text()
     assert registration_in(text) == REGISTERED
     assert registration_in(text).digest == REGISTERED.digest
+
+
+def test_any_text_comes_back() -> None:
+    odd = replace(REGISTERED, study="\x7f „a study“\n[of]\t'\"texts\"'")
+    assert registration_in(odd.text()) == odd
 
 
 def test_the_digest_is_that_of_everything_below_its_line() -> None:
@@ -81,7 +78,6 @@ def test_every_changed_character_is_noticed() -> None:
         ("participants = 20", 'participants = "20"'),
         ("participants = 20", "participants = 20.5"),
         ("sessions = 1", "sessions = 1\nweeks = 2"),
-        ("\n[power]", "power = 1\n[powers]"),
         ('law = "', 'law = 1 # "'),
         ("[stopping]", "[stopping"),
     ],
@@ -108,7 +104,6 @@ def test_every_setting_changes_the_digest() -> None:
         {"sessions": 2},
         {"exclusions": ()},
         {"analysis": {"significance level": 0.1, "correction": "Holm"}},
-        {"power": {}},
         {"touchbeam": "0.2.0"},
     ]
     digests = [replace(REGISTERED, **change).digest for change in changes]  # type: ignore[arg-type]
@@ -167,105 +162,33 @@ def test_hypotheses_are_known_by_name() -> None:
         require_known("?", many)
 
 
-def test_the_text_for_a_registry_names_all_that_is_settled() -> None:
-    text = told(EXTENDED, REGISTERED)
-    for named in (
-        "Primary: conditions differ. Test: a test.",
-        *("Hypotheses\n", "Sample size and stopping rule\n", "Data exclusion\n", "20 participants"),
-        *REGISTERED.hypotheses,
-        *REGISTERED.exclusions,
-        *REGISTERED.power.values(),
-        *("law consistent, rung mode", "session slide/1", "significance level: 0.05"),
-        *(REGISTERED.digest, REGISTERED.study_sha256, REGISTERED.analysis_sha256),
-        *EXTENDED.conditions,
-    ):
-        assert named in text
+def told(registered: Registration, tested: Sequence[str]) -> list[str]:
+    return [*registry_text(registered, dict.fromkeys(tested, "a test"))]
 
 
-def test_the_text_for_a_registry_says_what_each_condition_does() -> None:
-    lines = told(PAPER, REGISTERED).splitlines()
-    assert (
-        "  voltage: touch the place, 0 to 200 V, frequency 1, 6 s. Question about roughness, "
-        "expected answer: smoother."
-    ) in lines
-    assert (
-        "  frequency: slide to the right, 100 V, frequency 0.98; then slide to the right, 100 V, "
-        "frequency 1. Question about strength, expected answer: stronger."
-    ) in lines
-    text = told(EXTENDED, REGISTERED)
-    assert "1.5 times the force, 100 V, frequency 1." in text
-    assert "beam 1.5 mm, 100 V" in text
-    assert "All amplitudes times 0.25, 0.6, 1.2, 2, in random order." in text
+def test_the_text_for_a_registry_says_what_is_settled_and_nothing_else() -> None:
+    grouped = replace(REGISTERED, groups={"young": 8, "old": 12})
+    assert told(grouped, grouped.hypotheses) == [
+        "Study: a study",
+        "Primary hypothesis: conditions differ (a test)",
+        "Secondary hypothesis: voltage above structure (a test)",
+        "Secondary hypotheses count as supported only if the primary one is.",
+        "Participants: 20 (8 young, 12 old)",
+        "Sessions of each: 1",
+        "Exclusion: a trial answered sooner than 0.3 s is left out",
+        "Prediction: law consistent, rung mode, calibration: session slide/1",
+        f"Study file: SHA-256 {'1' * 64}",
+        f"Analysis: touchbeam 0.1.0, settings with SHA-256 {REGISTERED.analysis_sha256}",
+        f"Registration, which seeds the orders: SHA-256 {grouped.digest}",
+    ]
 
 
-def test_the_text_for_a_registry_names_the_questions_of_the_study() -> None:
-    own = """
-[[question]]
-name = "confidence"
-kind = "choice"
-conditions = ["voltage", "pressure"]
-text = { zh = "您有多确定？", en = "How sure are you?" }
-labels = [{ value = "a", zh = "甲", en = "a" }, { value = "b", zh = "乙", en = "b" }]
-
-[[question]]
-name = "age"
-kind = "number"
-when = "before"
-text = { zh = "您多大年纪？", en = "How old are you?" }
-"""
-    lines = told(parsed_study(template("paper") + own), REGISTERED).splitlines()
-    assert "  confidence (choice, after trials of voltage, pressure): How sure are you?" in lines
-    assert "  age (number, before the first trial): How old are you?" in lines
-
-
-def test_the_text_for_a_registry_tells_groups_days_and_what_questions_depend_on() -> None:
-    page = Path("docs/how-to/factorial.md").read_text()
-    text = (
-        page.partition('study.toml"\n')[2]
-        .partition("```")[0]
-        .replace("[design]", '[design]\nassign_groups = "by an answer"')
-    )
-    age = '[[question]]\nname = "age"\nkind = "number"\nwhen = "desk"\ntext = { en = "Age?" }\n'
-    for name, size in (("young", "at_most = 30"), ("old", "at_least = 60")):
-        when = f'name = "{name}"\nwhen = {{ question = "age", {size} }}\n'
-        text = text.replace(f'name = "{name}"\n', when)
-    registered = replace(REGISTERED, primary="conditions differ", secondary=())
-    lines = told(parsed_study(text + age), registered).splitlines()
-    assert (
-        "  Groups: young, 6 participants (age is at most 30); old, 6 participants (age is at least "
-        "60). They are assigned by an answer to the operator."
-    ) in lines
-    assert "2 sessions per participant, 20 to 72 hours between them." in " ".join(lines)
-    assert "  pleasant (scale, after trials, if noticed is yes): How pleasant was it?" in lines
-    assert any("0 to 50 V, frequency 23000 Hz, 3 s." in line for line in lines)
-
-
-def test_the_text_for_a_registry_names_each_power() -> None:
-    power = {"answer": "80 % with 20", "power of conditions differ": "0.8"}
-    text = told(PAPER, replace(REGISTERED, power=power))
-    assert "Sample size rationale\n  80 % with 20\n  Each test by its own p:\n" in text
-    assert "  power of conditions differ: 0.8\n" in text
-    assert "Sample size rationale\n  (to be filled in)\n" in told(
-        PAPER, replace(REGISTERED, power={})
-    )
-
-
-def test_every_order_has_its_words() -> None:
-    assert set(_ORDERS) == set(get_args(Order))
-
-
-def test_a_study_of_tracks_registers_what_they_ask_and_what_their_thresholds_are() -> None:
-    text = template("threshold")
-    study = parsed_study(text[: text.index("# Scored beside")])
-    first = "threshold of smallest amplitude above that of by a staircase"
-    said = told(study, replace(REGISTERED, primary=first, secondary=()))
-    for named in (
-        "Thresholds by 2 tracks, interleaved, 1 session per participant.",
-        "two intervals, quest+, 40 trials, 4 catch and 4 easy ones; which is smoother",
-        "Comparison: touch the place, with the voltage of the level.",
-        "Rule: 3 down 1 up, consecutive, steps 4, 4, 1 dB.",
-        "It ends sooner at: reversals 12.",
-        "Its threshold: 0.75 correct, curve weibull, lapse rate 0 to 0.08.",
-    ):
-        assert named in said
-    assert "0 conditions" not in said
+def test_a_registration_of_little_has_a_short_text() -> None:
+    """Also of a hypothesis that an amended study file no longer has."""
+    little = replace(REGISTERED, secondary=(), calibration={}, exclusions=())
+    assert told(little, ())[1:5] == [
+        "Primary hypothesis: conditions differ",
+        "Participants: 20",
+        "Sessions of each: 1",
+        "Prediction: law consistent, rung mode, calibration: the paper's values",
+    ]

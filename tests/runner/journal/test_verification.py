@@ -374,15 +374,14 @@ def answers_of(journal: Journal, track: str) -> list[int]:
 
 
 def rewritten(journal: Journal, path: Path, seq: int, **changes: object) -> None:
-    """Change what an answer says of its track, with all hashes as if it had always said so."""
+    """Change keys of an event's payload, with all hashes as if it had always said so."""
     chain = list(journal.chain("P01/1"))
     previous = store.FIRST_HASH
     with tampering(path) as other:
         for place, link in enumerate(chain):
             event = link.event
             if place == seq:
-                track = {**event.payload["track"], **changes}
-                event = replace(event, payload={**event.payload, "track": track})
+                event = replace(event, payload={**event.payload, **changes})
             body, salt = store.payload_text(event), link.salt
             assert salt is not None
             digest = store.payload_digest(body, salt)
@@ -425,9 +424,22 @@ def test_a_level_that_does_not_follow_from_the_answers_before_is_told(
         (verdict,) = verdicts(journal)
         assert verdict.ok, verdict.problem
         assert verdict.trials_planned == verdict.trials_answered
-        rewritten(journal, path, answers_of(journal, name)[place], **changes)
+        seq = answers_of(journal, name)[place]
+        track = journal.events("P01/1")[seq].payload["track"]
+        rewritten(journal, path, seq, track={**track, **changes})
         (verdict,) = verdicts(journal)
         assert verdict.chain_ok
         assert not verdict.ok
         assert f"of the track {name!r} was made at level" in verdict.line()
         assert "the answers before it lead to level" in verdict.line()
+
+
+def test_tracks_of_a_study_file_that_is_refused_cannot_be_followed(tmp_path: Path) -> None:
+    path = tmp_path / "study.db"
+    with open_journal(path) as journal:
+        run(context(journal, FakeDevice(), FakeParticipant(changes=()), TRACKS))
+        rewritten(journal, path, 0, study_text=f"{TRACKS}\n[of_another_version]\n")
+        (verdict,) = verdicts(journal)
+    told = "the levels of its tracks cannot be followed (study.toml"
+    assert verdict.problem.startswith(told), verdict.problem
+    assert "got 'of_another_version'" in verdict.problem

@@ -68,69 +68,13 @@ def test_a_registration_is_written_and_journalled(
     assert found.hypotheses == ("conditions differ", "voltage above structure")
     assert found.participants == 9
     assert found.study_sha256 == text_digest(StudyFolder(path=tmp_path).text())
-    assert (tmp_path / "registration.txt").read_text(encoding="utf-8") == told["text"]
+    assert f"Registration, which seeds the orders: SHA-256 {found.digest}\n" in told["text"]
+    assert everything(tmp_path) == {"study.toml", "study.db", "registration.toml"}
     (event,) = events_of(tmp_path, "@study")
     assert event.record == StudyRegistered(
         registration=found.digest, study_sha256=found.study_sha256, text=text
     )
     assert typed("verify", tmp_path) == 0
-
-
-def test_the_result_of_a_power_analysis_is_part_of_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    study_in(tmp_path)
-    power = tmp_path / "power.json"
-    power.write_text('{"answer": "80 % with 9", "tests": [{"name": "friedman", "power": 0.8}]}')
-    assert typed("register", tmp_path, "--power", power) == 0
-    found = registration_of(tmp_path)
-    assert found is not None
-    assert found.power["answer"] == "80 % with 9"
-    assert found.power["power of friedman"] == "0.8"
-    (tmp_path / "registration.toml").unlink()
-    (tmp_path / "power").mkdir()
-    tested = {"name": "voltage above structure", "power": 0.9, "mc_error": 0.0123456}
-    many = [{"name": f"mean difference {pair}", "bias": 0.123456789} for pair in range(10_000)]
-    found_power = {"tests": [tested], "estimates": many}  # as of a dozen conditions and designs
-    (tmp_path / "power" / "power.json").write_text(json.dumps(found_power))
-    assert typed("register", tmp_path) == 0
-    found = registration_of(tmp_path)
-    assert found is not None
-    assert found.power["power of voltage above structure"] == "0.9 (Monte Carlo error 0.012)"
-    power.write_text("[]")
-    line = refused(capsys, "register", tmp_path, "--power", power)
-    assert "power.json: not the result of a power analysis" in line
-
-
-def test_of_many_tests_the_registered_ones_come_first_and_the_others_are_counted(
-    tmp_path: Path,
-) -> None:
-    study_in(tmp_path)
-    power, pair = tmp_path / "power.json", "structure - voltage"
-    names = [*(f"{pair} {number}" for number in range(53)), pair]
-    tests = [{"name": name, "power": 0.1} for name in names]
-    power.write_text(json.dumps({"answer": "80 % with 9", "tests": tests}))
-    asked = ("--primary", "conditions differ", "--hypothesis", "voltage above structure")
-    assert typed("register", tmp_path, *asked, "--power", power) == 0
-    found = registration_of(tmp_path)
-    assert found is not None
-    told = [name for name in found.power if name.startswith("power of ")]
-    assert (len(told), told[0]) == (50, f"power of {pair}")
-    assert "further tests: 4, in power.json" in (tmp_path / "registration.txt").read_text()
-
-
-def test_a_power_analysis_of_another_study_file_is_told_as_such(tmp_path: Path) -> None:
-    text = study_in(tmp_path).joinpath("study.toml").read_text(encoding="utf-8")
-    power = tmp_path / "power.json"
-    for simulated, is_told in ((text_digest(text), False), (text_digest(text + "#\n"), True)):
-        power.write_text(json.dumps({"answer": "80 % with 9", "study_sha256": simulated}))
-        assert typed("register", tmp_path, "--power", power) == 0
-        found = registration_of(tmp_path)
-        assert found is not None
-        assert ("study file" in found.power) is is_told
-        shown = (tmp_path / "registration.txt").read_text(encoding="utf-8")
-        assert ("it has changed since this analysis" in shown) is is_told
-        (tmp_path / "registration.toml").unlink()
 
 
 @pytest.mark.parametrize(
@@ -306,14 +250,6 @@ def test_a_pipe_in_place_of_the_file_is_refused(
     assert "registration.toml: must be a file, got a pipe or a device" in said.out + said.err
 
 
-def test_a_pipe_is_not_the_result_of_a_power_analysis(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    os.mkfifo(tmp_path / "power.json")
-    line = refused(capsys, "register", study_in(tmp_path), "--power", tmp_path / "power.json")
-    assert "power.json: must be a file, got a pipe or a device" in line
-
-
 def test_a_forged_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its digest is right, but the journal holds another one."""
     registered_in(tmp_path)
@@ -363,14 +299,15 @@ def test_a_copy_without_its_journal_may_rehearse(tmp_path: Path) -> None:
     run_session(tmp_path, "P02")
 
 
-def test_a_plan_of_another_seed_fails_verification(
+def test_a_session_of_another_study_file_or_registration_fails_verification(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     registered_in(tmp_path)
     run_session(tmp_path, "P01")
-    _rewrite(tmp_path, "P01/1", lambda payload: payload["trials"].reverse())
+    _rewrite(tmp_path, "P01/1", lambda payload: payload.update(study_sha256="0" * 64))
     assert typed("verify", tmp_path) == 1
-    assert "does not follow from the registration" in capsys.readouterr().out
+    told = "its study file does not have the digest that the journal names"
+    assert told in capsys.readouterr().out
     _rewrite(tmp_path, "P01/1", lambda payload: payload.pop("registration"))
     assert typed("verify", tmp_path) == 1
     assert "it is not registered, although the study was" in capsys.readouterr().out
@@ -465,7 +402,7 @@ def _one_character_changed(content: bytes, random: Random) -> bytes:
 def test_every_changed_character_of_a_study_is_noticed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By verify: in the study file, what it names, and the registration with its two texts."""
+    """By verify: in the study file, what it names, and the registration."""
     study_in(tmp_path)
     (tmp_path / "texts").mkdir()
     english = (files("protocol") / "languages" / "en.toml").read_bytes()
@@ -479,9 +416,8 @@ def test_every_changed_character_of_a_study_is_noticed(
     assert typed("verify", tmp_path) == 0
     random, noticed = Random(1), 0
     changed = ("study.toml", "texts/fr.toml", "pictures/hand.png", "registration.toml")
-    pasted = "registration.txt"
-    for number in range(1050):
-        file = tmp_path / (changed[number % len(changed)] if number < 1000 else pasted)
+    for number in range(1000):
+        file = tmp_path / changed[number % len(changed)]
         kept = file.read_bytes()
         file.write_bytes(_one_character_changed(kept, random))
         capsys.readouterr()

@@ -22,7 +22,8 @@ generator shows as peak-to-peak.** The frequency of a touch is relative to the r
 session measures: 1.0 drives the beam at its resonance.
 
 Below, `key!` must be given and `key = value` shows the default; other keys have none. What has no
-type is a number. An unknown key is an error, and so is a number written as a text.
+type is a number. An unknown key is an error, and so is a number written as a text. A table of an
+older file that nothing obeys any more is ignored, with a line that names it.
 """
 
 _DESIGN = """\

@@ -42,7 +42,7 @@ def _opposites(study: Study) -> Iterator[Problem]:
 
 
 def _catches(study: Study) -> Iterator[Problem]:
-    design, most = study.design, most_catches(study)
+    design, most = study.design, _most_catches(study)
     if design.catch_trials > most:
         sure = "" if design.order == "fixed" else ", in every order that may be drawn"
         apart = f"so that catch trials stay catch_apart = {design.catch_apart} trials apart"
@@ -51,7 +51,7 @@ def _catches(study: Study) -> Iterator[Problem]:
         yield Problem.of_key("design.catch_trials", rule, design.catch_trials, hint)
 
 
-def most_catches(study: Study) -> int:
+def _most_catches(study: Study) -> int:
     """Return the most catch trials that stay `catch_apart` trials apart in every possible order.
 
     A catch trial follows a trial on one beam. Unless the order is fixed, all such trials may come

@@ -34,13 +34,13 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield from _session_lines(shown)
     yield from _question_lines(shown)
     yield from _language_lines(shown)
-    if not shown.study.condition:  # neither order nor sensitivity of none
+    if not shown.study.condition:  # no order of none
         return
     yield ""
     yield from _carryover_lines(shown)
     yield from _group_lines(shown.study)
     yield ""
-    yield from _precision_lines(shown, model)
+    yield "Intervals   touchbeam power says how wide they will be"
 
 
 def _many(number: int, one: str, more: str = "") -> str:
@@ -265,32 +265,3 @@ def _carryover_lines(shown: preview.Preview) -> Iterator[str]:
         for a, (name, row) in enumerate(zip(names, carryover.counts, strict=True))
     ]
     yield from _table([header, *rows])
-
-
-def _precision_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
-    people = preview.assumed_cohort(shown)
-    yield "Precision by session length: half-widths of the 95% intervals that the report gives"
-    yield f"each of {people.participants} participants, in points per unit of predicted change."
-    yield "Relative gain: the participant's sensitivity less the group's mean."
-    options = preview.precision_by_length(shown, model)
-    header = ("repeats", "trials", "minutes", "relative gain", "of the scale", "gain")
-    yield from _table([header, *(_precision_row(shown, option) for option in options)])
-    if not all(option.whole for option in options):
-        yield "*: not allowed by the study as it is; levels, catch trials, opposite repeats or"
-        yield "max_session_s would have to change with design.repeats."
-    yield "<: this study. Of the scale: the relative gain's at the largest change predicted here."
-    yield "Assumed SDs ([forecast], by default those of the paper's Table 4): scores about a"
-    others = f"{people.off_the_line_sd:.2f}, gains {people.gain_sd:.2f}"
-    yield f"person's line {people.residual_sd:.2f}, conditions off the line {others}."
-    yield "Scores at the ends of the scale make intervals wider."
-    if preview.confounded(preview.scored_contrasts(shown, model)):
-        yield "Each condition has a single predicted change here, so that other effects cannot be"
-        yield "told apart from it, however many repeats: graded levels make gains more certain."
-
-
-def _precision_row(shown: preview.Preview, option: preview.Precision) -> tuple[str, ...]:
-    here = " <" if option.repeats == shown.study.design.repeats else " *" * (not option.whole)
-    widths = (option.half_width, option.gain_half_width)
-    relative, gain = (f"{half:.2f}" if half < inf else "not determined" for half in widths)
-    share, minutes = f"{option.relative:.0%}" * (option.relative < inf), option.duration_s / 60
-    return (f"{option.repeats}{here}", str(option.trials), f"{minutes:.1f}", relative, share, gain)

@@ -304,17 +304,3 @@ PAPERS_SCALE = Rating.model_validate(
     }
 )
 """From 0 to 10 (section 5.2)."""
-
-
-class Forecast(Record):
-    """Standard deviations of ratings on the paper's scale of 0 to 10, from its Table 4.
-
-    `residual_sd` is that about each person's own line (27 df); the others are M2's medians.
-    """
-
-    residual_sd: Positive = setting(1.48, le=10)
-    """SD of a score about the participant's own line, points"""
-    off_the_line_sd: NotNegative = setting(1.8, le=10)
-    """SD between conditions of what they add for everybody beside the predicted contrast, points"""
-    gain_sd: NotNegative = setting(4.1, le=1000)
-    """SD of gains between people, points per unit of contrast"""

@@ -112,9 +112,6 @@ class Study(Record):
     timing: rules.Timing = rules.Timing()
     """Pauses, and assumptions about how long people take."""
     rating: rules.Rating = setting(rules.Rating(), "When and how the effect is scored.")
-    forecast: rules.Forecast = rules.Forecast()
-    """What `touchbeam check` assumes about ratings when it forecasts precision. The numbers are for
-    a scale of 0 to 10, also if the study has another one."""
     session: rules.SessionRules = rules.SessionRules()
     """How a session is conducted and resumed."""
     as_instructed: rules.TouchRules = rules.TouchRules()

@@ -378,6 +378,8 @@ def _fill(document: dict[str, Any]) -> None:
 
 
 TEMPLATES = ("paper", "extended", "threshold")
+GONE = MappingProxyType({"forecast": "touchbeam power says how wide intervals will be"})
+"""Tables of older study files that are ignored, and what there is in their place."""
 Further = Callable[[Study], Iterable[Problem]]
 
 
@@ -424,6 +426,8 @@ def parsed_study(
     document = whole_document(text)
     if isinstance(document, Problem):
         raise StudyError(source, [document])
+    for name in GONE:
+        document.pop(name, None)
     own = document.get("languages")
     codes = own if isinstance(own, dict) else {}
     known: dict[str, Names] = {
@@ -438,6 +442,15 @@ def parsed_study(
     if wrong := problems(study, further(study)):
         raise StudyError(source, located(text, wrong))
     return study
+
+
+def ignored_tables(text: str) -> str:
+    """Return the tables in the text of a study that are ignored, in words; '' if none is."""
+    if not any(name in text for name in GONE):  # then it need not be read
+        return ""
+    document = toml_document(text)
+    named = {} if isinstance(document, Problem) else document
+    return "; ".join(f"[{name}] ({instead})" for name, instead in GONE.items() if name in named)
 
 
 def text_digest(text: str) -> str:

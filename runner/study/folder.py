@@ -18,7 +18,13 @@ from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
 from protocol.study.study_question import is_picture_name
-from protocol.study_file.loading import parsed_study, picture_names, with_languages, with_pictures
+from protocol.study_file.loading import (
+    ignored_tables,
+    parsed_study,
+    picture_names,
+    with_languages,
+    with_pictures,
+)
 from protocol.study_file.toml import toml_document
 from runner.study import files
 
@@ -121,6 +127,10 @@ class StudyFolder:
         digests = {name: picture_digest(self.path, name) for name in names}
         shown = {name: digest for name, digest in digests.items() if digest is not None}
         return with_pictures(with_languages(text, self._languages()), shown)
+
+    def ignored(self) -> str:
+        """Return what nothing obeys in the study file, in words; '' if all is obeyed."""
+        return ignored_tables(self._study_text())
 
     def add_language(self, code: str) -> Path:
         """Copy the texts of a built-in language, else the English ones, into a new file.

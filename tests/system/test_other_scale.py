@@ -45,11 +45,7 @@ def scores(study: Path) -> list[int]:
 def test_a_study_with_scores_to_100_is_checked_rehearsed_reported_and_exported(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert typed("check", "study", "--json") == 0
-    bought = json.loads(capsys.readouterr().out)["minutes_buy"]
-    assert all(0 < row["relative_half_width"] < 1 for row in bought if row["half_width"])
     assert typed("check", "study") == 0
-    assert "person's line 14.80, conditions off the line 18.00" in capsys.readouterr().out
     for participant in ("R1", "R2", "R3"):
         assert typed(*RUN, participant) == 0
     found = scores(study)

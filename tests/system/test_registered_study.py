@@ -72,9 +72,14 @@ def test_it_is_verified_and_its_text_for_a_registry_left_alone(
         *(f"ok    {name}/1  {session}" for name in ("A01", "B01", "A02")),
     ]
     assert typed("check", study) == 0
-    said = capsys.readouterr().out
-    assert f"Registered: {DIGEST}, which seeds the orders." in said
-    assert "study.toml was amended after the registration." in said
+    said = capsys.readouterr()
+    assert f"Registered: {DIGEST}, which seeds the orders." in said.out
+    assert "study.toml was amended after the registration." in said.out
+    # A table of this study file that has left with what obeyed it.
+    assert said.err.splitlines() == [
+        f"touchbeam: warning: {study / 'study.toml'}: ignored: [forecast] (touchbeam power says "
+        "how wide intervals will be)"
+    ]
     assert (study / "registration.txt").read_bytes() == before
 
 

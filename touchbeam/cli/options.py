@@ -12,6 +12,7 @@ from typer.core import TyperCommand
 
 from protocol.address import checked_address
 from protocol.errors import BadInput, page
+from touchbeam.cli.output import complain
 
 if TYPE_CHECKING:
     from device.beam.eq15 import Overlap
@@ -219,10 +220,14 @@ ReasonOption = Annotated[
 
 
 def study_folder(path: Path) -> "StudyFolder":
-    """Return the study in the folder `path`."""
+    """Return the study in the folder `path`, after a line on what is ignored in its file."""
     from runner.study.folder import StudyFolder
 
-    return StudyFolder(path=path)
+    folder = StudyFolder(path=path)
+    with suppress(BadInput):  # who reads the study says what is wrong with it
+        if ignored := folder.ignored():
+            complain(f"touchbeam: warning: {folder.study_file}: ignored: {ignored}")
+    return folder
 
 
 def study_journal(folder: "StudyFolder", *, to_write: bool = False) -> "Journal":

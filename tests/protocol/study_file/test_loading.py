@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from protocol.study.study import Study
 from protocol.study_file.loading import (
     StudyError,
+    ignored_tables,
     parsed_study,
     recovered,
     schema_problems,
@@ -428,3 +429,19 @@ def _error_of(document: dict[str, Any]) -> ValidationError | None:
     except ValidationError as error:
         return error
     return None
+
+
+def test_a_table_that_nothing_obeys_any_more_is_ignored_and_named() -> None:
+    text = template("paper")
+    older = text + "\n[forecast]\ngain_sd = -1\nunheard_of = 'x'\n"
+    assert parsed_study(older) == parsed_study(text)
+    assert ignored_tables(text) == ""
+    assert ignored_tables(text + "# forecast\n") == ""
+    said = "[forecast] (touchbeam power says how wide intervals will be)"
+    assert ignored_tables(older) == said
+    assert ignored_tables("[forecast") == "", "it is no study file"
+
+
+def test_every_other_table_must_be_known() -> None:
+    with pytest.raises(StudyError, match="unknown key, got 'forecasts'"):
+        parsed_study(template("paper") + "\n[forecasts]\ngain_sd = 1\n")

@@ -1,6 +1,6 @@
 """Cohorts of virtual people, as the report would analyse their sessions."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import nan
@@ -93,27 +93,19 @@ class PeopleCohorts:
     population: Population = DEFAULT
     rig: Calibration = NOMINAL
 
-    def tables(self, keys: Sequence[str]) -> Tables:
-        """Return what the tests take of the studies of `keys`."""
-        return self._simulation.tables(self.participants, keys)
-
-    def cohort(self, key: str) -> RatedCohort:
-        """Return the study of `key`.
+    def studies(self, keys: Sequence[str]) -> tuple[Tables, Iterator[RatedCohort]]:
+        """Return what the tests take of the studies of `keys`, and each as the estimators take it.
 
         A person's true gain is per unit of the predicted contrast, as the estimated one is, so
         that its skin, which changes the contrast, is a part of it.
         """
-        return self._rated(self._simulation.cohort(self.participants, key))
-
-    def studies(self, keys: Sequence[str]) -> tuple[Tables, list[RatedCohort]]:
-        """Return `tables` and each `cohort` of a few studies, which are simulated once for both."""
         simulation, people = self._simulation, self.participants
         sessions = simulation.sessions(people, *keys)
         made = joined(sessions)
-        cohorts = [
-            made.rows(slice(own, own + people)) for own in range(0, made.people.size, people)
-        ]
-        return simulation.tables_of(sessions, people), list(map(self._rated, cohorts))
+        cohorts = (
+            made.rows(slice(first, first + people)) for first in range(0, made.people.size, people)
+        )
+        return simulation.tables_of(sessions, people), map(self._rated, cohorts)
 
     def _rated(self, made: Cohort) -> RatedCohort:
         simulation, names = self._simulation, names_of(self.participants)

@@ -47,14 +47,13 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Axes of a figure with the series drawn in them; `of_shares` lie between 0 and 1."""
+    """Axes of a figure with the series drawn in them."""
 
     title: str
     x_label: str
     y_label: str
     series: tuple[Series, ...]
     logarithmic_x: bool = False
-    of_shares: bool = False
 
 
 # Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
@@ -241,8 +240,6 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         axes.set_xscale("log")
         # Names stand right of their points and need room.
         axes.margins(x=0.25)
-    if panel.of_shares:
-        axes.set_ylim(0, 1)
     if len(panel.series) > 1:
         axes.legend(loc="best", framealpha=0.85, edgecolor="none", fontsize=7)
 

@@ -1,8 +1,7 @@
 """The hypotheses that a registration can name: each with its test in words and how results decide.
 
 A further one is a `Hypothesis` here and nothing else: `touchbeam register` knows its name and its
-test, and the report its verdict. Power is told of those that
-`analysis/power/diagnosands.py` knows.
+test, and the report its verdict.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

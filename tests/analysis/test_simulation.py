@@ -150,6 +150,7 @@ def test_people_of_a_group_come_from_its_population() -> None:
         alike = data.virtual[name].gain == whole.virtual[name].gain
         assert alike == (group == "young")
         assert (data.virtual[name].gain == 0.5) == (group == "old")
-    made = PeopleCohorts(study=study, participants=8, population=people).cohort("a")
-    every = PeopleCohorts(study=study, participants=8).cohort("a").population_gain
+    (made,) = PeopleCohorts(study=study, participants=8, population=people).studies(["a"])[1]
+    (usual,) = PeopleCohorts(study=study, participants=8).studies(["a"])[1]
+    every = usual.population_gain
     assert made.population_gain == pytest.approx((every + 0.5 * numb.typical.skin) / 2)

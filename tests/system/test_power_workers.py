@@ -1,4 +1,4 @@
-"""Power analyses on real workers, of joblib and of Dask, that are killed half-way."""
+"""Power analyses on real workers, of joblib and of Dask, that are stopped or killed half-way."""
 
 import json
 import os
@@ -13,11 +13,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from analysis.power import power_report
 from analysis.power.engine import completed
 from protocol.study_file.loading import template
-from tests.analysis.power.kept_in_memory import Memory, job, numbers_alone, numbers_by, wanted
-from tests.runner.command_line import TOUCHBEAM, typed
+from tests.analysis.power.simulated_job import job, joined, numbers_alone, numbers_by, wanted
+from tests.runner.command_line import TOUCHBEAM
 
 DASK = str(Path(sys.executable).with_name("dask"))
 WITHIN_S = 120
@@ -88,77 +87,84 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(
     address, (_, first, _) = cluster
     alone = numbers_alone()
     assert numbers_by(1, address).tobytes() == alone.tobytes()
-    memory, found = Memory(), {}
-    for task, numbers in completed(job(), wanted(), memory, 1, address):
-        found[task] = numbers
+    done = {}
+    for task, records in completed(job(), wanted(), 1, address):
+        done[task] = records
         end(first)
-    assert b"".join(found[task].tobytes() for task in wanted()) == alone.tobytes()
-    assert memory.kept.keys() == {task.name for task in wanted()}
+    assert joined(done).tobytes() == alone.tobytes()
 
 
-def worker_of(parent: int) -> int:
-    """A process in which joblib computes for another one, 0 if there is none."""
-    for process in psutil.Process(parent).children():
-        if "LokyProcess" in " ".join(process.cmdline()):
-            return int(process.pid)
-    return 0
+def document(folder: Path, *options: str) -> dict[str, object]:
+    few = ("--participants", "3", "--studies", "5", "--null-studies", "150", "--seed", "2")
+    command = (TOUCHBEAM, "power", str(folder), *few, *options, "--json")
+    report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    assert report.pop("elapsed_s") > 0
+    return dict(report)
 
 
-def ended_by(kill: Callable[[subprocess.Popen[bytes]], object], folder: Path, *options: str) -> str:
-    """Start a power analysis, do what ends it once something is kept; return what it says."""
-    folder.mkdir()
-    (folder / "study.toml").write_text(template("paper"))
-    many = ("--participants", "3", "--studies", "4", "--null-studies", "100000")
-    with running(TOUCHBEAM, "power", str(folder), *many, *options, folder=folder) as process:
-        wait_for(lambda: any((folder / "power").rglob("*.npy")), process)
-        kill(process)
+def test_here_and_on_a_cluster_the_document_is_the_same(cluster: Cluster, tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"))
+    here = document(tmp_path, "--workers", "1")
+    there = document(tmp_path, "--scheduler", cluster[0])
+    assert (here.pop("workers"), there.pop("workers")) == (1, 1)  # the first worker was killed
+    assert json.dumps(here) == json.dumps(there)
+
+
+def workers_of(parent: int) -> list[psutil.Process]:
+    """The processes in which joblib computes for another one."""
+    children = psutil.Process(parent).children()
+    return [child for child in children if "LokyProcess" in " ".join(child.cmdline())]
+
+
+def are_busy(workers: list[psutil.Process]) -> bool:
+    # They have imported what they need, and compute.
+    return len(workers) == 2 and all(worker.cpu_times().user > 3 for worker in workers)
+
+
+MANY = ("--participants", "3", "--studies", "4", "--null-studies", "100000")
+
+
+def test_ctrl_c_ends_all_workers_and_says_so_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(template("paper"))
+    command = (TOUCHBEAM, "power", str(tmp_path), *MANY, "--workers", "2")
+    with running(*command, folder=tmp_path) as process:
+        wait_for(lambda: are_busy(workers_of(process.pid)), process)
+        workers, stopped_s = workers_of(process.pid), time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it, to all of them
         assert process.wait(WITHIN_S) == 1
-    assert any((folder / "power").rglob("*.npy"))
-    return (folder / "out.txt").read_text()
-
-
-GOES_ON = "; what is done is kept; the same command goes on from there\n"
+        psutil.wait_procs(workers, WITHIN_S)
+        taken_s = time.monotonic() - stopped_s
+        assert not [each for each in workers if each.is_running()], "a worker goes on"
+    assert (tmp_path / "out.txt").read_text() == "touchbeam: stopped by SIGINT\n"
+    assert taken_s < 20  # some tenths of a second on a computer that does nothing else
 
 
 def test_a_killed_worker_is_said_in_one_line(tmp_path: Path) -> None:
-    said = ended_by(
-        lambda process: os.kill(worker_of(process.pid), signal.SIGKILL),
-        tmp_path / "study",
-        *("--workers", "2"),
-    )
-    assert said == (
-        "touchbeam: a process that computed was killed, as happens where memory runs out" + GOES_ON
+    (tmp_path / "study.toml").write_text(template("paper"))
+    command = (TOUCHBEAM, "power", str(tmp_path), *MANY, "--workers", "2")
+    with running(*command, folder=tmp_path) as process:
+        wait_for(lambda: are_busy(workers_of(process.pid)), process)
+        workers_of(process.pid)[0].kill()
+        assert process.wait(WITHIN_S) == 1
+    assert (tmp_path / "out.txt").read_text() == (
+        "touchbeam: a process that computed was killed, as happens where memory runs out\n"
     )
 
 
 def test_a_lost_scheduler_is_said_in_one_line(cluster: Cluster, tmp_path: Path) -> None:
-    address, (scheduler, *_) = cluster
-    said = ended_by(lambda _: end(scheduler), tmp_path / "study", "--scheduler", address)
-    assert said == f"touchbeam: {address}: the scheduler ended or cannot be reached" + GOES_ON
+    address, (scheduler, _, second) = cluster
+    (tmp_path / "study.toml").write_text(template("paper"))
+    command = (TOUCHBEAM, "power", str(tmp_path), *MANY, "--scheduler", address)
+    before_s = cpu_s(second.pid)
+    with running(*command, folder=tmp_path) as process:
+        wait_for(lambda: cpu_s(second.pid) > before_s + 3, process)
+        end(scheduler)
+        assert process.wait(WITHIN_S) == 1
+    said = f"touchbeam: {address}: the scheduler ended or cannot be reached\n"
+    assert (tmp_path / "out.txt").read_text() == said
 
 
-DESIGN = ("--participants", "4", "--studies", "5", "--null-studies", "600", "--seed", "2")
-"""Three tasks of studies that are not fitted: one of them ends while the others go on."""
-
-
-def test_a_killed_run_goes_on_and_ends_with_the_same_numbers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    killed, whole = tmp_path / "killed", tmp_path / "whole"
-    for folder in (killed, whole):
-        folder.mkdir()
-        (folder / "study.toml").write_text(template("paper"))
-    chunks = killed / "power" / "chunks"
-    asked = (*DESIGN, "--tests-only")
-    begun = (TOUCHBEAM, "power", str(killed), *asked, "--workers", "2")
-    with running(*begun, folder=tmp_path) as process:
-        wait_for(lambda: len(list(chunks.rglob("*.npy"))) >= 1, process)
-    assert not (killed / "power" / "power.json").exists(), "it was killed too late"
-    kept = {path: path.stat().st_mtime_ns for path in chunks.rglob("*.npy")}
-    monkeypatch.setattr(power_report, "figures", lambda _: {})
-    for folder, workers in ((killed, "2"), (whole, "1")):
-        assert typed("power", folder, *asked, "--workers", workers) == 0
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "it went on from there"
-    numbers = [(folder / "power" / "power.json").read_bytes() for folder in (killed, whole)]
-    assert numbers[0] == numbers[1]
-    assert not list(killed.rglob(".touchbeam-*"))
+def cpu_s(pid: int) -> float:
+    """Processor time of a process and of its children."""
+    process = psutil.Process(pid)
+    return float(sum(each.cpu_times().user for each in (process, *process.children())))

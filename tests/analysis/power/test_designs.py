@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.power.job import Design, designed, designs
+from analysis.power.designs import Design, designed, designs
 from protocol.errors import BadInput
 from protocol.study.factor import Group
 from protocol.study.study import Study

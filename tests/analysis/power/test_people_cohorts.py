@@ -43,7 +43,7 @@ def test_a_cohort_is_what_a_report_makes_of_its_sessions(
     study = study.model_copy(update={"design": design})
     made = PeopleCohorts(study=study, participants=6, population=people, rig=RIG)
     for key in ("a", "b"):
-        found = made.cohort(key)
+        (found,) = made.studies([key])[1]
         names, arrays, truths = _as_reported(study, people, key)
         assert found.ratings.subjects == names
         assert found.ratings.conditions == study.conditions
@@ -63,7 +63,7 @@ def test_people_feel_a_drive_in_hz_as_far_from_the_resonance_as_on_the_rig() -> 
         PeopleCohorts(study=parsed_study(text), participants=6, population=DEFAULT, rig=RIG)
         for text in (written, in_hz)
     ]
-    relative, hertz = (each.cohort("a").ratings for each in felt)
+    relative, hertz = (next(cohorts.studies(["a"])[1]).ratings for cohorts in felt)
     np.testing.assert_array_equal(relative.rating, hertz.rating)
     np.testing.assert_allclose(relative.contrast, hertz.contrast)
 

@@ -18,6 +18,7 @@ from analysis.statistics.omnibus import (
     SkillingsMack,
     friedman,
     monte_carlo_p,
+    omnibus_p,
     skillings_mack,
 )
 
@@ -300,3 +301,43 @@ def test_tables_without_a_test_give_the_reason(
     result = skillings_mack(table_of(np.array(scores)))
     assert isinstance(result, NotEstimable)
     assert reason in result.reason
+
+
+def rounded_scores(seed: int, subjects: int, conditions: int, missing: float = 0.0) -> FloatArray:
+    """Forty tables of whole scores with ceilings, half points and missing cells."""
+    rng = np.random.default_rng([seed, subjects, conditions])
+    shape = (40, subjects, conditions)
+    scores = np.clip(np.round(rng.normal(7.5, 2.0, shape)), 0, 10)
+    scores[10:20] = np.round(2 * rng.normal(5, 1, shape)[10:20]) / 2
+    scores[20] = 10.0
+    scores[21, :, :2] = 3.0
+    scores[22] += 0.1 + 0.2  # sums that are equal but for rounding
+    scores[rng.random(shape) < missing] = np.nan
+    return scores
+
+
+@pytest.mark.parametrize(("subjects", "conditions"), [(7, 5), (8, 4), (5, 3), (9, 2), (1, 3)])
+def test_a_simulated_table_has_friedman_s_exact_p_or_that_of_chi_square(
+    subjects: int, conditions: int
+) -> None:
+    scores = rounded_scores(2, subjects, conditions)
+    if conditions > 3:  # the exact p, which is not compared here, takes a second
+        scores = scores[[0, 10, 20, 21, 22]]
+    for table in map(table_from, scores):
+        test, p = friedman(table), omnibus_p(table)
+        if not isinstance(test, Friedman):
+            assert np.isnan(p)
+        elif conditions <= 3 and not isinstance(test.p_exact, NotEstimable):
+            assert p == test.p_exact
+        else:
+            assert p == test.p
+
+
+def test_a_simulated_table_with_missing_scores_has_the_p_of_skillings_and_mack() -> None:
+    scores = rounded_scores(3, 9, 5, missing=0.15)
+    tables = [table_from(each) for each in scores if np.isnan(each).any()]
+    assert len(tables) > 30
+    for table in tables:
+        test = skillings_mack(table)
+        expected = np.nan if isinstance(test, NotEstimable) else test.p
+        np.testing.assert_equal(omnibus_p(table), expected)

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable, ScoreTable
-from analysis.statistics.corrections import holm
+from analysis.statistics.corrections import holm, holm_of_rows
 from analysis.statistics.signed_rank import (
     PairwiseTest,
     SignedRank,
@@ -139,3 +139,15 @@ CELLS = st.integers(0, 4).map(float) | st.just(np.nan)
 def test_ranks_agree_with_scipy(scores: FloatArray) -> None:
     expected = 2 * stats.rankdata(scores, axis=1, nan_policy="omit")
     assert np.array_equal(doubled_midranks(scores), np.nan_to_num(expected))
+
+
+def test_ranks_are_midranks_of_the_scores_that_there_are() -> None:
+    rng = np.random.default_rng(4)
+    scores = np.clip(np.round(rng.normal(7.5, 2.0, (40, 6, 4))), 0, 10)
+    scores[rng.random(scores.shape) < 0.3] = np.nan
+    expected = stats.rankdata(scores, axis=-1, nan_policy="omit")
+    assert (doubled_midranks(scores) == np.nan_to_num(2 * expected)).all()
+
+
+def test_a_row_without_tests_has_no_correction() -> None:
+    assert np.isnan(holm_of_rows(np.full((1, 3), np.nan))).all()

@@ -76,22 +76,6 @@ def test_register_writes_into_no_pipe_and_no_folder(
     assert everything(study) == {"study.toml", "registration.toml"}
 
 
-@pytest.mark.parametrize(
-    ("link", "target"), [("power/power.json", "victim"), ("power", "."), ("power/chunks", ".")]
-)
-@pytest.mark.usefixtures("figures_as_svg")
-def test_power_follows_no_link(
-    link: str, target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
-    (study / link).parent.mkdir(exist_ok=True)
-    (study / link).symlink_to(outside / target)
-    few = ("--studies", "2", "--null-studies", "2", "--workers", "1")
-    line = refused(capsys, "power", study, "--tests-only", *few)
-    assert f"{link}: touchbeam writes here and follows no link" in line
-    assert_untouched(outside)
-
-
 def test_a_calibration_follows_no_link(tmp_path: Path) -> None:
     outside, study = victim_in(tmp_path), study_in(tmp_path / "study")
     (study / "calibration.json").symlink_to("../outside/victim")

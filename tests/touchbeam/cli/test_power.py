@@ -1,38 +1,16 @@
-"""The command `power`: its document, what it keeps, and what it refuses."""
+"""The command `power`: its document, its tables, and what it refuses."""
 
-import errno
 import json
-import os
-import pickle
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from analysis.report.drawing import Panel, panels_files
 from protocol.study_file.loading import text_digest
-from runner.study import files
 from tests.runner.command_line import typed
 
 FEW = ("--participants", "4", "--workers", "1")
 QUICK = (*FEW, "--studies", "30", "--null-studies", "20", "--tests-only")
-
-
-_DRAWN: dict[bytes, dict[str, bytes]] = {}
-
-
-@pytest.fixture(autouse=True)
-def drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures drawn before: the same one is not drawn again, which takes longer than all else."""
-
-    def once(panels: Sequence[Panel], kinds: Sequence[str]) -> dict[str, bytes]:
-        key = pickle.dumps((panels, kinds))
-        if key not in _DRAWN:
-            _DRAWN[key] = panels_files(panels, kinds)
-        return _DRAWN[key]
-
-    monkeypatch.setattr("analysis.power.power_report.panels_files", once)
 
 
 @pytest.fixture
@@ -48,7 +26,6 @@ def document(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) ->
     return found
 
 
-@pytest.mark.usefixtures("figures_as_svg")
 def test_the_document_has_what_others_rely_on(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,29 +49,23 @@ def test_the_document_has_what_others_rely_on(
         "frequency - structure",
     ]
     assert all({"power", "mc_error"} <= test.keys() for test in tests)
-    wanted = {"name", "bias", "rmse", "coverage", "width", "type_s", "type_m", "mc_error"}
+    wanted = {"name", "bias", "rmse", "coverage", "width", "mc_error"}
     assert all(wanted <= estimate.keys() for estimate in estimates)
     assert "M2 relative gain" in [estimate["name"] for estimate in estimates]
     assert str(found["answer"]).startswith("4 participants x 1 repeat: relative gains to within ±")
-    names = {path.name for path in (folder / "power").iterdir()}
-    assert names == {
-        *("power.json", "power.svg", "power.png"),
-        *("calibration.svg", "calibration.png", "chunks"),
-    }
+    assert {path.name for path in folder.iterdir()} == {"study.toml", "test_study.py"}
 
 
-@pytest.mark.usefixtures("figures_as_svg")
 def test_only_time_and_workers_depend_on_the_machine(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first = document(folder, capsys, *QUICK)
-    kept = (folder / "power" / "power.json").read_bytes()
-    second = document(folder, capsys, *QUICK)
-    for found in (first, second):
-        found.pop("elapsed_s")
-        found.pop("workers")
-    assert first == second
-    assert json.loads(kept) == first
+    models = ("--participants", "4", "--studies", "9", "--null-studies", "120")
+    alone, together = (
+        document(folder, capsys, *models, "--workers", workers) for workers in ("1", "2")
+    )
+    assert (alone.pop("workers"), together.pop("workers")) == (1, 2)
+    assert alone.pop("elapsed_s") != together.pop("elapsed_s")
+    assert json.dumps(alone) == json.dumps(together)
 
 
 def test_several_designs_make_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,59 +92,47 @@ def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFi
     assert "power to tell that the conditions differ" in out
 
 
-def test_thresholds_are_kept_and_told_with_the_power_for_hypotheses_on_them(
+def test_thresholds_are_estimates_beside_those_of_conditions(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "mine"
     assert typed("new", folder, "--template", "threshold") == 0
-    below = "Weber fraction of smallest amplitude below 0.9"
+    capsys.readouterr()
     few = ("--participants", "2,3", "--studies", "3", "--workers", "1")
-    capsys.readouterr()
-    first = document(folder, capsys, *few)
-    assert "tests" not in first
-    written = json.loads((folder / "power" / "power.json").read_text("utf-8"))
-    assert written == {key: first[key] for key in ("study_sha256", "seed", "tracks")}
-    chunks = {path: path.stat().st_ino for path in folder.glob("power/chunks/*/*-tracks-*")}
-    assert len(chunks) == 2
-    assert typed("register", folder, "--primary", below) == 0
-    capsys.readouterr()
-    found = document(folder, capsys, *few)
-    assert [each["participants"] for each in found["tracks"]] == [2, 3]
-    for each in found["tracks"]:
-        assert [it["name"] for it in each.pop("registered")] == [below]
-    assert found["tracks"] == first["tracks"]
-    assert {path: path.stat().st_ino for path in chunks} == chunks
-    assert json.loads((folder / "power" / "power.json").read_text("utf-8")) == written
+    report = document(folder, capsys, *few)
+    assert [design["design"]["participants"] for design in report["designs"]] == [2, 3]
+    begins = [f"{people} participants x 1 repeat: threshold of smallest" for people in (2, 3)]
+    assert all(begin in report["answer"] for begin in begins)
+    names = ["threshold of smallest amplitude, dB", "threshold of by a staircase, dB"]
+    assert [estimate["name"] for estimate in report["estimates"]] == names
+    assert [test["name"] for test in report["tests"]] == [
+        "thresholds: smallest amplitude - by a staircase"
+    ]
+    assert report["null"]["any_supported"] is None
     assert typed("power", folder, *few) == 0
-    told = capsys.readouterr().out
-    assert f"Registered, {below}: supported in" in told
-    assert "Weber fraction shown below" in told
+    out = capsys.readouterr().out
+    assert "Estimates: 2 participants x 1 repeat" in out
+    assert "threshold of smallest amplitude to within ±" in out
+    file = folder / "study.toml"
+    file.write_text(file.read_text() + SECOND)
+    both = document(folder, capsys, *few, "--tests-only")
+    assert [estimate["name"] for estimate in both["estimates"]] == [
+        "mean difference voltage - more voltage",
+        *names,
+    ]
+    assert both["estimates"][1:] == report["estimates"]
+    assert both["tests"][-1] == report["tests"][0]
+    assert both["null"]["any_supported"] is not None
+    assert "thresholds" not in " ".join(both["null"]["supported"])
 
 
-def test_a_registered_study_names_the_power_of_its_hypotheses(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    first = document(folder, capsys, *QUICK)
-    assert "registered" not in first
-    chosen = ("--primary", "voltage above structure", "--hypothesis", "gains differ")
-    assert typed("register", folder, *chosen) == 0
-    capsys.readouterr()
-    found = document(folder, capsys, *QUICK)
-    registered = dict(found["registered"])
-    assert registered["primary"]["name"] == "voltage above structure"
-    assert registered["primary"]["row"] == "structure - voltage"
-    assert [each["name"] for each in registered["secondary"]] == ["gains differ"]
-    assert registered["secondary"][0]["power"] <= registered["primary"]["power"]
-    told = "power for the registered primary hypothesis, voltage above structure."
-    assert str(found["answer"]).endswith(told)
-    # The registration holds the digest of that file.
-    assert "registered" not in json.loads((folder / "power" / "power.json").read_text())
-    assert typed("register", folder, *chosen) == 0
-    assert typed("power", folder, *QUICK) == 0
-    out = " ".join(capsys.readouterr().out.split())
-    assert "structure - voltage (registered, primary)" in out
-    assert "gains differ (registered) " in out
-    assert told in out
+SECOND = """
+[[condition]]
+name = "more voltage"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 0 }, { place = "smooth", voltage_v = 160 }]
+"""
 
 
 @pytest.mark.parametrize(
@@ -211,10 +170,9 @@ def test_what_is_wrong_is_said_in_one_line(
     assert out == ""
     assert message in err
     assert err.count("\n") == 1
-    assert not (folder / "power").exists()
+    assert {path.name for path in folder.iterdir()} == {"study.toml", "test_study.py"}
 
 
-@pytest.mark.usefixtures("figures_as_svg")
 def test_other_people_give_other_results(
     folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -244,95 +202,3 @@ def test_nobody_at_the_scheduler_s_address_is_a_failure(
     monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
     assert typed("power", folder, "--scheduler", "tcp://127.0.0.1:9") == 1
     assert "no Dask scheduler answers there" in capsys.readouterr().err
-
-
-def test_a_disk_that_is_full_at_any_write_is_said_in_one_line_and_nothing_is_lost(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    whole = folder.with_name("whole")
-    whole.mkdir()
-    (whole / "study.toml").write_bytes((folder / "study.toml").read_bytes())
-    assert typed("power", whole, *QUICK) == 0
-    kept, left, create = 0, 0, files.create
-
-    def full(path: Path, data: bytes, mode: int) -> None:
-        nonlocal left
-        left -= 1
-        create(path, data if left >= 0 else data[:10], mode)
-        if left < 0:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-
-    monkeypatch.setattr(files, "create", full)
-    for written in range(100):
-        left = written
-        capsys.readouterr()
-        code = typed("power", folder, *QUICK)
-        chunks = len(list((folder / "power").rglob("*.npy")))
-        assert chunks >= kept
-        assert not list(folder.rglob(".touchbeam-*"))
-        kept, (out, err) = chunks, capsys.readouterr()
-        if code == 0:
-            break
-        assert (code, out) == (1, "")
-        assert "No space left on device" in err
-        assert err.count("\n") == 1
-    assert written > 2
-    for name in ("power.json", "power.svg", "power.png"):
-        assert (folder / "power" / name).read_bytes() == (whole / "power" / name).read_bytes()
-
-
-def test_kept_results_need_no_scheduler(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
-    nobody = ("--scheduler", "tcp://127.0.0.1:9")
-    first = document(folder, capsys, *QUICK)
-    again = document(folder, capsys, *QUICK, *nobody)
-    assert (first.pop("workers"), again.pop("workers")) == (1, 0)
-    assert first.pop("elapsed_s") != again.pop("elapsed_s")
-    assert first == again
-    next((folder / "power" / "chunks").rglob("*.npy")).unlink()
-    assert typed("power", folder, *QUICK, *nobody) == 1
-    assert "no Dask scheduler answers there" in capsys.readouterr().err
-
-
-@pytest.mark.usefixtures("figures_as_svg")
-def test_a_pipe_among_the_kept_results_is_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert typed("power", folder, *QUICK) == 0
-    kept = min((folder / "power" / "chunks").rglob("*.npy"))
-    kept.unlink()
-    os.mkfifo(kept)
-    capsys.readouterr()
-    assert typed("power", folder, *QUICK) == 2
-    assert f"{kept.name}: must be a file, got a pipe or a device" in capsys.readouterr().err
-
-
-def test_results_that_a_stranger_has_kept_are_computed_anew(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "stranger"))
-    assert typed("power", folder, *QUICK) == 0
-    chunks = sorted((folder / "power" / "chunks").rglob("*.npy"))
-    with chunks[0].open("r+b") as huge:
-        huge.truncate(2**42)
-    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "mine"))
-    monkeypatch.setenv("LOCALAPPDATA", "relative")
-    capsys.readouterr()
-    before = [path.stat().st_mtime_ns for path in chunks]
-    assert typed("power", folder, *QUICK) == 0
-    assert f"warning: {len(chunks)} kept results in " in capsys.readouterr().err
-    chunks[0].write_bytes(b"")
-    assert typed("power", folder, *QUICK) == 0
-    assert "warning: 1 kept result in " in capsys.readouterr().err
-    assert all(path.stat().st_mtime_ns > time for path, time in zip(chunks, before, strict=True))
-    assert typed("power", folder, *QUICK) == 0
-    assert capsys.readouterr().err == ""
-    key = folder / "mine" / "touchbeam" / "power.key"
-    assert key.stat().st_mode & 0o777 == 0o600
-    key.write_bytes(b"")
-    assert typed("power", folder, *QUICK) == 1
-    assert "power.key: must have 32 bytes, got 0; delete it" in capsys.readouterr().err

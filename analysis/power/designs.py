@@ -1,0 +1,114 @@
+"""Designs of a study: how many participants, repeats and levels."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from itertools import product
+
+import numpy as np
+from pydantic import ValidationError
+
+from protocol.errors import BadInput
+from protocol.study.factor import Group
+from protocol.study.rules import MOST_REPEATS
+from protocol.study.rules import Design as DesignOfStudy
+from protocol.study.study import Study
+from protocol.study_file.limits import problems
+from protocol.study_file.loading import schema_problems
+
+PAPERS_PARTICIPANTS = 9
+MOST_PARTICIPANTS = 1_000
+
+
+@dataclass(frozen=True, kw_only=True, order=True)
+class Design:
+    """Participants, repeats of a condition per session, and levels; 0 levels are the study's own.
+
+    >>> str(Design(participants=20, repeats=4))
+    '20 participants x 4 repeats'
+    """
+
+    participants: int
+    repeats: int
+    levels: int = 0
+
+    def __str__(self) -> str:
+        words = [f"{self.participants} participants", f"{self.repeats} repeats"]
+        words += [f"{self.levels} levels"] * bool(self.levels)
+        return " x ".join(words).replace(" 1 repeats", " 1 repeat").replace(" 1 levels", " 1 level")
+
+    @property
+    def key(self) -> str:
+        """A name without spaces, under which its studies are drawn."""
+        return "x".join(map(str, astuple(self)))
+
+
+def designs(
+    study: Study, participants: Sequence[int], repeats: Sequence[int], levels: Sequence[int]
+) -> list[Design]:
+    """Return every combination; where a list is empty, what the study says.
+
+    A study that plans no number of participants has the paper's nine.
+    """
+    return [
+        Design(participants=people, repeats=often, levels=steps)
+        for people, often, steps in product(
+            participants or [study.design.participants or PAPERS_PARTICIPANTS],
+            repeats or [study.design.repeats],
+            levels or [0],
+        )
+    ]
+
+
+def designed(study: Study, design: Design) -> Study:
+    """Return the study with that design; levels are spread evenly up to the whole amplitude.
+
+    Raises:
+        BadInput: the study cannot be run so; the message gives the first problem.
+    """
+    people, refused = design.participants, f"{design} cannot be planned"
+    # Every test compares people, and one has nobody to be compared with.
+    if not 2 <= people <= MOST_PARTICIPANTS:
+        rule = f"participants must lie in [2, {MOST_PARTICIPANTS}], got {people}"
+        raise BadInput(f"{rule}; give other numbers with --participants")
+    if design.repeats > MOST_REPEATS:
+        rule = f"repeats must be at most {MOST_REPEATS}; give fewer with --repeats"
+        raise BadInput(f"{refused}: {rule}")
+    if design.levels > design.repeats:
+        rule = "levels must be at most repeats, so that each comes equally often"
+        raise BadInput(f"{refused}: {rule}; give fewer with --levels, or more with --repeats")
+    levels = {"levels": tuple(step / design.levels for step in range(1, design.levels + 1))}
+    conditions = (
+        condition.model_copy(update=levels if design.levels else {})
+        for condition in study.condition
+    )
+    # Validated anew, because `model_copy` checks nothing.
+    keys = study.design.model_dump() | {"participants": people, "repeats": design.repeats}
+    try:
+        section = DesignOfStudy.model_validate(keys)
+    except ValidationError as error:
+        problem = schema_problems(keys, error)[0].located("study.toml")
+        raise BadInput(f"{refused}: {problem}") from error
+    groups = _resized(study.group, people)
+    changed = {"design": section, "condition": tuple(conditions), "group": groups}
+    resized = study.model_copy(update=changed)
+    if wrong := problems(resized):
+        raise BadInput(f"{refused}: {wrong[0].located('study.toml')}")
+    return resized
+
+
+def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
+    """Return groups that have so many participants together, in proportion to their sizes.
+
+    Raises:
+        BadInput: a group would have nobody.
+    """
+    if not groups:
+        return ()
+    ends = np.cumsum([group.size for group in groups])
+    shares = [round(participants * end / ends[-1]) for end in ends.tolist()]
+    sizes = np.diff([0, *shares]).tolist()
+    if 0 in sizes:
+        rule = f"{participants} participants are too few for the study's {len(groups)} groups"
+        raise BadInput(f"{rule}; give more with --participants")
+    pairs = zip(groups, sizes, strict=True)
+    return tuple(group.model_copy(update={"size": size}) for group, size in pairs)

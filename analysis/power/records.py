@@ -1,0 +1,358 @@
+"""The record of a simulated study: what the report's tests and estimators make of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations, starmap
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from analysis.estimates import (
+    UPPER,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Interval,
+    NotEstimable,
+    ScoreTable,
+)
+from analysis.power.people_cohorts import RatedCohort
+from analysis.sensitivity.linear_model import linear_lines, own_gains
+from analysis.sensitivity.lines import LineMixture, Medians, Ratings, medians
+from analysis.sensitivity.ordinal_model import ordinal_lines
+from analysis.statistics.additive import gain_heterogeneity
+from analysis.statistics.corrections import holm_of_rows
+from analysis.statistics.detection import noticed_p
+from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
+from analysis.statistics.groups import CLAIMED, group_statistics
+from analysis.statistics.omnibus import omnibus_p
+from analysis.statistics.signed_rank import pairwise_signed_ranks
+from device.friction.changes import predicted_contrast, trial_change
+from device.friction.scenes import NOMINAL, Calibration
+from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, effect_of
+from protocol.study.factor import CONDITION
+from protocol.study.study import Study
+
+# The names of tests and estimates.
+
+GROUP_SCORE, GROUP_GAIN, BY_GROUP = CLAIMED.values()
+pair_of = "{} - {}".format
+between_groups = "{} - {} between groups".format
+of_thresholds = "thresholds: {} - {}".format
+mean_difference = "mean difference {}".format
+threshold_in_db = "threshold of {}, dB".format
+OF_MODELS = (
+    *("M2 bias", "M2 gain", "M2 relative gain", "M2 group's gain"),
+    *("M1 gain", "M1 relative gain", "M1 group's gain"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What the report of a study asks: its tests and estimates by name.
+
+    Without two conditions nothing is asked of scores. `factors` have their levels, sessions of a
+    participant among them; `contrasts` is the predicted contrast of each condition as planned, for
+    the gains of groups; with `models` people's gains are estimated; `tracks` and the pairs of those
+    that are compared have thresholds.
+    """
+
+    conditions: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    contrasts: tuple[float, ...] = ()
+    models: bool = False
+    tracks: tuple[str, ...] = ()
+    track_pairs: tuple[tuple[str, str], ...] = ()
+
+    @cached_property
+    def family(self) -> dict[str, tuple[str, ...]]:
+        """Each test that a report claims by one correction over all.
+
+        With it stand the questions of which one must be answered by yes before it counts; a
+        question itself waits for none.
+        """
+        if not self.conditions:
+            return {}
+        groups = [between_groups(*pair) for pair in combinations(self.groups, 2)]
+        in_conditions = [f"{condition}: {pair}" for condition in self.conditions for pair in groups]
+        return {
+            **dict.fromkeys((OMNIBUS, GAINS), ()),
+            **dict.fromkeys(self.pairs, (OMNIBUS,)),
+            NOTICED: (),
+            **{f"{name} {NOTICED}": (NOTICED,) for name in self.conditions},
+            **dict.fromkeys((GROUP_SCORE, GROUP_GAIN, BY_GROUP) if groups else (), ()),
+            **dict.fromkeys(groups, (GROUP_SCORE,)),
+            **dict.fromkeys(in_conditions, (GROUP_SCORE, BY_GROUP)),
+            **{effect_of(*effect): () for effect in effects_of(self.factors)},
+        }
+
+    @cached_property
+    def pairs(self) -> list[str]:
+        """Each pair of conditions, as its test is called."""
+        return [pair_of(*pair) for pair in combinations(self.conditions, 2)]
+
+    @cached_property
+    def tests(self) -> list[str]:
+        """All tests; those beside the family count by their own p alone."""
+        follows = [FOLLOWS] * (self.models and bool(self.conditions))
+        return [*self.family, *follows, *starmap(of_thresholds, self.track_pairs)]
+
+    @cached_property
+    def estimates(self) -> list[str]:
+        """All estimates."""
+        of_models = OF_MODELS if self.models and self.conditions else ()
+        return [*of_models, *map(mean_difference, self.pairs), *map(threshold_in_db, self.tracks)]
+
+
+def asked_by(study: Study, rig: Calibration = NOMINAL, *, models: bool = False) -> Asked:
+    """Return what the report of a study asks, with contrasts on that rig."""
+    tracks = combinations(study.track, 2)
+    of_tracks = Asked(
+        tracks=tuple(track.name for track in study.track),
+        # Thresholds on different axes cannot be compared.
+        track_pairs=tuple((a.name, b.name) for a, b in tracks if a.axis == b.axis),
+        models=models,
+    )
+    if len(study.conditions) < 2:
+        return of_tracks
+    factors, several = study.factors, study.design.sessions > 1
+    if several and not factors:
+        factors = {CONDITION: study.conditions}
+    sessions = {SESSION: tuple(map(str, range(1, study.design.sessions + 1)))} if several else {}
+    changes = (
+        trial_change(study, condition.question, condition.expected, condition.touches)
+        for condition in study.condition
+    )
+    return replace(
+        of_tracks,
+        conditions=study.conditions,
+        groups=study.groups,
+        factors=factors | sessions,
+        contrasts=tuple(predicted_contrast(change, rig=rig) for change in changes),
+    )
+
+
+class Estimate(NamedTuple):
+    """Sums over the estimates of a kind in one study, such as the gains of its people.
+
+    They are how many there are, their errors, squared errors, whether the 95% intervals hold the
+    truth, and the widths of these. The truth of a mean difference is known from all studies alone:
+    there `error` is the difference itself, and `squared` and `covered` are 0.
+    """
+
+    number: float = 0.0
+    error: float = 0.0
+    squared: float = 0.0
+    covered: float = 0.0
+    width: float = 0.0
+
+
+class Record(NamedTuple):
+    """The p of each test of one study and its estimates, as far as there are any, by name.
+
+    `complete` tells whether everybody has a score under each condition.
+    """
+
+    tests: dict[str, float]
+    estimates: dict[str, Estimate]
+    complete: bool = True
+
+    def beside(self, other: "Record") -> "Record":
+        """Return what there is in either."""
+        tests, estimates = self.tests | other.tests, self.estimates | other.estimates
+        return Record(tests, estimates, self.complete and other.complete)
+
+
+class Records(NamedTuple):
+    """The records of several studies as arrays, in the order of what is asked.
+
+    `p` has shape (studies, tests), NaN where there is no test, `estimates` (studies, estimates, 5)
+    and `complete` (studies,).
+    """
+
+    p: FloatArray
+    estimates: FloatArray
+    complete: BoolArray
+
+    @classmethod
+    def of(cls, asked: Asked, records: Sequence[Record]) -> "Records":
+        """Return the records as arrays."""
+        p = [[record.tests.get(name, nan) for name in asked.tests] for record in records]
+        sums = [
+            [record.estimates.get(name, Estimate()) for name in asked.estimates]
+            for record in records
+        ]
+        return cls(
+            np.array(p, dtype=np.float64).reshape(len(records), len(asked.tests)),
+            np.array(sums, dtype=np.float64).reshape(len(records), len(asked.estimates), 5),
+            np.array([record.complete for record in records], dtype=np.bool_),
+        )
+
+    @classmethod
+    def joined(cls, asked: Asked, parts: "Sequence[Records]") -> "Records":
+        """Return the records of all parts."""
+        return cls(*map(np.concatenate, zip(cls.of(asked, []), *parts, strict=True)))
+
+
+# Tests and mean differences of the tables of a study.
+
+
+def record_of_tables(
+    asked: Asked, scores: FloatArray, noticed: IntArray, by_session: FloatArray, groups: IntArray
+) -> Record:
+    """Return what one study's tables tell, see `analysis.simulation.Tables`.
+
+    Subjects without any score count for nothing in the tests of scores, as in the report.
+    """
+    kept = ~np.isnan(scores).all(axis=1)
+    scores, by_session, groups = scores[kept], by_session[kept], groups[kept]
+    tests, differences = _of_noticing(asked, noticed), {}
+    if len(scores):
+        table = ScoreTable(
+            subjects=tuple(map(str, range(len(scores)))),
+            conditions=asked.conditions,
+            scores=scores,
+        )
+        tests |= {OMNIBUS: omnibus_p(table), GAINS: _gains_p(table)}
+        tests |= {
+            pair_of(pair.a, pair.b): pair.p_holm
+            for pair in pairwise_signed_ranks(table)
+            if not isinstance(pair.p_holm, NotEstimable)
+        }
+        tests |= _of_groups(asked, scores, groups) | _of_factors(asked, scores, by_session)
+        pairs = zip(asked.pairs, combinations(scores.T, 2), strict=True)
+        differences = {mean_difference(name): _difference(a - b) for name, (a, b) in pairs}
+    return Record(tests, differences, complete=not np.isnan(scores).any())
+
+
+def _gains_p(table: ScoreTable) -> float:
+    """Return the p of unequal gains; more shufflings are worth their time only where it is small.
+
+    A p above .2 of the first ones is as good as never below .05 of all, so that none is claimed
+    that all of them would not claim.
+    """
+    test = gain_heterogeneity(table, shuffles=99)
+    if not isinstance(test, NotEstimable) and test.p <= 0.2:
+        test = gain_heterogeneity(table, shuffles=999)
+    return nan if isinstance(test, NotEstimable) else test.p
+
+
+def _difference(differences: FloatArray) -> Estimate:
+    """Return the mean difference of two conditions with the width of its t interval."""
+    given = differences[~np.isnan(differences)]
+    # One difference has no standard error.
+    if (n := len(given)) < 2:
+        return Estimate()
+    width = 2 * stdtrit(n - 1, UPPER) * given.std(ddof=1) / np.sqrt(n)
+    return Estimate(number=1.0, error=float(given.mean()), width=float(width))
+
+
+def _of_noticing(asked: Asked, counts: IntArray) -> dict[str, float]:
+    """Return p of all conditions and, by Holm's correction, of each; none without catch trials."""
+    signal, catch = counts[:, :-1], counts[:, -1]
+    if not catch[:, 1].any():
+        return {}
+    by_condition = signal.transpose(1, 0, 2)
+    p = noticed_p(by_condition, np.broadcast_to(catch, by_condition.shape))
+    # A condition whose trials expect no change has no test.
+    p[by_condition[:, :, 1].sum(axis=1) == 0] = np.nan
+    (whole,), (corrected,) = noticed_p(signal.sum(axis=1)[None], catch[None]), holm_of_rows(p[None])
+    names = (f"{condition} {NOTICED}" for condition in asked.conditions)
+    return {NOTICED: float(whole), **dict(zip(names, corrected.tolist(), strict=True))}
+
+
+def _of_groups(asked: Asked, scores: FloatArray, groups: IntArray) -> dict[str, float]:
+    """Return p of each test of groups that there is."""
+    if len(asked.groups) < 2:
+        return {}
+    contrasts = np.broadcast_to(asked.contrasts, scores.shape)
+    subject, condition = np.nonzero(np.isfinite(contrasts))
+    ratings = Ratings(
+        subjects=tuple(map(str, range(len(scores)))),
+        conditions=asked.conditions,
+        subject=subject,
+        condition=condition,
+        contrast=contrasts[subject, condition],
+        rating=scores[subject, condition],
+    )
+    report = group_statistics(scores, own_gains(ratings), groups, asked.groups, asked.conditions)
+    questions = {GROUP_SCORE: report.score, GROUP_GAIN: report.gain, BY_GROUP: report.interaction}
+    p = {name: test.p for name, test in questions.items() if not isinstance(test, NotEstimable)}
+    compared = {"": report.score, **{f"{name}: ": test for name, test in report.conditions.items()}}
+    return p | {
+        f"{begin}{between_groups(pair.a, pair.b)}": pair.p_holm
+        for begin, test in compared.items()
+        if not isinstance(test, NotEstimable)
+        for pair in test.pairs
+    }
+
+
+def _of_factors(asked: Asked, scores: FloatArray, by_session: FloatArray) -> dict[str, float]:
+    """Return p of each effect of factors."""
+    if not asked.factors:
+        return {}
+    within = {name: levels for name, levels in asked.factors.items() if name != SESSION}
+    shape = [len(levels) for levels in within.values()]
+    crossed = Crossed(factors=within, scores=scores.reshape(-1, *shape))
+    wide = Crossed(
+        factors=asked.factors, scores=by_session.reshape(-1, *shape, by_session.shape[-1])
+    )
+    p = factorial_p(crossed, wide if SESSION in asked.factors else None)
+    names = (effect_of(*effect) for effect in effects_of(asked.factors))
+    return dict(zip(names, p, strict=True))
+
+
+# Estimates of the sensitivity models.
+
+
+def record_of_models(cohort: RatedCohort) -> Record:
+    """Return what the sensitivity models estimate, and whether ratings follow the prediction.
+
+    What a report tells besides is left out: neither the evidence of equal gains nor JNDs.
+    """
+    by_m2, by_m1 = ordinal_lines(cohort.ratings), linear_lines(cohort.ratings)
+    tests: dict[str, float] = {}
+    estimates: dict[str, Estimate] = {}
+    for model, mixture in (("M2", by_m2), ("M1", by_m1)):
+        if not isinstance(mixture, NotEstimable):
+            of_model = _estimates_of(mixture, cohort)
+            estimates |= {f"{model} {name}": sums for name, sums in of_model.items()}
+    if not isinstance(by_m2, NotEstimable) and not by_m2.alone:
+        (above,) = by_m2.gain.part(slice(-1, None)).above_zero(by_m2.points.weights).tolist()
+        # Below .05 where the 95% interval of the group's gain lies above 0.
+        tests[FOLLOWS] = min(2 * (1 - above), 1.0)
+    return Record(tests, estimates)
+
+
+def _estimates_of(mixture: LineMixture, cohort: RatedCohort) -> dict[str, Estimate]:
+    """Return bias, gain and relative gain over the people with ratings, and the group's gain."""
+    rated = np.flatnonzero(mixture.counts > 0)
+    bias, gain, relative = medians(mixture)
+    true = cohort.gain[rated]
+    estimates = {
+        "bias": _sums(*_rows(bias, rated), cohort.bias[rated]),
+        "gain": _sums(*_rows(gain, rated), true),
+    }
+    if mixture.alone:
+        return estimates
+    return estimates | {
+        # A relative gain is about the people who were analysed, not about those left out.
+        "relative gain": _sums(*_rows(relative, rated), true - true.mean()),
+        "group's gain": _sums(*_rows(gain, [-1]), np.array([cohort.population_gain])),
+    }
+
+
+def _rows(estimates: Medians, rows: Sequence[int] | IntArray) -> Medians:
+    values, intervals = estimates
+    return values[rows], [intervals[row] for row in rows]
+
+
+def _sums(values: FloatArray, intervals: Sequence[Interval], truth: FloatArray) -> Estimate:
+    error, (low, high) = values - truth, np.transpose(intervals)
+    covered = (low <= truth) & (truth <= high)
+    parts = (error, error**2, covered, high - low)
+    return Estimate(len(error), *(float(part.sum()) for part in parts))

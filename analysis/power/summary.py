@@ -1,0 +1,197 @@
+"""The summary of simulated studies: power, bias, RMSE, coverage and width, with Monte Carlo errors.
+
+Each is a ratio of two sums over independent studies, so that the number of estimates in a study may
+differ and its subjects may resemble each other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimates import LEVEL, BoolArray, FloatArray, Json
+from analysis.power.designs import Design
+from analysis.power.records import Asked, Records, mean_difference
+from analysis.statistics.corrections import holm_of_rows
+from protocol.registration.registration import NOTICED
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number with its Monte Carlo standard error; both NaN where nothing determines it."""
+
+    value: float
+    error: float
+
+    def as_json(self, name: str, error: str = "mc_error") -> Json:
+        """Return value and error under these names."""
+        return {name: self.value, error: self.error}
+
+
+UNKNOWN = Measured(float("nan"), float("nan"))
+
+
+def too_often(false: Measured) -> bool:
+    """Return whether claims that are false are made in more than 5 %, beyond Monte Carlo error."""
+    return false.value - 2 * false.error > LEVEL
+
+
+def ratio(above: FloatArray, below: FloatArray) -> Measured:
+    """Return the ratio of two sums over studies and its standard error (delta method).
+
+    (1) and (2) of docs/mathematics/power.md: r = Σ a / Σ b; its error is √(Σ (a - r b)²) / Σ b. A
+    share that all n studies had, or none, is not known without error: it has that of
+    (n + 1) / (n + 2), or of 1 / (n + 2).
+
+    >>> ratio(np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4))
+    Measured(value=0.5, error=0.25)
+    """
+    total = float(below.sum())
+    if not total > 0:
+        return UNKNOWN
+    value = float(above.sum()) / total
+    if value in {0.0, 1.0} and (above == value * below).all():
+        studies = int((below > 0).sum())
+        return Measured(value, float(np.sqrt((studies + 1) / studies) / (studies + 2)))
+    return Measured(value, float(np.sqrt(((above - value * below) ** 2).sum())) / total)
+
+
+def share(happened: BoolArray) -> Measured:
+    """Return the share of studies with its standard error."""
+    return ratio(happened.astype(np.float64), np.ones(len(happened)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestPower:
+    """How often a test rejects at 5%, and how often the family's rule lets it be claimed.
+
+    `false` is how often it is claimed without any effect, and `supported` is NaN where that is more
+    often than in 5%; both are NaN for a test beside the family. `after` has the questions that a
+    test waits for: none of a question, None beside the family.
+    """
+
+    __test__ = False  # no test of pytest's
+
+    name: str
+    after: tuple[str, ...] | None
+    power: Measured
+    supported: Measured
+    false: Measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimateQuality:
+    """How an estimate errs.
+
+    `estimable` is the share of those to be made that could be; `truth` is known where there is one
+    for all studies, else NaN.
+    """
+
+    name: str
+    bias: Measured
+    rmse: Measured
+    coverage: Measured
+    width: Measured
+    estimable: Measured
+    truth: float = float("nan")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """What simulations tell of one design.
+
+    `unscored` is the share of studies in which somebody has no score under some condition;
+    `any_false_claim` that of null cohorts in which any test of the family is claimed.
+    """
+
+    design: Design
+    studies: int
+    null_studies: int
+    tests: tuple[TestPower, ...]
+    estimates: tuple[EstimateQuality, ...]
+    any_false_claim: Measured
+    unscored: Measured
+
+
+def summary(design: Design, asked: Asked, studies: Records, null: Records) -> Summary:
+    """Return the summary of a design from the records of its studies and of its null cohorts."""
+    claimed, false = claims(asked, studies.p), claims(asked, null.p)
+    estimates = np.moveaxis(studies.estimates, 1, 0)
+    return Summary(
+        design=design,
+        studies=len(studies.p),
+        null_studies=len(null.p),
+        tests=tuple(
+            _test(asked, name, studies.p[:, place], claimed.get(name), false.get(name))
+            for place, name in enumerate(asked.tests)
+            # A study without catch trials has no test of noticing.
+            if NOTICED not in name or not np.isnan(studies.p[:, place]).all()
+        ),
+        estimates=tuple(
+            _estimate(asked, name, sums, design.participants)
+            for name, sums in zip(asked.estimates, estimates, strict=True)
+        ),
+        any_false_claim=share(np.logical_or.reduce([*false.values(), np.zeros(len(null.p), bool)])),
+        unscored=share(~studies.complete),
+    )
+
+
+def claims(asked: Asked, p: FloatArray) -> dict[str, BoolArray]:
+    """Return in which studies the family's rule lets a report claim each of its tests.
+
+    The questions - do the conditions differ, do people's gains differ, with catch trials, are
+    changes noticed, and those of groups and factors - are one family with Holm's correction. Any
+    other test, corrected already, is claimed only if a question that it waits for is: a pair only
+    if the conditions differ. So any false claim has a chance of at most 5%.
+    """
+    questions = [place for place, after in enumerate(asked.family.values()) if not after]
+    p = p.copy()
+    # A missing p, as that of noticing without catch trials, is no part of the family.
+    p[:, questions] = holm_of_rows(p[:, questions])
+    below = dict(zip(asked.family, (p < LEVEL).T, strict=False))  # others stand after the family
+    return {
+        name: below[name] & np.logical_or.reduce([below[question] for question in after])
+        if after
+        else below[name]
+        for name, after in asked.family.items()
+    }
+
+
+def _test(
+    asked: Asked, name: str, p: FloatArray, claimed: BoolArray | None, false: BoolArray | None
+) -> TestPower:
+    falsely = UNKNOWN if false is None else share(false)
+    return TestPower(
+        name=name,
+        after=asked.family.get(name),
+        power=share(p < LEVEL),
+        # Power of a test that claims too much says nothing.
+        supported=UNKNOWN if claimed is None or too_often(falsely) else share(claimed),
+        false=falsely,
+    )
+
+
+def _estimate(asked: Asked, name: str, sums: FloatArray, participants: int) -> EstimateQuality:
+    """Return the quality of an estimate from its sums in each study, (studies, 5)."""
+    count, error, squared, covered, width = sums.T
+    truth = float("nan")
+    if of_all := name in map(mean_difference, asked.pairs):
+        # Its truth is the mean over all studies.
+        truth = ratio(error, count).value
+        error = np.where(count > 0, error - truth, 0.0)
+        squared, covered = error**2, (count > 0) & (np.abs(error) <= width / 2)
+    one_each = not of_all and not name.endswith("group's gain")
+    return EstimateQuality(
+        name=name,
+        bias=ratio(error, count),
+        rmse=root(ratio(squared, count)),
+        coverage=ratio(covered.astype(np.float64), count),
+        width=ratio(width, count),
+        estimable=ratio(count, np.full(len(count), float(participants if one_each else 1))),
+        truth=truth,
+    )
+
+
+def root(squares: Measured) -> Measured:
+    value = float(np.sqrt(squares.value))
+    # The delta method: the derivative of the root is one over twice the root.
+    return Measured(value, squares.error / (2 * value) if value > 0 else 0.0)

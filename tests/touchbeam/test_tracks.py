@@ -153,12 +153,12 @@ trials = 10
 
 def test_power_says_how_thresholds_err(folder: Path) -> None:
     given = ["power", str(folder), "--studies", "4", "--participants", "3", "--json"]
-    told = json.loads(CliRunner().invoke(app, given).stdout)
-    (found,) = told["tracks"]
-    assert [each["name"] for each in found["tracks"]] == ["smallest amplitude", "by a staircase"]
-    assert found["tracks"][0]["trials"] == 40
+    report = json.loads(CliRunner().invoke(app, given).stdout)
+    names = ["threshold of smallest amplitude, dB", "threshold of by a staircase, dB"]
+    assert [estimate["name"] for estimate in report["estimates"]] == names
+    assert all(0 < estimate["rmse"] < estimate["width"] for estimate in report["estimates"])
     said = CliRunner().invoke(app, given[:-1]).stdout
-    assert "Thresholds: 3 participants, 4 studies" in said
+    assert "Estimates: 3 participants x 1 repeat" in said
 
 
 def test_the_live_protocol_of_a_laboratory_needs_no_code(folder: Path) -> None:

@@ -388,10 +388,6 @@ class Tables(NamedTuple):
     groups: IntArray
 
 
-_AT_ONCE = 2_000
-"""Sessions that are simulated at once: more would need more memory and save no time."""
-
-
 def names_of(participants: int) -> list[str]:
     """Return the pseudonyms of simulated participants."""
     return [f"P{number:02d}" for number in range(1, participants + 1)]
@@ -411,42 +407,30 @@ class Simulation:
     population: Population = person.DEFAULT
     world: World = field(default_factory=World)
 
-    def cohort(self, participants: int, seed: int | str) -> Cohort:
-        """Return the sessions of one cohort as arrays; `planned` has the trials.
-
-        The `seed` is a number, or any text that is a spawn key.
-        """
-        return joined(self.sessions(participants, seed))
-
     def sessions(self, participants: int, *seeds: int | str) -> list[Cohort]:
-        """Return the same, with the first sessions of all, their second ones and so on apart.
+        """Return the first sessions of all, their second ones and so on apart.
 
-        Of several seeds the cohorts follow each other.
+        Of several seeds the cohorts follow each other. A seed is a number, or any text that is a
+        spawn key.
         """
         return self._sessions([one for seed in seeds for one in self._who(participants, seed)])
 
-    def tables(self, participants: int, seeds: Sequence[int | str]) -> Tables:
-        """Return what the tests of cohorts take, a cohort for each seed."""
-        most = max(_AT_ONCE // participants, 1)
-        parts = [seeds[begin : begin + most] for begin in range(0, len(seeds), most)]
-        found = [self.tables_of(self.sessions(participants, *part), participants) for part in parts]
-        return Tables(*map(np.concatenate, zip(*found, strict=True)))
-
-    def tables_of(self, sessions: Sequence[Cohort], participants: int) -> Tables:
-        """Return what the tests take of the `sessions` of cohorts with so many participants."""
-        made, ends = joined(sessions), np.cumsum([each.kinds.shape[1] for each in sessions])
-        each = (slice(*of) for of in pairwise([0, *ends.tolist()]))
-        by_session = [score_tables(self.planned, made, of) for of in each]
-        of_study = score_tables(self.planned, made) if len(sessions) > 1 else by_session[0]
-        counts = noticed_counts(self.planned, made)
+    def studies(self, participants: int, *seeds: int | str) -> tuple[Tables, Cohort]:
+        """Return what the tests of cohorts take, one for each seed, and all their people."""
+        sessions = self.sessions(participants, *seeds)
+        everybody, ends = joined(sessions), np.cumsum([one.kinds.shape[1] for one in sessions])
+        trials = (slice(*of_session) for of_session in pairwise([0, *ends.tolist()]))
+        by_session = [score_tables(self.planned, everybody, some) for some in trials]
+        of_study = score_tables(self.planned, everybody) if len(sessions) > 1 else by_session[0]
+        counts = noticed_counts(self.planned, everybody)
         arrays: list[Any] = [of_study, counts, np.stack(by_session, axis=-1)]
-        cohorts = made.people.size // participants
         scores, noticed, apart = (
-            array.reshape(cohorts, participants, *array.shape[1:]) for array in arrays
+            array.reshape(len(seeds), participants, *array.shape[1:]) for array in arrays
         )
         groups = [self.planned.place(slot)[0] for slot in range(participants)]
-        of = [self.study.groups.index(group) if group else 0 for group in groups]
-        return Tables(scores, noticed, apart, np.broadcast_to(of, (cohorts, participants)))
+        of_people = [self.study.groups.index(group) if group else 0 for group in groups]
+        places = np.broadcast_to(of_people, (len(seeds), participants))
+        return Tables(scores, noticed, apart, places), everybody
 
     @property
     def planned(self) -> PlannedTrials:

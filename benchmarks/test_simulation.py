@@ -17,11 +17,11 @@ PEOPLE, COHORTS = 9, 200
 def test_a_simulated_session_is_a_thousand_times_cheaper(benchmark: BenchmarkFixture) -> None:
     text = template("paper")
     simulation = Simulation(study=parsed_study(text))
-    simulation.tables(PEOPLE, [0])  # plans and fields are set up once per study
+    simulation.studies(PEOPLE, 0)  # plans and fields are set up once per study
 
     def simulated() -> float:
         start_s = process_time()
-        simulation.tables(PEOPLE, range(COHORTS))
+        simulation.studies(PEOPLE, *range(COHORTS))
         return (process_time() - start_s) / (PEOPLE * COHORTS)
 
     simulated_s = benchmark.pedantic(simulated, rounds=1)

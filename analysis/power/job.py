@@ -105,13 +105,13 @@ def records(job: Job, task: Task) -> Records:
     keys = [f"{nature}/{number}" for number in range(task.first, task.first + task.count)]
     with threadpool_limits(limits=1):
         cohorts, questions = _cohorts(job, task.design), asked(job)
-        made = [Record({}, {}) for _ in keys]
+        studies = [Record({}, {}) for _ in keys]
         if questions.conditions:
-            made = _of_conditions(job, cohorts, keys, null=task.null)
+            studies = _of_conditions(job, cohorts, keys, null=task.null)
         if questions.tracks and not task.null:
             of_tracks = track_records(questions, cohorts, keys, task.first)
-            made = [one.beside(other) for one, other in zip(made, of_tracks, strict=True)]
-        return Records.of(questions, made)
+            studies = [one.beside(other) for one, other in zip(studies, of_tracks, strict=True)]
+        return Records.of(questions, studies)
 
 
 def _of_conditions(
@@ -121,10 +121,12 @@ def _of_conditions(
     tables, rated = cohorts.studies(keys)
     if null:
         tables = without_effect(tables, map(_shuffling, keys))
-    made = [record_of_tables(asked(job), *table) for table in zip(*tables, strict=True)]
+    studies = [record_of_tables(asked(job), *table) for table in zip(*tables, strict=True)]
     if null or not job.models:
-        return made
-    return [one.beside(record_of_models(cohort)) for one, cohort in zip(made, rated, strict=True)]
+        return studies
+    return [
+        one.beside(record_of_models(cohort)) for one, cohort in zip(studies, rated, strict=True)
+    ]
 
 
 def _shuffling(key: str) -> np.random.Generator:

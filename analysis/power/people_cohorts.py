@@ -16,7 +16,6 @@ from analysis.simulation import (
     Simulation,
     Tables,
     counted_trials,
-    joined,
     names_of,
 )
 from analysis.trials.contrasts import felt_change, planned_change_of
@@ -55,23 +54,23 @@ def without_effect(tables: Tables, streams: Iterable[np.random.Generator]) -> Ta
     are shuffled between groups, and each one's reported changes are drawn anew over all trials, so
     that with a signal they are no more than without.
     """
-    made = []
+    cohorts = []
     for scores, noticed, by_session, groups, rng in zip(*tables, streams, strict=True):
         # Each row on its own, so that a person's level stays and only the conditions lose their
         # meaning.
         order = rng.permuted(np.tile(np.arange(scores.shape[1]), (len(scores), 1)), axis=1)
         shuffled, reported = np.take_along_axis(scores, order, axis=1), _unnoticed(noticed, rng)
         apart = rng.permuted(np.take_along_axis(by_session, order[..., None], axis=1), axis=2)
-        made.append((shuffled, reported, apart, rng.permutation(groups)))
-    return Tables(*(np.stack(part) for part in zip(*made, strict=True)))
+        cohorts.append((shuffled, reported, apart, rng.permutation(groups)))
+    return Tables(*(np.stack(table) for table in zip(*cohorts, strict=True)))
 
 
 def _unnoticed(noticed: IntArray, rng: np.random.Generator) -> IntArray:
-    told, trials = noticed[..., 0], noticed[..., 1]
+    reported, trials = noticed[..., 0], noticed[..., 1]
     drawn = [
         # `marginals` takes as long for a thousand trials as for ten.
-        rng.multivariate_hypergeometric(of, int(reports), method="marginals")
-        for of, reports in zip(trials, told.sum(axis=1), strict=True)
+        rng.multivariate_hypergeometric(of_person, int(reports), method="marginals")
+        for of_person, reports in zip(trials, reported.sum(axis=1), strict=True)
     ]
     return np.stack([np.array(drawn), trials], axis=-1)
 
@@ -99,76 +98,78 @@ class PeopleCohorts:
         A person's true gain is per unit of the predicted contrast, as the estimated one is, so
         that its skin, which changes the contrast, is a part of it.
         """
-        simulation, people = self._simulation, self.participants
-        sessions = simulation.sessions(people, *keys)
-        made = joined(sessions)
+        size = self.participants
+        tables, everybody = self._simulation.studies(size, *keys)
         cohorts = (
-            made.rows(slice(first, first + people)) for first in range(0, made.people.size, people)
+            everybody.rows(slice(first, first + size)) for first in range(0, size * len(keys), size)
         )
-        return simulation.tables_of(sessions, people), map(self._rated, cohorts)
+        return tables, map(self._rated, cohorts)
 
-    def _rated(self, made: Cohort) -> RatedCohort:
-        simulation, names = self._simulation, names_of(self.participants)
-        counted, _, out = counted_trials(simulation.planned, made)
+    def _rated(self, cohort: Cohort) -> RatedCohort:
+        names = names_of(self.participants)
+        counted, _, out = counted_trials(self._simulation.planned, cohort)
         # Who left before the first answer breaks no rule, because there is nothing to judge.
-        kept = np.flatnonzero(~(out & made.answered.any(axis=1)))
+        kept = np.flatnonzero(~(out & cohort.answered.any(axis=1)))
         # People are described on the paper's scale and answer on the study's.
         unit = self.study.rating.span / PAPERS_SCALE.span
         zero = self.study.rating.minimum - unit * PAPERS_SCALE.minimum
-        people = made.people.rows(kept)
+        people = cohort.people.rows(kept)
         return RatedCohort(
-            ratings=self._ratings(made, counted, kept, tuple(names[who] for who in kept)),
+            ratings=self._ratings(cohort, counted, kept, tuple(names[who] for who in kept)),
             bias=zero + unit * people.bias,
             gain=unit * people.gain * people.skin,
             population_gain=unit * self._mean_gain if kept.size else 0.0,
         )
 
     def _ratings(
-        self, made: Cohort, counted: BoolArray, kept: IntArray, names: tuple[str, ...]
+        self, cohort: Cohort, counted: BoolArray, kept: IntArray, names: tuple[str, ...]
     ) -> Ratings:
         """Return the trials of those who are `kept`, with contrasts as a report has them."""
         who, trial = np.nonzero(counted[kept])
-        every = self._contrasts(made, kept[who], trial)
+        contrasts = self._contrasts(cohort, kept[who], trial)
         # As in a report: trials that only some laws predict are left out of all.
-        predicted = np.isfinite(every).all(axis=1)
-        known = self.study.conditions
-        asked = [kind.trial.condition for kind in self._simulation.planned.kinds]
-        positions = [known.index(name) if name in known else -1 for name in asked]
+        predicted = np.isfinite(contrasts).all(axis=1)
+        conditions = self.study.conditions
+        of_kinds = [kind.trial.condition for kind in self._simulation.planned.kinds]
+        positions = [conditions.index(name) if name in conditions else -1 for name in of_kinds]
         return Ratings(
             subjects=names,
-            conditions=known,
+            conditions=conditions,
             subject=who[predicted],
-            condition=np.array(positions)[made.kinds[kept[who], trial]][predicted],
-            contrast=every[predicted, list(LAWS).index(LAW)],
-            rating=made.score[kept[who], trial][predicted],
+            condition=np.array(positions)[cohort.kinds[kept[who], trial]][predicted],
+            contrast=contrasts[predicted, list(LAWS).index(LAW)],
+            rating=cohort.score[kept[who], trial][predicted],
         )
 
-    def _contrasts(self, made: Cohort, who: IntArray, trial: IntArray) -> FloatArray:
+    def _contrasts(self, cohort: Cohort, who: IntArray, trial: IntArray) -> FloatArray:
         """Return the contrast of each trial of a person under each law, shape (trials, laws)."""
-        resonance_hz, felt = self.study.rig.nominal_resonance_hz, []
-        for kind in self._simulation.planned.kinds:
-            asked = kind.trial
-            change = planned_change_of(self.study, asked.question, asked.expected, asked.touches)
+        resonance_hz, of_kinds = self.study.rig.nominal_resonance_hz, []
+        kinds_of_trial = self._simulation.planned.kinds
+        for kind in kinds_of_trial:
+            plan = kind.trial
+            change = planned_change_of(self.study, plan.question, plan.expected, plan.touches)
             # A contrast is between the first touch and the last; they may be one.
             ends = dict.fromkeys([0, len(kind.marks) - 1])
-            felt.append((change, [_touched(kind, number, resonance_hz) for number in ends]))
-        kinds, offsets_m = made.kinds[who, trial], made.people.place_offset_m[who]
-        count = np.array([len(kind.marks) for kind in self._simulation.planned.kinds])[made.kinds]
+            of_kinds.append((change, [_touched(kind, number, resonance_hz) for number in ends]))
+        kinds, offsets_m = cohort.kinds[who, trial], cohort.people.place_offset_m[who]
+        count = np.array([len(kind.marks) for kind in kinds_of_trial])[cohort.kinds]
         first = (np.cumsum(count, axis=1) - count)[who, trial]
         last = first + count[who, trial] - 1
         # The journal keeps a touch's force to a tenth of a millinewton.
-        forces_n = zip(*(made.force_n[who, at].tolist() for at in (first, last)), strict=True)
+        forces_n = zip(
+            *(cohort.force_n[who, touch].tolist() for touch in (first, last)), strict=True
+        )
         contrasts = np.full((len(who), len(LAWS)), np.nan)
         trials = zip(kinds.tolist(), offsets_m.tolist(), forces_n, strict=True)
-        for row, (kind, offset_m, own_n) in enumerate(trials):
-            change, planned = felt[kind]
+        for row, (number, offset_m, of_ends_n) in enumerate(trials):
+            change, planned = of_kinds[number]
             if change is not None:
                 touches = [
                     touch._replace(
                         force_n=round(force_n, 4),
                         place_m=touch.place_m + offset_m if force_n > LIFTED_N else nan,
                     )
-                    for touch, force_n in zip(planned, own_n, strict=False)
+                    for touch, force_n in zip(planned, of_ends_n, strict=False)
                 ]
                 contrasts[row] = _by_law(felt_change(change, touches, resonance_hz), self.rig)
         return contrasts

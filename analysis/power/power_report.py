@@ -114,16 +114,16 @@ def _is_able(test: TestPower) -> bool:
 def design_answer(summary: Summary) -> str:
     """Return what one design can tell, in words."""
     questions = {test.name: test for test in summary.tests if test.after == ()}
-    told = {OMNIBUS: "the conditions differ", NOTICED: "changes are noticed"}
+    in_words = {OMNIBUS: "the conditions differ", NOTICED: "changes are noticed"}
     parts = [
         *_precisions(summary.estimates),
         *(
             f"{_percent(questions[name].supported)} power to tell that {what}"
-            for name, what in told.items()
+            for name, what in in_words.items()
             if name in questions
         ),
     ]
-    if of_design := [test for test in questions.values() if test.name not in (GAINS, *told)]:
+    if of_design := [test for test in questions.values() if test.name not in (GAINS, *in_words)]:
         able = ", ".join(repr(test.name) for test in of_design if _is_able(test))
         none = "less than 80% power for every question about groups and factors"
         parts.append(f"80% power for {able}" if able else none)

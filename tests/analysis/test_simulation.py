@@ -26,7 +26,7 @@ EXACT = Person(felt_noise=0.0, rating_noise=0.0, criterion=0.0, criterion_less=0
 
 def test_the_default_population_scores_as_the_people_of_table_4() -> None:
     masked: Any = np.ma  # which has no types
-    found = masked.masked_invalid(Simulation(study=PAPER).tables(9, range(400)).scores)
+    found = masked.masked_invalid(Simulation(study=PAPER).studies(9, *range(400))[0].scores)
     means, spread = found.mean(axis=(0, 1)), found.std(axis=1, ddof=1).mean(axis=0)
     between = (found - means).mean(axis=2).std(axis=1, ddof=1).mean()
     scores = PUBLISHED.scores
@@ -38,7 +38,7 @@ def test_the_default_population_scores_as_the_people_of_table_4() -> None:
 
 def test_the_people_of_the_demo_leave_almost_no_score_missing() -> None:
     simulation = Simulation(study=PAPER, population=SENSITIVE)
-    tables = simulation.tables(9, range(200)).scores
+    tables = simulation.studies(9, *range(200))[0].scores
     assert np.isnan(tables).mean() < 0.04
     means = np.nanmean(tables, axis=(0, 1))
     assert means == pytest.approx(PUBLISHED.scores.mean(axis=0), abs=0.5)
@@ -48,7 +48,7 @@ def test_the_people_of_the_demo_leave_almost_no_score_missing() -> None:
 def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
     simulation = Simulation(study=study)
     seeds: list[int | str] = [3, "a spawn key"]
-    tables = simulation.tables(6, seeds).scores
+    tables = simulation.studies(6, *seeds)[0].scores
     for table, seed in zip(tables, seeds, strict=True):
         loaded = simulated_data(simulation, 6, seed).table
         whole = {f"P{row + 1:02d}": scores for row, scores in enumerate(table)}
@@ -60,8 +60,8 @@ def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
 
 def test_a_cohort_is_the_same_alone_and_among_others() -> None:
     simulation = Simulation(study=PAPER)
-    among = simulation.tables(9, range(5)).scores
-    assert np.array_equal(among[3:4], simulation.tables(9, [3]).scores, equal_nan=True)
+    among = simulation.studies(9, *range(5))[0].scores
+    assert np.array_equal(among[3:4], simulation.studies(9, 3)[0].scores, equal_nan=True)
     assert not np.array_equal(among[3], among[4], equal_nan=True)
 
 
@@ -84,7 +84,7 @@ def test_the_rules_leave_out_whom_the_report_leaves_out(
     varied = {"reaction_median_s": DEFAULT.varied["reaction_median_s"]}
     people = Population(typical=person, varied=varied)
     simulation = Simulation(study=study, population=people)
-    table, data = simulation.tables(8, [1]).scores[0], simulated_data(simulation, 8, 1)
+    table, data = simulation.studies(8, 1)[0].scores[0], simulated_data(simulation, 8, 1)
     assert data.left_out
     rows = [int(name[1:]) - 1 for name in data.table.subjects]
     assert np.array_equal(table[rows], data.table.scores, equal_nan=True)
@@ -104,7 +104,10 @@ def test_the_world_may_differ_from_the_analysis() -> None:
     exact = Population(typical=replace(EXACT, gain=10.0, bias=1.0))
     worlds = (World(), World(law="coulomb"), World(rung="mode"), World(damping_ratio=0.02))
     scores = [
-        Simulation(study=PAPER, population=exact, world=world).tables(1, [1]).scores[0, 0].tolist()
+        Simulation(study=PAPER, population=exact, world=world)
+        .studies(1, 1)[0]
+        .scores[0, 0]
+        .tolist()
         for world in worlds
     ]
     assert len({tuple(each) for each in scores}) == len(worlds), scores

@@ -55,7 +55,7 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
         assert first == second.replace(b"demo-2", b"demo"), f"{name} depends on the seed alone"
     simulation = Simulation(study=parsed_study(template("paper")), population=SENSITIVE)
     found = pd.read_csv("demo/report/table4.csv", na_values="–").iloc[:2, 1:6]
-    np.testing.assert_array_equal(found, simulation.tables(2, [7]).scores[0])
+    np.testing.assert_array_equal(found, simulation.studies(2, 7)[0].scores[0])
     with closing(sqlite3.connect("demo/study.db")) as journal:
         offs = journal.execute("SELECT payload FROM event WHERE tag = 'device-off'").fetchall()
     assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]

@@ -7,10 +7,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A warning of numpy is an error in the processes that tests start, too.
 os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 
-import atexit
 import gc
 import shutil
-import tempfile
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -19,39 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-# What commands keep goes to a folder of this run's own, which its workers share.
-if "TOUCHBEAM_CACHE" not in os.environ:
-    os.environ["TOUCHBEAM_CACHE"] = tempfile.mkdtemp(prefix="touchbeam-kept-")
-    atexit.register(shutil.rmtree, os.environ["TOUCHBEAM_CACHE"], ignore_errors=True)
-
-from runner.study import kept_files
 from tests.runner.window.person import virtual_display
-
-OF_THIS_RUN = Path(os.environ["TOUCHBEAM_CACHE"])
-
-
-class Pooled(kept_files.KeptFiles):
-    """Kept results of a study, which all studies of this run share: the same call, the same name.
-
-    A test that looks at what is kept names a cache of its own, as a user does.
-    """
-
-    pool = kept_files.KeptFiles(OF_THIS_RUN / "pool")
-
-    def get(self, name: str) -> bytes | None:
-        return super().get(name) or (self.pool.get(name) if self._is_of_this_run else None)
-
-    def put(self, name: str, content: bytes) -> None:
-        super().put(name, content)
-        if self._is_of_this_run:
-            self.pool.put(name, content)
-
-    @property
-    def _is_of_this_run(self) -> bool:
-        return self._folder.parent == OF_THIS_RUN
-
-
-kept_files.KeptFiles = Pooled  # type: ignore[misc]
 
 # Underflow is none of these: the likelihood far out in a tail is 0.
 np.seterr(divide="raise", over="raise", invalid="raise")
@@ -103,14 +69,10 @@ def _require_tools() -> None:
 
 @pytest.fixture
 def figures_as_svg(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Write figures as SVG under all names: other bytes for another figure, and soon drawn.
-
-    For what is beside them; nothing of it is kept for other tests, since a lambda has no name.
-    """
-    made = "analysis.report.drawing"
-    files, svg = import_module(made).drawing, import_module(made)._reproducible_svg
-    monkeypatch.setattr(f"{made}._saved", lambda figure, *_: svg(figure).encode())
-    monkeypatch.setattr(f"{made}._files_of", lambda draw, words: files(draw, words).files())
+    """Write figures as SVG under all names: other bytes for another figure, and soon drawn."""
+    module = import_module("analysis.report.drawing")
+    svg = module._reproducible_svg
+    monkeypatch.setattr(module, "_saved", lambda figure, *_: svg(figure).encode())
 
 
 @pytest.fixture(scope="session")

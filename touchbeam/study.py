@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.export.trial_table import Frames
-    from analysis.kept import Kept
     from analysis.loading.sessions import Sessions
     from analysis.loading.study_data import StudyData
     from analysis.report.report import Report
@@ -54,56 +53,24 @@ def read_study(
     followed: "Callable[[Chains, int], Chains]" = lambda chains, _: chains,
 ) -> "Study":
     """Return the study as `load` does; `followed` gets the chains and how many there are."""
-    from analysis.kept import Kept
-    from analysis.loading.kept_sessions import KeptSessions, kept_sessions
     from analysis.loading.sessions import load_sessions
     from runner.journal.opening import read_journal
     from runner.journal.verification import readable_chains
-    from runner.study.kept_files import code_version, journal_digest, kept_files
 
-    path = folder.existing_journal()
+    path, broken = folder.existing_journal(), list[str]()
     text, file = folder.text(), folder.study()
     with read_journal(path) as journal:
-        shelf = kept_files(journal)
         withdrawals = journal.withdrawals()
-    # Not while it is open here, when it has a log; and what is not kept needs no name.
-    digest = journal_digest(path) if shelf else ""
-
-    broken: list[str] = []
-    loaded: list[Sessions] = []
-
-    def read() -> "Sessions":
-        with read_journal(folder.journal) as journal:
-            readable = readable_chains(journal, broken, rehearsals=rehearsals)
-            chains = followed(readable, len(journal.sessions()))
-            loaded.append(load_sessions(chains))
-        return loaded[0]
-
-    @cache
-    def unchanged() -> bool:
-        return journal_digest(folder.journal) == digest
-
-    if shelf is None:
-        recorded = read()
-    else:
-        # Not the one of the report, which would hold the tables for as long.
-        found = Kept(shelf, code_version()).made(
-            lambda: kept_sessions(read(), broken),
-            KeptSessions,
-            digest,
-            rehearsals,
-            worth=lambda _: unchanged(),
-        )
-        recorded, broken = loaded[0] if loaded else found.sessions(), list(found.broken)
+        chains = readable_chains(journal, broken, rehearsals=rehearsals)
+        recorded = load_sessions(followed(chains, len(journal.sessions())))
     return Study(
         folder=folder,
         file=file,
         recorded=recorded,
         rehearsals=rehearsals,
         broken=tuple(broken),
-        # What a session added meanwhile is in the tables or not: no digest tells.
-        _read=(digest if shelf and (not loaded or unchanged()) else "", text),
-        _withdrawals=withdrawals,
+        _text=text,
+        withdrawals=withdrawals,
     )
 
 
@@ -115,7 +82,7 @@ class Study:
     Its tables are made when they are first asked for. `columns` gives the meaning and the unit of
     each of their columns. Excluded trials and sessions are in the tables, flagged; only `scores`
     and `contrasts` leave them out, and rehearsals of another study file, as the report does.
-    Withdrawn participants are not there.
+    Withdrawn participants are not there; `withdrawals` counts their sessions.
     """
 
     folder: "StudyFolder"
@@ -123,10 +90,9 @@ class Study:
     recorded: "Sessions"
     rehearsals: bool
     broken: tuple[str, ...]
-    _read: tuple[str, str]
-    """The digest of the journal and the text of the study, as they were loaded."""
-    _withdrawals: int
-    """How many sessions had been withdrawn when it was loaded."""
+    withdrawals: int
+    _text: str
+    """The study file as it was loaded."""
 
     def __repr__(self) -> str:
         count = len(self.sessions)
@@ -295,30 +261,16 @@ class Study:
         Raises:
             ValueError: there is no section of that name.
         """
-        from runner.study.files import write_files
+        from analysis.report.report import report_files
 
         # A text is a sequence, too: of its letters.
         named = (sections,) if isinstance(sections, str) else sections
-        names = None if named is None else tuple(named)
-        asked = asked_report(
-            self.folder,
-            rehearsals=self.rehearsals,
-            named=names,
-            read=self._read,
-            withdrawals=self._withdrawals,
-        )
-
-        def found() -> Found:
-            return self.file, self._counted, self.broken
-
-        made = asked.written(found, figures=figures)
-        folder = self.folder.report if out is None else Path(out)
-        # A folder that the user names may be a link; one within the study may come from a stranger.
-        own = self.folder.path if out is None else None
-        write_files(
-            made.files, folder, made.figure_files, study=own, confirm=asked.require_no_withdrawal
-        )
-        return folder / "report.html"
+        shown = shown_sections(self.folder, named)
+        result = report_on(self, shown, alone=named is not None)
+        place = None if out is None else Path(out)
+        files = report_files(result, figures=figures)
+        write_report_files(self.folder, self.withdrawals, files, place)
+        return (place or self.folder.report) / "report.html"
 
     def predict(
         self,
@@ -347,176 +299,80 @@ def reported(study: Study) -> "Sessions":
 
     if not study.rehearsals:
         return study.recorded
-    return rehearsed_with(study.recorded, text_digest(study._read[1]))
+    return rehearsed_with(study.recorded, text_digest(study._text))
 
 
-Found = tuple["StudyFile", "StudyData", Sequence[str]]
-"""A study file, the data that count, and the broken chains."""
+def shown_sections(folder: "StudyFolder", named: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Return the sections `named`; without them those of `report.toml`, None for all.
 
-_MOST_KEPT = 2**25
-"""Bytes of a report that is kept whole; of a larger one the tests, fits and figures are kept."""
+    A section of earlier versions in `report.toml` gives a warning, and is left out.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Written:
-    """The files of a report, by relative path, and what the command says of it.
-
-    `figure_files` are the paths of all figures that a report may have.
+    Raises:
+        BadInput: there is no section of one of the names.
     """
+    from analysis.report.page import FORMER_SECTIONS, require_sections
 
-    files: Mapping[str, bytes]
-    figure_files: tuple[str, ...]
-    table4: tuple[tuple[str, ...], ...]
-    lines: tuple[str, ...]
-    broken: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class AskedReport:
-    """What a report depends on besides its data, and what is kept of such reports.
-
-    The commands, the crate and Python programs get theirs here. Its page shows the sections
-    `named`; without them those of `report.toml`, or all.
-    """
-
-    folder: "StudyFolder"
-    journal: str
-    text: str
-    rehearsals: bool
-    named: tuple[str, ...] | None
-    shown: tuple[str, ...] | None
-    unlocked: str
-    rig: "Calibration"
-    keep: "Kept"
-    withdrawals: int
-
-    def made(self, file: "StudyFile", found: "StudyData", broken: Sequence[str]) -> "Report":
-        """Return the report on `found`, data of the study."""
-        from analysis.report.findings import Origin
-        from analysis.report.report import report
-        from protocol.errors import typed_as
-        from protocol.study_file.loading import text_digest
-
-        options = ["--rehearsals"] * self.rehearsals
-        options += [] if self.named is None else ["--sections", ",".join(self.named)]
-        origin = Origin(
-            # Quoted, because a folder's name may have spaces and the line is to be run again.
-            command=" ".join(
-                map(typed_as, ["touchbeam", "report", self.folder.path.resolve().name, *options])
-            ),
-            study_sha256=text_digest(self.text),
-            broken_chains=tuple(broken),
-            rig=self.rig,
-            unlocked=self.unlocked,
-            # A `report.toml` chooses sections by itself.
-            alone=self.named is not None,
-        )
-        title = file.publication.title or file.study.name
-        return report(title, found, file, origin, self.shown, keep=self.keep)
-
-    def written(self, load: Callable[[], Found], *, figures: bool) -> Written:
-        """Return the files of the report on what `load` returns, which is the data of `journal`.
-
-        Of a journal whose bytes are as they were, it is the report that was made then.
-        """
-        from runner.study.kept_files import journal_digest
-
-        def whole(made: Written) -> bool:
-            """Return whether it is small enough, and of the journal that it was asked of."""
-            size = sum(map(len, made.files.values()))
-            return size <= _MOST_KEPT and journal_digest(self.folder.journal) == self.journal
-
-        # All that the report depends on besides the data: with anything else it must be made anew.
-        asked = (self.folder.path.resolve().name, self.rehearsals, self.named, self.shown, figures)
-        known = (self.journal, self.text, self.unlocked, self.rig, asked)
-        make = partial(self._written, load, figures=figures)
-        made = self.keep.made(make, Written, *known, worth=whole)
-        self.require_no_withdrawal()
-        return made
-
-    def require_no_withdrawal(self) -> None:
-        """Raise `WorkFailed` if somebody withdrew since it was asked for, or its data loaded."""
-        from runner.journal.verification import require_no_withdrawal
-
-        require_no_withdrawal(self.folder.journal, self.withdrawals)
-
-    def _written(self, load: Callable[[], Found], *, figures: bool) -> Written:
-        from analysis.loading.study_data import marks
-        from analysis.report import results, table4_text, wording
-        from analysis.report.report import FIGURE_FILES, report_files
-        from analysis.report.sections import registration, session_checks
-
-        result = self.made(*load())
-        scored, main = bool(result.loaded.table.conditions), result.table.main
-        why = marks(result.loaded.empty)
-        table4 = table4_text.table4_lines(main.table4, "–", why) if scored else []
-        return Written(
-            files=report_files(result, figures=figures),
-            figure_files=tuple(sorted(FIGURE_FILES)),
-            table4=tuple(map(tuple, table4)),
-            lines=(
-                *(result.table_notes if scored else ["No conditions: no table of scores."]),
-                *([wording.omnibus_line(main)] if scored else []),
-                *results.threshold_lines(result),
-                *registration.registered_lines(result),
-                *session_checks.left_out_lines(result.loaded),
-            ),
-            broken=tuple(result.origin.broken_chains),
-        )
-
-
-def shown_sections(folder: "StudyFolder") -> tuple[str, ...] | None:
-    """Return the sections that `report.toml` chooses, None for all.
-
-    A section that an earlier version had gives a warning, and is left out.
-    """
-    from analysis.report.page import FORMER_SECTIONS
-
+    if named is not None:
+        require_sections(named)
+        return tuple(named)
     names = folder.report_sections() or ()
     if former := [name for name in names if name in FORMER_SECTIONS]:
         where = folder.path / "report.toml"
         said = f"{where}: sections that only earlier versions had are left out: {', '.join(former)}"
-        warnings.warn(said, stacklevel=2)
-    return tuple(name for name in names if name not in FORMER_SECTIONS) or None
+        warnings.warn(said, stacklevel=3)
+    shown = tuple(name for name in names if name not in FORMER_SECTIONS)
+    require_sections(shown)
+    return shown or None
 
 
-def asked_report(
-    folder: "StudyFolder",
-    *,
-    rehearsals: bool,
-    named: tuple[str, ...] | None,
-    read: tuple[str, str] | None = None,
-    withdrawals: int | None = None,
-) -> AskedReport:
-    """Return what a report on the study depends on now; or, of journal and text, when `read`.
+def report_on(study: Study, shown: tuple[str, ...] | None, *, alone: bool) -> "Report":
+    """Return the report on the study; its page shows the sections `shown`.
 
-    There were so many `withdrawals` then.
-
-    Raises:
-        BadInput: nothing is recorded yet, or a file of the study cannot be read.
+    `alone` is whether they were named for this report, so that no other section is computed.
     """
-    from analysis.kept import Kept
+    from analysis.report.findings import Origin
+    from analysis.report.report import report
+    from protocol.errors import typed_as
+    from protocol.study_file.loading import text_digest
     from runner.journal.opening import read_journal
-    from runner.study.calibration import fitted_calibration
-    from runner.study.kept_files import code_version, journal_digest, kept_files
     from runner.study.registered import registration_problem
 
-    now = journal_digest(folder.existing_journal())
-    digest, text = read or (now, folder.text())
-    with read_journal(folder.journal) as journal:
-        # What was read before a withdrawal must not come back to where that has deleted it.
-        shelf = kept_files(journal) if digest == now else None
-        unlocked = registration_problem(journal, folder)
-        withdrawals = journal.withdrawals() if withdrawals is None else withdrawals
-    return AskedReport(
-        folder=folder,
-        journal=digest,
-        text=text,
-        rehearsals=rehearsals,
-        named=named,
-        shown=shown_sections(folder) if named is None else named,
+    with read_journal(study.folder.journal) as journal:
+        unlocked = registration_problem(journal, study.folder)
+    options = ["--rehearsals"] * study.rehearsals
+    options += ["--sections", ",".join(shown or ())] if alone else []
+    origin = Origin(
+        # Quoted, because a folder's name may have spaces and the line is to be run again.
+        command=" ".join(
+            map(typed_as, ["touchbeam", "report", study.folder.path.resolve().name, *options])
+        ),
+        study_sha256=text_digest(study._text),
+        broken_chains=study.broken,
+        rig=study._rig,
         unlocked=unlocked,
-        rig=fitted_calibration(folder.path),
-        keep=Kept(shelf, code_version()),
-        withdrawals=withdrawals,
+        alone=alone,
+    )
+    title = study.file.publication.title or study.file.study.name
+    return report(title, study._counted, study.file, origin, shown)
+
+
+def write_report_files(
+    folder: "StudyFolder", withdrawals: int, files: Mapping[str, bytes], out: Path | None
+) -> None:
+    """Write the files of a report on the study into `out`, by default `report` in its folder.
+
+    Raises:
+        WorkFailed: somebody withdrew since the study had so many `withdrawals`.
+    """
+    from analysis.report.report import FIGURE_FILES
+    from runner.journal.verification import require_no_withdrawal
+    from runner.study.files import write_files
+
+    write_files(
+        files,
+        out or folder.report,
+        sorted(FIGURE_FILES),
+        # A folder that the user names may be a link; one within the study may come from a stranger.
+        study=None if out else folder.path,
+        confirm=partial(require_no_withdrawal, folder.journal, withdrawals),
     )

@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
-from analysis.loading.sessions import Sessions, load_sessions
+from analysis.loading.sessions import load_sessions
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
@@ -78,8 +78,8 @@ class Dataset:
 
     A session in which no trial was begun is not in `tables`. `rig` is the study's calibration at
     present.
-    `source_sha256` is the digest of all the events that they were read from, empty if nobody asked
-    for it, `broken_chains` are the sessions whose events are not as they were recorded.
+    `source_sha256` is the digest of all the events that they were read from, `broken_chains` are
+    the sessions whose events are not as they were recorded.
     """
 
     study: Study
@@ -288,7 +288,7 @@ class Dataset:
 
 
 def dataset(
-    source: Sessions | Iterable[Chain],
+    chains: Iterable[Chain],
     study: Study,
     touchbeam: str,
     *,
@@ -296,26 +296,23 @@ def dataset(
     rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
 ) -> Dataset:
-    """Return what is to be exported of the sessions in `source`.
+    """Return what is to be exported of the sessions in `chains`.
 
     Args:
-        source: the events of each session, the study's own chain among them or not, read one
-            session at a time; or their tables, which tell neither digest nor recordings.
+        chains: the events of each session, the study's own chain among them or not, read one
+            session at a time.
         study: the study file as it is now.
         touchbeam: the version that exports.
         rehearsals: whether dry runs are wanted too.
         rig: as calibrated at present.
-        broken_chains: the sessions whose chain of hashes is broken; known once `source` is read.
+        broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
 
     Raises:
         NothingToExport: there is no trial.
     """
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
-    if isinstance(source, Sessions):
-        sessions = source
-    else:
-        sessions = load_sessions(_recorded(_digested(source, digest), recorded))
+    sessions = load_sessions(_recorded(_digested(chains, digest), recorded))
     tables = frames(study, sessions, rehearsals=rehearsals)
     found, kept = tables.found, tables.kept
     left_out = len(found.sessions) - len(kept)
@@ -332,20 +329,12 @@ def dataset(
         tables=replace(tables, kept=kept[begun]),
         rehearsals_left_out=left_out,
         sessions_without_trials=int((~begun).sum()),
-        source_sha256="" if isinstance(source, Sessions) else digest.hexdigest(),
+        source_sha256=digest.hexdigest(),
         touchbeam=touchbeam,
         rig=rig,
         broken_chains=tuple(broken_chains),
         recorded=recorded,
     )
-
-
-def with_recordings(data: Dataset, chains: Iterable[Chain]) -> Dataset:
-    """Return data from tables with what was recorded during touches, which only `chains` tell."""
-    recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
-    for _ in _recorded(chains, recorded):
-        pass
-    return replace(data, recorded=recorded)
 
 
 def counted(number: int, what: str) -> str:

@@ -12,12 +12,17 @@ import pandas as pd
 from analysis.estimates import BoolArray, FloatArray, NotEstimable
 from analysis.friction import measured_contrast as contrast
 from analysis.friction import recorded
-from analysis.kept import Kept
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
 from analysis.trials.contrasts import TrialContrasts, scored_trials, trial_changes
+from analysis.trials.law_likelihood import law_likelihoods, law_order
 from analysis.trials.trial_checks import FTest, gain_differences
-from analysis.trials.trial_statistics import LawScore, SensitivityModels, law_scores
+from analysis.trials.trial_statistics import (
+    LawScore,
+    SensitivityModels,
+    law_score,
+    mean_contrasts,
+)
 from device.friction.changes import LAW, Change
 from protocol.study.study import Study
 
@@ -295,10 +300,10 @@ class MeasuredStatistics(SensitivityModels):
         by_errors = m1.lines.middle[1] ** 2 * float((self.trials.best_error[scored] ** 2).mean())
         return min(by_errors / m1.residual_sd**2, 1.0)
 
-    @property
+    @cached_property
     def differences(self) -> FTest | NotEstimable:
         """The test of differences in gain between subjects."""
-        return self.keep(gain_differences, self.scored.ratings)
+        return gain_differences(self.scored.ratings)
 
     @cached_property
     def predictors(self) -> tuple[LawScore, ...]:
@@ -313,13 +318,17 @@ class MeasuredStatistics(SensitivityModels):
         scored = scored_trials(self.data, contrasts)
         by_name = {name: scored.contrasts[name] for name in found}
         scale = (float(rating.minimum), float(rating.maximum))
-        return law_scores(self.data, scored.ratings, by_name, scale, self.keep)
+        likelihoods = law_likelihoods(scored.ratings, by_name, scale)
+        return tuple(
+            law_score(name, means, law_order(*means), likelihoods[name])
+            for name, means in mean_contrasts(self.data, scored.ratings, by_name).items()
+        )
 
 
 def measured_statistics(
-    study: Study, data: StudyData, predicted: FloatArray, keep: Kept | None = None
+    study: Study, data: StudyData, predicted: FloatArray
 ) -> MeasuredStatistics | None:
     """Return the statistics of the trials with recorded touches; None if nothing was recorded."""
     if not data.forces:
         return None
-    return MeasuredStatistics(study=study, data=data, predicted=predicted, keep=keep or Kept())
+    return MeasuredStatistics(study=study, data=data, predicted=predicted)

@@ -185,7 +185,7 @@ class Course:
         touches = self._planned[self._attempt.trial_index].touches
         self._rows.touches.append(
             TouchRow(
-                planned=planned_touch(touches[event.touch]),
+                planned=_planned_touch(touches[event.touch]),
                 attempt_id=self._rows.attempts.last_id,
                 beam=self._beam,
                 commanded_voltage_v=event.commanded.voltage_v,
@@ -362,7 +362,7 @@ def _track(study_text: str | None, name: str) -> Track | None:
         return None
 
 
-def planned_touch(planned: Mapping[str, Any]) -> Touch:
+def _planned_touch(planned: Mapping[str, Any]) -> Touch:
     """Return the touch that is planned as the journal has it."""
     return _touch(tuple(planned.items()))
 

@@ -179,7 +179,7 @@ class TouchRow:
 def with_plans(touches: pd.DataFrame) -> pd.DataFrame:
     """Return the table of touches with columns for what was planned of each."""
     # A study plans few different touches, and a table has many.
-    places, plans = numbered(touches["planned"].tolist())
+    places, plans = _numbered(touches["planned"].tolist())
     told = {
         it.name: pd.Series(
             [getattr(plan, it.planned) for plan in plans], dtype=TEXT if it.levels else "float64"
@@ -189,7 +189,7 @@ def with_plans(touches: pd.DataFrame) -> pd.DataFrame:
     return touches.join(pd.DataFrame(told).iloc[places].reset_index(drop=True))
 
 
-def numbered(values: Sequence[Any]) -> tuple[IntArray, list[Any]]:
+def _numbered(values: Sequence[Any]) -> tuple[IntArray, list[Any]]:
     """Return the place of each value among the different objects, and those."""
     # By identity, because 1, 1.0 and True are equal, and a mapping has no hash.
     place_of: dict[int, int] = {}

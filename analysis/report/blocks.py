@@ -9,9 +9,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from analysis.estimates import NotEstimable
-from analysis.kept import Kept
 from analysis.report import wording
-from analysis.report.drawing import Draw, Drawing, Words, kept_drawing
+from analysis.report.drawing import Draw, Drawing, Words, drawing
 
 ColumnKind = Literal["number", "word", "text", "ranking", "sentence"]
 
@@ -195,7 +194,6 @@ class Figure:
     Attributes:
         name: id in the page, and name of its files.
         draw: draws the figure; None if there is nothing to draw.
-        keep: what keeps the drawing.
         instead: paragraph above the table if the figure is not drawn.
         front: whether it stands among the results, with its table in the section.
     """
@@ -206,7 +204,6 @@ class Figure:
     title: str = ""
     caption: str = ""
     draw: Draw | None = None
-    keep: Kept = field(default_factory=Kept)
     instead: str = ""
     table: Table | None = None
     front: bool = False
@@ -215,7 +212,7 @@ class Figure:
     def drawing(self) -> Drawing | None:
         """The drawn figure, or None if there is nothing to draw."""
         words = Words(name=self.name, title=self.title, description=self.caption)
-        return None if self.draw is None else kept_drawing(self.draw, words, self.keep)
+        return None if self.draw is None else drawing(self.draw, words)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,11 +260,6 @@ class Section:
     data: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
-
-    def named(self, name: str, keep: Kept) -> "Section":
-        """Return the section with a name, and figures drawn where `keep` has none like them."""
-        of = (replace(it, keep=keep) if isinstance(it, Figure) else it for it in self.blocks)
-        return replace(self, name=name, blocks=list(of))
 
     @property
     def figures(self) -> list[Figure]:

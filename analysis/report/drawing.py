@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from html import escape
 from itertools import cycle
 from pathlib import Path
@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, Interval
-from analysis.kept import Kept
 from analysis.report.findings import Scale
 
 with chdir(Path(sys.executable).parent):  # it reads a `matplotlibrc` in the current folder
@@ -144,31 +143,6 @@ class Sheet:
 
 Draw = Callable[[Sheet], None] | tuple[Panel, ...]
 """What draws into an empty figure, or panels, which have a size of their own."""
-
-
-def kept_drawing(draw: Draw, words: Words, keep: Kept) -> Drawing:
-    """Return what `draw` draws, or drew before; its files are made when they are asked for."""
-
-    # Drawn once at most, although the picture and its files are asked for apart.
-    @cache
-    def drawn() -> Drawing:
-        return drawing(draw, words)
-
-    return Drawing(
-        name=words.name,
-        # What is drawn is named by its data and words; the code that draws belongs to the version
-        # of what is kept.
-        svg=keep.made(lambda: drawn().svg, _svg_of, draw, words),
-        files=lambda: keep.made(lambda: drawn().files(), _files_of, draw, words),
-    )
-
-
-def _svg_of(draw: Draw, words: Words) -> str:
-    return drawing(draw, words).svg
-
-
-def _files_of(draw: Draw, words: Words) -> Mapping[str, bytes]:
-    return drawing(draw, words).files()
 
 
 def marked(number: int) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Findings of a study: its data and all results computed from them for the report."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from analysis.estimates import LEVEL, ScoreTable, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
-from analysis.kept import Kept
 from analysis.loading.records import values
 from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
 from analysis.loading.study_lock import StudyLock
@@ -25,7 +24,7 @@ from analysis.statistics.groups import (
     GroupStatistics,
     group_statistics,
 )
-from analysis.statistics.summary import TableStatistics, reading
+from analysis.statistics.summary import Reading, TableStatistics
 from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics, crossed_scores
 from device.friction.scenes import NOMINAL, Calibration
@@ -113,7 +112,6 @@ class Findings:
     table: TableStatistics
     trials: TrialStatistics
     measured: MeasuredStatistics | None
-    keep: Kept = field(default_factory=Kept)
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:
@@ -148,22 +146,29 @@ class Findings:
     @cached_property
     def design(self) -> Design | None:
         """The questions about groups and factors; None of a study that has neither."""
-        return self.design_by(*next(iter(self.table.tables.items())))
+        return self._design(self.table.main, self.trials.factorial)
 
-    def design_by(self, name: str, table: ScoreTable) -> Design | None:
-        """Return the same under a reading of withheld scores.
+    @cached_property
+    def reread(self) -> Mapping[str, Design]:
+        """The same under each other reading of withheld scores, by its name.
 
         Gains of people are those of given scores, and so are scores by session.
         """
+        made = {}
+        for read in self.table.readings[1:]:
+            crossed = crossed_scores(self.study, self.loaded, read.table4.table)
+            made[read.name] = self._design(read, crossed and factorial_tests(crossed[0]))
+        return {name: design for name, design in made.items() if design is not None}
+
+    def _design(self, read: Reading, factors: Factorial | None) -> Design | None:
+        table = read.table4.table
         groups = self._groups(table)
-        crossed = crossed_scores(self.study, self.loaded, table)
-        if crossed is None and groups is None:
+        if factors is None and groups is None:
             return None
-        own = table is self.loaded.table
-        factors = crossed and self.keep(factorial_tests, crossed[0], crossed[1] if own else None)
+        is_main = read is self.table.main
         tests: dict[str, Any] = {
-            OMNIBUS: self.keep(reading, name, table).omnibus_p,
-            GAINS: self.keep(gain_heterogeneity, table),
+            OMNIBUS: read.omnibus_p,
+            GAINS: self.table.heterogeneity if is_main else gain_heterogeneity(table),
             CHANGES_NOTICED: self.trials.noticed[-1].found if self.trials.noticed else None,
             **{claim: getattr(groups, of) for of, claim in CLAIMED.items() if groups},
             **{effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())},
@@ -184,12 +189,6 @@ class Findings:
             p_holm=p_holm,
         )
 
-    def reread(self) -> Iterator[tuple[str, Design]]:
-        """Yield the same under each other reading of withheld scores, with its name."""
-        for name, table in list(self.table.tables.items())[1:]:
-            if made := self.design_by(name, table):
-                yield name, made
-
     @property
     def groups(self) -> GroupStatistics | None:
         """The comparisons between groups; None of a study without groups."""
@@ -206,8 +205,7 @@ class Findings:
         if not rows:
             return None
         names = tuple(dict.fromkeys((*self.study.groups, *known.values())))
-        return self.keep(
-            group_statistics,
+        return group_statistics(
             scores=table.scores[rows],
             gains=own_gains(self.trials.scored.ratings)[rows],
             groups=np.array([names.index(known[table.subjects[row]]) for row in rows]),
@@ -220,7 +218,7 @@ class Findings:
         """The thresholds of people in tracks; None of a study without tracks."""
         loaded = self.loaded
         friction = friction_of_touches(loaded) if self.study.track else {}
-        return thresholds(self.study, loaded, self.origin.rig, self.keep, friction)
+        return thresholds(self.study, loaded, self.origin.rig, friction)
 
     @property
     def table_notes(self) -> list[str]:

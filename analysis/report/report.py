@@ -6,7 +6,6 @@ from typing import Any
 
 from analysis.cells import json_text
 from analysis.felt.measured_statistics import measured_statistics
-from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.report.blocks import Figure, Section
 from analysis.report.drawing import FORMATS
@@ -36,7 +35,7 @@ class Report(Findings):
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """All sections, shown or not; if they are wanted `alone`, those shown and `ALWAYS`."""
-        return tuple(SECTIONS[name].make(self).named(name, self.keep) for name in self.needed)
+        return tuple(replace(SECTIONS[name].make(self), name=name) for name in self.needed)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -66,7 +65,7 @@ class Report(Findings):
         """Sections with at least what stands among the results."""
         own = {section.name: section for section in self.sections}
         return tuple(
-            own.get(name) or Section(blocks=list(part.front(self))).named(name, self.keep)
+            own.get(name) or Section(blocks=list(part.front(self)), name=name)
             for name, part in SECTIONS.items()
             if part.front and self._has(name)
         )
@@ -91,12 +90,9 @@ def report(
     study: Study,
     origin: Origin,
     shown: tuple[str, ...] | None = None,
-    *,
-    keep: Kept | None = None,
 ) -> Report:
     """Return the report on the data `loaded` from `study`; its page shows the sections `shown`.
 
-    What `keep` knows is not computed again.
     Scores of a published table were felt on a rig of their own, which no calibration describes.
 
     Raises:
@@ -110,18 +106,16 @@ def report(
         origin = origin.under(loaded.lock)
     # Published scores are on the paper's scale, from 0.
     least = 0 if loaded.kinds == ("published",) else study.rating.minimum
-    keep = keep or Kept()
-    trials = TrialStatistics(data=loaded, study=study, rig=origin.rig, keep=keep)
+    trials = TrialStatistics(data=loaded, study=study, rig=origin.rig)
     result = Report(
         title=title,
         loaded=loaded,
         study=study,
         origin=origin,
-        table=TableStatistics(tables=loaded.readings(least), keep=keep),
+        table=TableStatistics(tables=loaded.readings(least)),
         trials=trials,
-        measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW], keep),
+        measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         shown=shown,
-        keep=keep,
     )
     needed = (fit for name in result.needed for fit in SECTIONS[name].fits)
     # Before any section asks for them, because sections ask one after another.

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable, ScoreTable
-from analysis.kept import Kept
 from analysis.statistics import additive as effects
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
@@ -74,16 +73,16 @@ class TableStatistics:
     """
 
     tables: Mapping[str, ScoreTable]
-    keep: Kept = field(default_factory=Kept)
 
     @cached_property
     def main(self) -> Reading:
         """The first reading."""
-        return self.keep(reading, *next(iter(self.tables.items())))
+        return reading(*next(iter(self.tables.items())))
 
     @cached_property
     def readings(self) -> tuple[Reading, ...]:
-        return tuple(self.keep(reading, *named) for named in self.tables.items())
+        others = list(self.tables.items())[1:]
+        return (self.main, *(reading(*named) for named in others))
 
     @property
     def _table(self) -> ScoreTable:
@@ -92,22 +91,22 @@ class TableStatistics:
     @cached_property
     def icc_subjects(self) -> IntraclassCorrelation | NotEstimable:
         """How reliably scores measure a subject."""
-        return self.keep(intraclass_correlation, self._table, target="subjects")
+        return intraclass_correlation(self._table, target="subjects")
 
     @cached_property
     def icc_conditions(self) -> IntraclassCorrelation | NotEstimable:
         """How reliably scores measure a condition."""
-        return self.keep(intraclass_correlation, self._table, target="conditions")
+        return intraclass_correlation(self._table, target="conditions")
 
     @cached_property
     def additive(self) -> effects.AdditiveEffects | NotEstimable:
         """Effects of conditions and subjects."""
-        return self.keep(effects.additive_effects, self._table)
+        return effects.additive_effects(self._table)
 
     @cached_property
     def heterogeneity(self) -> effects.GainHeterogeneity | NotEstimable:
         """Differences between subjects in the size of the conditions' effects."""
-        return self.keep(effects.gain_heterogeneity, self._table)
+        return effects.gain_heterogeneity(self._table)
 
 
 def reading(name: str, table: ScoreTable) -> Reading:

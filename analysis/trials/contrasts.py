@@ -1,7 +1,7 @@
 """The contrast that each friction law predicts for each trial, under what was really done."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from itertools import chain
@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
-from analysis.kept import Kept
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.lines import Ratings
@@ -24,7 +23,6 @@ from device.friction.changes import (
     AT_A_PLACE,
     CONDITIONS,
     LAW,
-    RUNG,
     Change,
     Kind,
     Moment,
@@ -63,8 +61,6 @@ def trial_contrasts(
     trials: pd.DataFrame,
     touches: pd.DataFrame,
     rig: Calibration = NOMINAL,
-    *,
-    keep: Kept | None = None,
 ) -> TrialContrasts:
     """Return the contrasts of all trials under every law.
 
@@ -81,30 +77,23 @@ def trial_contrasts(
     rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
-    number_of: dict[FeltChange, int] = {}
+    number_of: dict[tuple[Change | None, Calibration], int] = {}
     numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    by_law = (keep or Kept())(contrasts_by_law, tuple(number_of), RUNG)
+    by_law = {law: _predicted(number_of, law) for law in laws.LAWS}
     return TrialContrasts(
         by_law={law: values[numbers] for law, values in by_law.items()},
         measured=trials.index.isin(measured),
     )
 
 
-FeltChange = tuple[Change | None, Calibration]
-"""A change, None where none is known, and the rig on which it was felt."""
-
-
-def contrasts_by_law(felt: tuple[FeltChange, ...], rung: str) -> dict[str, FloatArray]:
-    """Return the contrasts of changes, shape (changes,), by law; NaN where none is predicted."""
-
-    def contrasts(law: str) -> list[float]:
-        return [
-            np.nan if change is None else predicted_contrast(change, law, rung, rig)
-            for change, rig in felt
-        ]
-
-    return {law: np.array(contrasts(law), float) for law in laws.LAWS}
+def _predicted(felt: Iterable[tuple[Change | None, Calibration]], law: str) -> FloatArray:
+    """Return the contrasts of changes on the rigs on which they were felt, shape (changes,)."""
+    contrasts = [
+        np.nan if change is None else predicted_contrast(change, law, rig=rig)
+        for change, rig in felt
+    ]
+    return np.array(contrasts, np.float64)
 
 
 _ASKED = ["trial_kind", "condition", "question", "expected", "resonance_hz", "study_text"]

@@ -1,6 +1,6 @@
 """Thresholds of people: the answers of each person in each track, fitted, and their cohort."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,7 +10,6 @@ import pandas as pd
 from scipy.special import bdtrc
 
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
-from analysis.kept import Kept
 from analysis.loading.study_data import StudyData
 from analysis.statistics.detection import Detection, detection
 from analysis.thresholds.answer_curve import Curve
@@ -129,7 +128,6 @@ def thresholds(
     study: Study,
     data: StudyData,
     rig: Calibration,
-    keep: Kept,
     friction: Mapping[int, float] | None = None,
 ) -> Thresholds | None:
     """Return the thresholds of all people; None where no trial that counts is of a track.
@@ -149,7 +147,7 @@ def thresholds(
         for who in data.table.subjects:
             if len(mine := own[own["participant"].eq(who)]):
                 touches = data.touches[data.touches["attempt_id"].isin(mine.index)]
-                people.append(_person(track, who, mine, touches, (felt, friction or {}, keep)))
+                people.append(_person(track, who, mine, touches, felt, friction or {}))
         told = ((it.readings, felt, it.felt) for it in people if it.track == track.name)
         read += track_readings.cohort_readings(track, told)
     cohort = tuple(_cohort(track, people) for track in tracks)
@@ -161,14 +159,13 @@ def _person(
     who: str,
     trials: pd.DataFrame,
     touches: pd.DataFrame,
-    by: tuple[Any, Mapping[int, float], Kept],
+    felt: Callable[..., Any],
+    friction: Mapping[int, float],
 ) -> PersonThreshold:
-    felt, friction, keep = by
     points = tuple(_points(track, trials))
     asked, number, right = zip(*points, strict=True) if points else ((), (), ())
     positive = [distance for distance in track.distances if distance > 0]
-    fit = keep(
-        fitted,
+    fit = fitted(
         levels=asked,
         trials=number,
         correct=right,

@@ -1,16 +1,15 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import LEVEL, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
-from analysis.kept import Kept
+from analysis.estimates import LEVEL, FloatArray, IntArray, NotEstimable, ScoreTable
 from analysis.loading.published import SCALE
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity import laplace, linear_model, predictive_checks
@@ -31,6 +30,7 @@ from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of
 from analysis.trials import contrasts as trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
 from analysis.trials.trial_checks import Discrimination, discrimination
+from analysis.workers import done
 from device.friction.changes import AT_A_PLACE, Change
 from device.friction.scenes import NOMINAL, Calibration
 from protocol.study.factor import CONDITION
@@ -168,7 +168,6 @@ class SensitivityModels(ABC):
 
     data: StudyData
     study: Study
-    keep: Kept = field(default_factory=Kept)
 
     @property
     @abstractmethod
@@ -183,7 +182,7 @@ class SensitivityModels(ABC):
     @cached_property
     def m1(self) -> linear_model.LinearSensitivity | NotEstimable:
         """The simple comparison."""
-        return self.keep(linear_model.linear_sensitivity, self.scored.ratings)
+        return linear_model.linear_sensitivity(self.scored.ratings)
 
     @cached_property
     def m2(self) -> OrdinalSensitivity | NotEstimable:
@@ -200,14 +199,14 @@ class SensitivityModels(ABC):
         """The checks of M2 and M3."""
         return {"M2": self._m2.check, "M3": self._m3.check}
 
-    # Fit and check are kept as one, because a fit that fails its check is withheld.
+    # Fit and check are one, because a fit that fails its check is withheld.
     @cached_property
     def _m2(self) -> predictive_checks.Checked[OrdinalSensitivity]:
-        return self.keep(predictive_checks.checked_ordinal, self.scored.ratings)
+        return predictive_checks.checked_ordinal(self.scored.ratings)
 
     @cached_property
     def _m3(self) -> predictive_checks.Checked[TwoStageSensitivity]:
-        return self.keep(predictive_checks.checked_two_stage, self._answered)
+        return predictive_checks.checked_two_stage(self._answered)
 
     @cached_property
     def _answered(self) -> AnsweredTrials:
@@ -227,15 +226,13 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def contrasts(self) -> trial_contrasts.TrialContrasts:
         """Contrasts of all trials, by law."""
-        return trial_contrasts.trial_contrasts(
-            self.study, self.data.trials, self.data.touches, self.rig, keep=self.keep
-        )
+        data = self.data
+        return trial_contrasts.trial_contrasts(self.study, data.trials, data.touches, self.rig)
 
     @cached_property
     def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:
         """Effects of the conditions in the ordinal mixed model."""
-        calls = {link: self._ordinal(link) for link in LINKS}
-        return {link: self.keep(of.func, *of.args, **of.keywords) for link, of in calls.items()}
+        return {link: self._ordinal(link)() for link in LINKS}
 
     # Processes that fit import what a call names, so that none names a module with data frames.
     def _ordinal(self, link: Link) -> partial[OrdinalEffects | NotEstimable]:
@@ -248,9 +245,7 @@ class TrialStatistics(SensitivityModels):
     def place_m2(self) -> OrdinalSensitivity | NotEstimable:
         """M2 of the conditions at a place."""
         chosen = self._at_places
-        if isinstance(chosen, NotEstimable):
-            return chosen
-        return self.keep(ordinal_sensitivity, chosen)
+        return chosen if isinstance(chosen, NotEstimable) else ordinal_sensitivity(chosen)
 
     @cached_property
     def _at_places(self) -> Ratings | NotEstimable:
@@ -269,8 +264,8 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
         """How certain the contrast of each condition is."""
-        ranged = trial_contrasts.contrast_range
-        return tuple(self.keep(ranged, *each, self.rig) for each in self._changes.items())
+        changes = self._changes.items()
+        return tuple(trial_contrasts.contrast_range(*each, self.rig) for each in changes)
 
     @cached_property
     def crossed(self) -> tuple[Crossed, Crossed | None] | None:
@@ -280,7 +275,7 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def factorial(self) -> Factorial | None:
         """Effects of the factors and of the session; None of a study without both."""
-        return None if self.crossed is None else self.keep(factorial_tests, *self.crossed)
+        return None if self.crossed is None else factorial_tests(*self.crossed)
 
     @cached_property
     def latent_factorial(self) -> LatentFactorial | NotEstimable | None:
@@ -288,7 +283,7 @@ class TrialStatistics(SensitivityModels):
         if self.crossed is None:
             return None
         wide = self.crossed[1] or self.crossed[0]
-        return self.keep(latent_factorial, *cell_scores(self.study, self.data, wide))
+        return latent_factorial(*cell_scores(self.study, self.data, wide))
 
     def fit_ahead(self, models: Iterable[str]) -> None:
         """Fit M2 and those of `models`, named `M3`, `M2 at places` or as in `LINKS`, two at a time.
@@ -300,16 +295,23 @@ class TrialStatistics(SensitivityModels):
         if len(ratings.rating) < laplace.LARGE:
             return
         m2, places = partial(predictive_checks.checked_ordinal, ratings), self._at_places
-        calls: dict[str, list[partial[Any]]] = {
-            # Where both rest on the same trials M3 takes the posterior of M2.
-            "M3": [m2, partial(predictive_checks.checked_two_stage, self._answered)],
-            **{link: [self._ordinal(link)] for link in LINKS},
-            "M2 at places": []
+        calls: dict[str, dict[str, partial[Any]]] = {
+            # In one process, because M3 takes the posterior of M2 if both rest on the same trials.
+            "M3": {"_m2": m2, "_m3": partial(predictive_checks.checked_two_stage, self._answered)},
+            **{link: {link: self._ordinal(link)} for link in LINKS},
+            "M2 at places": {}
             if isinstance(places, NotEstimable)
-            else [partial(ordinal_sensitivity, places)],
+            else {"place_m2": partial(ordinal_sensitivity, places)},
         }
         groups = [calls[model] for model in models]
-        self.keep.ahead(groups if calls["M3"] in groups else [[m2], *groups], PROCESSES)
+        groups = groups if calls["M3"] in groups else [{"_m2": m2}, *groups]
+        fits: dict[str, Any] = {}
+        for made in done([partial(_called, group) for group in groups if group], PROCESSES):
+            fits |= made
+        if fits.keys() >= {*LINKS}:
+            fits["ordinal"] = {link: fits[link] for link in LINKS}
+        # Properties of these names are then cached already.
+        vars(self).update(fits)
 
     @cached_property
     def laws(self) -> tuple[LawScore, ...]:
@@ -317,21 +319,24 @@ class TrialStatistics(SensitivityModels):
         published, rating = self.data.kinds == ("published",), self.study.rating
         # A published table is on the paper's scale, whatever that of the study in the folder.
         scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
-        ratings, contrasts = self.scored.ratings, self.scored.contrasts
-        found = law_scores(self.data, ratings, contrasts, scale, self.keep)
-        ranking = _papers_ranking(self.data)
+        likelihoods = law_likelihoods(self.scored.ratings, self.scored.contrasts, scale)
         # The page shows a reason wherever it shows no number.
         nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
-        own = [_law_score(PAPERS_RANKING, ranking, nobody, self.keep)] if ranking else []
-        return (*found, *own)
+        return tuple(
+            law_score(law, means, self.orders[law], likelihoods.get(law, nobody))
+            for law, means in self._means.items()
+        )
 
     @cached_property
     def orders(self) -> Mapping[str, LawOrder | NotEstimable]:
         """How each law orders the conditions, by law; what `laws` says of it, without its fit."""
+        return {law: law_order(*means) for law, means in self._means.items()}
+
+    @cached_property
+    def _means(self) -> Mapping[str, "MeanContrasts"]:
         means = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
-        if ranking := _papers_ranking(self.data):
-            means[PAPERS_RANKING] = ranking
-        return {law: self.keep(law_order, *of) for law, of in means.items()}
+        ranking = _papers_ranking(self.data)
+        return means if ranking is None else {**means, PAPERS_RANKING: ranking}
 
     @cached_property
     def noticed(self) -> tuple[Detected, ...]:
@@ -355,6 +360,10 @@ class TrialStatistics(SensitivityModels):
         ratings = self.scored.every.given
         cells = np.stack([ratings.subject, ratings.condition])
         return len(np.unique(cells, axis=1).T) < len(ratings.rating)
+
+
+def _called(calls: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
+    return {name: call() for name, call in calls.items()}
 
 
 def crossed_scores(
@@ -409,19 +418,6 @@ def cell_scores(
     return np.array(given["score"], np.float64), subject, cell, wide.factors
 
 
-def law_scores(
-    data: StudyData,
-    ratings: Ratings,
-    contrasts: Mapping[str, FloatArray],
-    scale: Interval,
-    keep: Kept,
-) -> tuple[LawScore, ...]:
-    """Return how contrasts of these trials, by law, order the conditions and fit the ratings."""
-    likelihoods = keep(law_likelihoods, ratings, contrasts, scale)
-    means = mean_contrasts(data, ratings, contrasts)
-    return tuple(_law_score(law, means[law], likelihoods[law], keep) for law in contrasts)
-
-
 class MeanContrasts(NamedTuple):
     """Mean predicted contrast and mean rating of the conditions that have a prediction."""
 
@@ -457,12 +453,12 @@ def _papers_ranking(data: StudyData) -> MeanContrasts | None:
     return _of_conditions(data, np.array([_CLAIMED.get(name, 0.0) for name in conditions]))
 
 
-def _law_score(
-    law: str, means: MeanContrasts, likelihood: LawLikelihood | NotEstimable, keep: Kept
+def law_score(
+    law: str,
+    means: MeanContrasts,
+    order: LawOrder | NotEstimable,
+    likelihood: LawLikelihood | NotEstimable,
 ) -> LawScore:
-    return LawScore(
-        law=law,
-        predicted=dict(zip(means.conditions, means.predicted.tolist(), strict=True)),
-        order=keep(law_order, *means),
-        likelihood=likelihood,
-    )
+    """Return how a law, or another predictor, orders the conditions and fits the ratings."""
+    predicted = dict(zip(means.conditions, means.predicted.tolist(), strict=True))
+    return LawScore(law=law, predicted=predicted, order=order, likelihood=likelihood)

@@ -1,147 +1,123 @@
 """Files in a study's folder, beside its journal, that still hold a withdrawn participant."""
 
-import csv
-import html
-import io
-import json
 import os
 import re
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from protocol.study_file.loading import picture_names
 from runner.journal.database import log_of
-from runner.journal.names import parsed_name
-from runner.journal.opening import read_journal
-from runner.journal.store import JournalError
+from runner.study.mentions import Budget, NotSearched, Person, Picture, drawn_as_text, file_names
 
 MOST_FILES = 20_000
 MOST_BYTES = 512 * 2**20
-_TABLES = {".csv", ".tsv"}
-_TEXTS = {".json", ".jsonl", ".html", ".svg", ".tex", ".md", ".txt"}
-_WHO = {"participant", "pseudonym", "subject"}
-"""The columns of reports and exports that name a participant."""
 _TOPS = ("report.json", "trials.csv", "dataset_description.json")
 """The folder of a report or an export has one of these files."""
-_DATABASE = b"SQLite format 3\0"
-_LOG = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
-"""The first bytes of SQLite's files."""
+_HISTORY = ".git"
+"""Holds all that a file ever was, compressed in a way of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OldResults:
     """What still names a participant, relative to the study's folder.
 
-    A report or an export is named by its folder, another file by itself. `unsearched` counts the
-    files that are unreadable, beyond the limits of the search, or databases but no journals.
+    A report or an export is named by its folder, another file by itself. `unsearched` are the files
+    that are unreadable, beyond the limits of the search, or of a kind without text.
     """
 
     holding: tuple[str, ...]
-    unsearched: int
+    unsearched: tuple[str, ...]
 
 
-def old_results(study: Path, participant: str) -> OldResults:
-    """Search the folder `study`, its journal apart, for `participant`; follow no links."""
-    holding: dict[str, None] = {}
-    searched, unsearched, budget = 0, 0, MOST_BYTES
-    for path in _files(study):
+def old_results(study: Path, person: Person) -> OldResults:
+    """Search the folder `study`, its journal apart, for a person; follow no links.
+
+    A figure holds what its SVG holds, in whose file texts are texts; a log goes with its journal.
+    """
+    holding: set[Path] = set()
+    unsearched: dict[Path, NotSearched | OSError] = {}
+    budget, paths = Budget(files_left=MOST_FILES, bytes_left=MOST_BYTES), list[Path]()
+    for path in _files(study, unsearched):
+        paths.append(path)
         try:
-            if (holds := _search_of(path)) is None:
-                continue
-            size, searched = path.stat().st_size, searched + 1
-            # Counted and told, so that nobody takes a search that was cut short for a clean result.
-            if searched > MOST_FILES or size > budget:
-                unsearched += 1
-                continue
-            budget -= size
-            if holds(path, participant):
-                holding[str(_result(path, study).relative_to(study))] = None
-        except (OSError, JournalError):
-            unsearched += 1
-    return OldResults(holding=tuple(holding), unsearched=unsearched)
+            inside = path.relative_to(study).as_posix()
+            if person.is_in_path(inside) or file_names(path, person, budget):
+                holding.add(path)
+        # Told, so that nobody takes a search that was cut short for a clean result.
+        except (OSError, NotSearched) as error:
+            unsearched[path] = error
+    for path in [path for path, error in unsearched.items() if isinstance(error, Picture)]:
+        if drawn := [Path(name) for name in drawn_as_text(str(path)) if Path(name).is_file()]:
+            del unsearched[path]
+            holding |= {path} if holding.intersection(drawn) else set()
+    holding |= {path for path in paths if _database_of(path) in holding}
+    results = (_result(path, study) for path in paths if path in holding)
+    left = unsearched.keys() - holding - {study / name for name in _own_pictures(study)}
+    return OldResults(
+        holding=tuple(str(path.relative_to(study)) for path in dict.fromkeys(results)),
+        unsearched=tuple(sorted(str(path.relative_to(study)) for path in left)),
+    )
 
 
-def _search_of(path: Path) -> Callable[[Path, str], bool] | None:
-    """Return how to search a file, by its first bytes or its name; None for pictures."""
-    # By its first bytes, because a copy of the journal may have any name.
-    with path.open("rb") as file:
-        start = file.read(len(_DATABASE))
-    if start == _DATABASE:
-        return _journal_holds
-    if start.startswith(_LOG):  # a longer name with this end is found, too
-        return lambda log, participant: f"{participant}/".encode() in log.read_bytes()
-    return _names if path.suffix in _TEXTS | _TABLES else None
+def _database_of(path: Path) -> Path | None:
+    """Return the database whose log, or index of a log, has this name."""
+    for end in ("-wal", "-shm"):
+        if path.name.endswith(end):
+            return path.with_name(path.name.removesuffix(end))
+    return None
 
 
-def _journal_holds(path: Path, participant: str) -> bool:
-    """Return whether a copy of a journal has a payload of `participant`, rehearsed or not."""
-    with read_journal(path) as journal:
-        return any(
-            not link.event.erased
-            for chain in journal.sessions()
-            if parsed_name(chain).participant == participant
-            for link in journal.chain(chain)
-        )
+def _own_pictures(study: Path) -> list[str]:
+    """Return the names of the pictures that the study shows to everybody."""
+    try:
+        return picture_names((study / "study.toml").read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError):
+        return []
 
 
 def _result(path: Path, study: Path) -> Path:
     # From the outermost folder, because an export may contain a report.
     inside = reversed(path.relative_to(study).parents[:-1])
     folders = (study / folder for folder in inside)
-    with_tops = (each for each in folders if any((each / top).is_file() for top in _TOPS))
+    with_tops = (folder for folder in folders if any((folder / top).is_file() for top in _TOPS))
     return next(with_tops, path)
 
 
-def _names(path: Path, participant: str) -> bool:
-    # A name can be found in a file that is not all text.
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
-    if path.suffix in _TABLES:
-        return _table_names(text, participant, tabs=path.suffix == ".tsv")
-    return re.search(_mention(participant), text) is not None
-
-
-def _table_names(text: str, participant: str, *, tabs: bool) -> bool:
-    """Return whether a cell is `participant`, in a column that names people if there is one."""
-    lines = io.StringIO(text, newline="")
-    rows: Iterator[list[str]] = csv.reader(lines)
-    if tabs:
-        rows = (line.rstrip("\n").split("\t") for line in lines)
-    try:
-        header = next(rows, [])
-        # Only these columns, because a pseudonym that is a number would be found among scores.
-        who = {n for n, name in enumerate(header) if name in _WHO} or {*range(len(header))}
-        return any(
-            # Exports put an apostrophe before what a spreadsheet would take for a formula.
-            n in who and cell.removeprefix("'") == participant
-            for row in rows
-            for n, cell in enumerate(row)
-        )
-    except csv.Error:  # touchbeam did not write it
-        return participant in text
-
-
-def _mention(participant: str) -> str:
-    r"""Return the pattern of `participant` in a text; a number must stand where names do.
-
-    >>> re.findall(_mention("P_1"), r"P_10, xP_1, sub-P_1, P\_1 & 7, P_1/1")
-    ['P\\_1', 'P_1']
-    >>> re.findall(_mention("7"), '{"score": 7, "subject": "7"} <td>7</td> 7/1')
-    ['"7"', '7/1']
-    """
-    in_latex = participant.replace("_", r"\_")
-    forms = {participant, json.dumps(participant)[1:-1], html.escape(participant), in_latex}
-    name = f"(?:{'|'.join(map(re.escape, sorted(forms)))})"
-    # A bare number stands everywhere in a report.
-    if participant.isdecimal():
-        return rf'(?m)(?<!=)"{name}["/]|"row">{name}<|^{name} &|(?<![\w./-]){name}/\d'
-    return rf"(?<![\w-]){name}(?![\w-])"
-
-
-def _files(study: Path) -> Iterator[Path]:
+def _files(study: Path, unsearched: dict[Path, NotSearched | OSError]) -> Iterator[Path]:
     """Yield the files below `study` but its journal, without links, pipes and devices."""
+
+    def barred(error: OSError) -> None:
+        unsearched[Path(error.filename)] = error
+
     journal = study / "study.db"
-    for place, folders, names in os.walk(study):
+    own = {journal, log_of(journal), journal.with_name("study.db-shm")}
+    for place, folders, names in os.walk(study, onerror=barred):
         folders.sort()
+        if _HISTORY in folders:
+            folders.remove(_HISTORY)
+            unsearched[Path(place, _HISTORY)] = NotSearched()
         for path in (Path(place, name) for name in sorted(names)):
-            if path not in {journal, log_of(journal)} and not path.is_symlink() and path.is_file():
+            if path not in own and not path.is_symlink() and path.is_file():
                 yield path
+
+
+_OF_A_STUDY = re.compile(r"[0-9a-f]{32}(?:\.withdrawn)?")
+
+
+def old_caches() -> list[Path]:
+    """Return the folders in which earlier versions kept results for this user, as far as there."""
+    if sys.platform == "win32":
+        place = Path(os.environ.get("LOCALAPPDATA", "")) / "touchbeam" / "Cache"
+    elif sys.platform == "darwin":
+        place = Path.home() / "Library" / "Caches" / "touchbeam"
+    else:
+        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "touchbeam"
+    folders = [place] if place.is_absolute() and place.is_dir() else []
+    # A folder that the user named may have other files, too, which nobody is told to delete.
+    named = Path(os.environ.get("TOUCHBEAM_CACHE", ""))
+    if named.is_absolute() and named.is_dir():
+        entries = [entry.name for entry in named.iterdir()]
+        folders += [named] * (bool(entries) and all(map(_OF_A_STUDY.fullmatch, entries)))
+    return folders

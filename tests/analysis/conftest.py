@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, ScoreTable
-from analysis.kept import Kept
-from analysis.report import report
 from analysis.sensitivity import predictive_checks
 from analysis.trials import trial_statistics
 from tests.analysis.sensitivity.simulated_raters import (
@@ -15,7 +13,6 @@ from tests.analysis.sensitivity.simulated_raters import (
     VirtualStudy,
     virtual_study,
 )
-from tests.conftest import Pooled
 
 # Predicted contrasts of the five conditions, and the multiples at which the design presents them.
 CONTRASTS = np.array([0.10, 0.15, 0.25, 0.35, 0.05])
@@ -23,15 +20,10 @@ LEVELS = np.array([0.25, 0.6, 1.2, 2.0])
 
 
 @pytest.fixture(autouse=True)
-def fitted_once(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Let no report fit again what was fitted in this run, unless the test changes the program.
-
-    It starts no processes for its fits, because other tests have the other cores.
-    """
+def fits_in_one_process() -> Iterator[None]:
+    """Start no processes for fits, because other tests have the other cores."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trial_statistics, "PROCESSES", 1)
-        if "monkeypatch" not in request.fixturenames:
-            patch.setattr(report, "Kept", lambda: Kept(Pooled.pool))
         predictive_checks.fitted.cache_clear()
         yield
 

@@ -27,7 +27,7 @@ def environment(name: str) -> Mapping[str, str]:
     """Return the environment in which each Python has the mutant `name`."""
     paths = (str(Path(__file__).with_name("site")), str(ROOT))
     # What another mutant, or none, has computed would hide this one.
-    own = {VARIABLE: name, "PYTHONPATH": os.pathsep.join(paths), "TOUCHBEAM_CACHE": "off"}
+    own = {VARIABLE: name, "PYTHONPATH": os.pathsep.join(paths)}
     return {**os.environ, **own}
 
 

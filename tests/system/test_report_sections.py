@@ -2,15 +2,13 @@
 
 import json
 import webbrowser
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import touchbeam
-from analysis.kept import Kept
 from analysis.report.page import SECTIONS
 from analysis.report.report import report, report_files
 from tests.analysis.reports import study_report
@@ -123,29 +121,26 @@ def test_an_unknown_section_is_refused_before_anything_is_read(
     assert "no section 'metods'; there are table4, methods" in capsys.readouterr().err
 
 
-class Computed(Kept):
-    """It tells which functions were computed."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.names: set[str] = set()
-
-    def made(
-        self, make: Callable[[], Any], returning: Callable[..., Any], *of: object, **named: Any
-    ) -> Any:
-        self.names.add(returning.__name__)
-        return super().made(make, returning, *of, **named)
+def computed(results: object) -> set[str]:
+    """Return the names of the results that were asked for."""
+    return {
+        name
+        for name in vars(results)
+        if isinstance(getattr(type(results), name, None), cached_property)
+    }
 
 
 def test_what_is_not_shown_is_not_fitted() -> None:
     given, named = study_report(), ("glossary", "trials")
-    keep, origin = Computed(), replace(given.origin, alone=True)
-    files = report_files(
-        report("a", given.loaded, given.study, origin, named, keep=keep), figures=True
-    )
+    origin = replace(given.origin, alone=True)
+    made = report("a", given.loaded, given.study, origin, named)
+    files = report_files(made, figures=True)
     # The results in words and their figures stand on every page.
-    fits = {"reading", "contrasts_by_law", "checked_ordinal", "linear_sensitivity", "law_order"}
-    assert keep.names == fits | {"_svg_of", "_files_of"}
+    assert computed(made.table) == {"main", "readings"}
+    fits = {"m1", "m2", "_m2", "orders", "_means"}
+    given_once = {"contrasts", "scored", "noticed", "crossed", "factorial"}
+    assert computed(made.trials) == fits | given_once
+    assert made.trials.factorial is None, "it has no factors"
     drawn = {path.removesuffix(".svg") for path in files if path.endswith(".svg")}
     assert drawn == {f"figures/{name}" for name in ("scores", "model", "relative-gains")}
 

@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option, Typer
 
-from protocol.errors import BadInput
+from protocol.errors import BadInput, typed_as
 from runner.clock import WallClock
 from touchbeam.cli import options
-from touchbeam.cli.output import complain, counted, print_json, program, require_confirmation, say
+from touchbeam.cli.output import counted, print_json, program, require_confirmation, say
 
 if TYPE_CHECKING:
     from runner.journal.store import Journal
@@ -241,10 +240,10 @@ def withdraw(
     and times of the events, not their content.
     """
     from runner.journal import amendments
-    from runner.journal.names import chains_of, parsed_name, spoken_name
+    from runner.journal.names import chains_of, is_rehearsal, parsed_name, spoken_name
     from runner.launch import locks, request
-    from runner.study.kept_files import forget
-    from runner.study.old_results import old_results
+    from runner.study.mentions import Person
+    from runner.study.old_results import old_caches, old_results
 
     folder = options.study_folder(study)
     with options.study_journal(folder, to_write=True) as journal, ExitStack() as stack:
@@ -253,6 +252,13 @@ def withdraw(
             # A session that is running would go on writing what is being erased.
             stack.enter_context(locks.session_lock(name, study))
         names = {chain: spoken_name(journal, chain) for chain in chains}
+        people = {parsed_name(chain).participant for chain in journal.sessions()}
+        person = Person(
+            name=participant,
+            # Without any session of that name it is the rehearsal that withdraws.
+            rehearsal=rehearsal or is_rehearsal(journal, chains[0]),
+            others=tuple(people - {participant}),
+        )
         left = amendments.unerased(journal, chains)
         if left and not yes:
             told = "; ".join(f"{names[chain]}, {what}" for chain, what in left.items())
@@ -260,27 +266,36 @@ def withdraw(
             ask = request.refused if as_json else require_confirmation
             ask(f"this erases for good: {told}", "add --yes to erase without a question")
         amendments.withdraw(journal, WallClock(), participant, rehearsal=rehearsal)
-        # Kept results hold scores of the participant, too.
-        if remaining := forget(journal):
-            complain(f"{remaining}: kept results cannot be deleted; delete this folder")
         kept = [] if rehearsal else chains_of(journal, participant, rehearsal=True)
         kept = [chain for chain in kept if chain not in chains]
-    old = old_results(study, participant)
+    old, caches = old_results(study, person), old_caches()
     if as_json:
-        print_json({"sessions": chains, "salted": journal.salted, **asdict(old)})
+        print_json(
+            {
+                "sessions": chains,
+                "salted": journal.salted,
+                "holding": old.holding,
+                "unsearched": len(old.unsearched),
+                "unsearched_files": old.unsearched,
+                "old_caches": [str(folder) for folder in caches],
+            }
+        )
         return
     if not left:
         say(f"Nothing was left to erase: already withdrawn: {', '.join(names.values())}.")
-    for line in _withdrawn(
-        [names[chain] for chain in left], participant, old, salted=journal.salted
-    ):
+    erased = [names[chain] for chain in left]
+    for line in _withdrawn(erased, participant, old, caches, salted=journal.salted):
         say(line)
     if kept:
         say(f"{participant} was a rehearsal, too, which stays; --rehearsal erases it.")
 
 
+_SHOWN = 10
+"""Files that could not be searched, of those that are named."""
+
+
 def _withdrawn(
-    names: list[str], participant: str, old: "OldResults", *, salted: bool
+    names: list[str], participant: str, old: "OldResults", caches: Sequence[Path], *, salted: bool
 ) -> Iterator[str]:
     """Yield what a withdrawal did and what it could not do, line by line."""
     if names:
@@ -291,8 +306,16 @@ def _withdrawn(
             "secret, such as a consent reference, can be found by trying all of them."
         )
     for result in old.holding:
-        yield f"Still contains {participant}: {result}. Make it again or delete it."
+        yield f"Still contains {participant}: {result}. Make it again, correct it or delete it."
     if old.unsearched:
-        left = counted(old.unsearched, "file")
-        yield f"Not searched, because too large, too many, unreadable or not touchbeam's: {left}."
+        first, others = ", ".join(old.unsearched[:_SHOWN]), len(old.unsearched) - _SHOWN
+        yield (
+            "Not searched, because too large, too many, damaged or without text: "
+            f"{first}{f' and {others} more' if others > 0 else ''}. Look at them yourself."
+        )
+    if caches:
+        yield (
+            "Earlier versions of touchbeam kept results, scores of people among them, which "
+            f"nothing reads any more; delete them: rm -r {' '.join(map(typed_as, caches))}"
+        )
     yield "Copies, backups, and reports and exports kept elsewhere may still contain the data."

@@ -12,11 +12,11 @@ from typer import Argument, Option, Typer
 from protocol.errors import BadInput
 from runner.people.terminal import at_terminal
 from touchbeam.cli import options, output
-from touchbeam.study import asked_report, read_study, reported
+from touchbeam.study import read_study, report_on, shown_sections, write_report_files
 
 if TYPE_CHECKING:
+    from analysis.report.report import Report
     from runner.study.folder import StudyFolder
-    from touchbeam.study import Found
 
 app = Typer()
 
@@ -203,54 +203,55 @@ def write_report(
     Without `out` it goes to `report` in the study's folder. Its `figures` become files if asked.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
     """
-    from runner.study.files import write_files
+    from analysis.report.report import FIGURE_FILES, report_files
 
-    if named is not None:
-        from analysis.report.page import require_sections
-
-        require_sections(named)
-    asked = asked_report(folder, rehearsals=rehearsals, named=named)
-    found = partial(_found, folder, asked.shown, rehearsals=rehearsals, alone=as_json)
-    made = asked.written(found, figures=figures)
-    warn_of_broken(made.broken, folder.path)
     place = out or folder.report
     if place.exists() and not place.is_dir():
         raise BadInput(f"{place}: must be a folder for the report, got a file")
-    # A folder that the user named may contain a link; one in a study may be a stranger's.
-    own = None if out else folder.path
-    write_files(
-        made.files, place, made.figure_files, study=own, confirm=asked.require_no_withdrawal
-    )
+    # Before anything is read, which may take long.
+    shown = shown_sections(folder, named)
+    bar = partial(output.followed, "sessions", alone=as_json)
+    study = read_study(folder, rehearsals=rehearsals, followed=bar)
+    result, withdrawals = report_on(study, shown, alone=named is not None), study.withdrawals
+    # The tables of all sessions would stay in memory beside the page that is made of them.
+    del study
+    files = report_files(result, figures=figures)
+    warn_of_broken(result.origin.broken_chains, folder.path)
+    write_report_files(folder, withdrawals, files, out)
     if as_json:
-        output.print_json_text(made.files["report.json"].decode())
+        output.print_json_text(files["report.json"].decode())
         return
-    drawn = len(set(made.figure_files) & made.files.keys())
-    others = made.files.keys() - {*made.figure_files, "report.html"}
+    _print_results(result)
+    drawn = len(FIGURE_FILES & files.keys())
     beside = [
-        *sorted(others),
+        *sorted(files.keys() - {*FIGURE_FILES, "report.html"}),
         f"{drawn} figure files" if figures else "with --figures figure files",
     ]
-    if made.table4:
-        output.print_table("Table 4", made.table4)
-    for line in made.lines:
-        output.say(line)
     output.say(
         f"Written: {place / 'report.html'} (open it in a browser); beside it {', '.join(beside)}"
     )
 
 
-def _found(
-    folder: "StudyFolder", shown: Sequence[str] | None, *, rehearsals: bool, alone: bool
-) -> "Found":
-    from analysis.loading.study_data import study_data
-    from analysis.report.page import require_sections
+def _print_results(result: "Report") -> None:
+    """Print Table 4 and the lines that say what a report found."""
+    from analysis.loading.study_data import marks
+    from analysis.report import results, table4_text, wording
+    from analysis.report.sections import registration, session_checks
 
-    # Before anything is read, which may take long.
-    require_sections(shown or ())
-    bar = partial(output.followed, "sessions", alone=alone)
-    study = read_study(folder, rehearsals=rehearsals, followed=bar)
-    data = study_data(reported(study), rehearsals=rehearsals, rules=study.file.exclusions)
-    return study.file, data, study.broken
+    main = result.table.main
+    if result.loaded.table.conditions:
+        lines = table4_text.table4_lines(main.table4, "–", marks(result.loaded.empty))
+        output.print_table("Table 4", lines)
+        said = [*result.table_notes, wording.omnibus_line(main)]
+    else:
+        said = ["No conditions: no table of scores."]
+    for line in (
+        *said,
+        *results.threshold_lines(result),
+        *registration.registered_lines(result),
+        *session_checks.left_out_lines(result.loaded),
+    ):
+        output.say(line)
 
 
 def warn_of_broken(sessions: "Sequence[str]", study: Path) -> None:

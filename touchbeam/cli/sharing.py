@@ -11,7 +11,6 @@ from protocol.errors import BadInput, typed_as
 from touchbeam.cli import options
 from touchbeam.cli.output import counted, followed, say
 from touchbeam.cli.results import warn_of_broken
-from touchbeam.study import read_study
 
 app = Typer()
 
@@ -69,10 +68,9 @@ def export(
     """
     from importlib.metadata import version
 
-    from analysis.export.dataset import dataset, with_recordings
+    from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS
     from device.friction.scenes import NOMINAL
-    from runner.journal.opening import read_journal
     from runner.journal.verification import readable_chains, require_no_withdrawal
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
@@ -80,18 +78,10 @@ def export(
     source = options.study_folder(study)
     with options.study_journal(source) as journal:
         _require_known(participant, journal.sessions())
-        withdrawals = journal.withdrawals()
-    broken: list[str] = []
-    bar, tables = partial(followed, "sessions"), None
-    # Tables alone need no events: those that a report has kept will do.
-    if as_format == "csv" and participant is None:
-        read = read_study(source, rehearsals=rehearsals, followed=bar)
-        tables, broken = read.recorded, list(read.broken)
-    with read_journal(source.journal) as journal:
-        told = [] if tables else broken
-        chains = readable_chains(journal, told, participant, rehearsals=rehearsals)
+        withdrawals, broken = journal.withdrawals(), list[str]()
+        chains = readable_chains(journal, broken, participant, rehearsals=rehearsals)
         data = dataset(
-            tables or bar(chains, len(journal.sessions())),
+            followed("sessions", chains, len(journal.sessions())),
             source.study(),
             version("touchbeam"),
             rehearsals=rehearsals,
@@ -99,8 +89,6 @@ def export(
             rig=fitted_calibration(source.path) if as_format == "csv" else NOMINAL,
             broken_chains=broken,
         )
-        if tables and tables.forces:
-            data = with_recordings(data, chains)
         texts = EXPORTS[as_format](data)
     warn_of_broken(broken, study)
     # One by one, because texts and bytes of all would need twice the memory.

@@ -49,7 +49,7 @@ def groups(found: Findings) -> Section:
     if made is None:
         return Section()
     tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
-    readings = {name: of.groups.p_holm for name, of in found.reread() if of.groups}
+    readings = {name: of.groups.p_holm for name, of in found.reread.items() if of.groups}
     people = _people(found)
     return Section(
         title="Do the groups differ?",
@@ -199,7 +199,7 @@ def factors(found: Findings) -> Section:
     latent = found.trials.latent_factorial
     readings = {
         name: {it.name: it.p_holm for it in (of.factors.effects if of.factors else ())}
-        for name, of in found.reread()
+        for name, of in found.reread.items()
     }
     return Section(
         title="Factors",

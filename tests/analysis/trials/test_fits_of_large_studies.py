@@ -1,33 +1,39 @@
 """Fits of large studies, which processes of their own make."""
 
-from functools import partial
+from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis.kept import Kept
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE, MODE_TRIALS
-from analysis.sensitivity.linear_model import linear_sensitivity
 from analysis.sensitivity.ordinal_model import (
     OrdinalSensitivity,
     PreparedTrials,
     ordinal_sensitivity,
     prepared_ratings,
 )
-from tests.analysis.sensitivity.people_of_other_kinds import own_people
+from analysis.trials import trial_statistics
+from analysis.trials.trial_statistics import LINKS, TrialStatistics
+from tests.analysis.reports import study_report
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtual_study
 
 
-def test_fits_that_others_made_ahead_are_taken_and_have_the_same_numbers() -> None:
-    keep, ratings = Kept(), own_people(np.random.default_rng(1))
-    keep.ahead([[partial(linear_sensitivity, ratings)]], 2)
-
-    def never() -> None:
-        raise AssertionError("it is known")
-
-    found = keep.made(never, linear_sensitivity, (ratings,), {})
-    assert repr(found) == repr(linear_sensitivity(ratings))
+@pytest.mark.parametrize("models", [("M3", *LINKS, "M2 at places"), LINKS])
+def test_fits_that_processes_make_ahead_are_taken_and_have_the_same_numbers(
+    models: Sequence[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trial_statistics, "laplace", SimpleNamespace(LARGE=1))
+    monkeypatch.setattr(trial_statistics, "FEWEST_AT_PLACES", 1)
+    monkeypatch.setattr(trial_statistics, "PROCESSES", 2)
+    given = study_report()
+    ahead, anew = (TrialStatistics(data=given.loaded, study=given.study) for _ in range(2))
+    ahead.fit_ahead(models)
+    names = {"_m2", "_m3", "ordinal", "place_m2"} if "M3" in models else {"_m2", "ordinal"}
+    assert names <= vars(ahead).keys()
+    for name in names:
+        assert repr(vars(ahead)[name]) == repr(getattr(anew, name))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.estimates import NotEstimable
-from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
 from analysis.statistics.detection import Detection
 from analysis.thresholds.psychometric import fitted
@@ -24,7 +23,7 @@ def found(text: str, *known: float) -> Thresholds:
     ]
     study = parsed_study(text)
     data = load_study_data(chains, rehearsals=False)
-    made = thresholds(study, data, NOMINAL, Kept())
+    made = thresholds(study, data, NOMINAL)
     assert made is not None
     return made
 
@@ -69,7 +68,7 @@ def test_who_feels_nothing_is_flagged() -> None:
 def test_who_names_one_touch_too_often_is_flagged() -> None:
     data = load_study_data([session(TRACKS, "P01")], rehearsals=False)
     vars(data)["trials"] = data.trials.assign(change="second")
-    made = thresholds(parsed_study(TRACKS), data, NOMINAL, Kept())
+    made = thresholds(parsed_study(TRACKS), data, NOMINAL)
     assert made is not None
     assert "the second touch was named in 48 of 48" in made.people[0].flags
 
@@ -79,7 +78,7 @@ def test_a_study_without_answers_to_tracks_has_no_thresholds() -> None:
     data = load_study_data([session(TRACKS, "P01")], rehearsals=False)
     none = data.trials[data.trials["track"].isna()]
     vars(data)["trials"] = none
-    assert thresholds(study, data, NOMINAL, Kept()) is None
+    assert thresholds(study, data, NOMINAL) is None
 
 
 YES_NO = TRACKS.replace('task = "two intervals"', 'task = "yes or no"').replace(

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
 from analysis.trials.track_fits import thresholds
 from analysis.trials.track_readings import felt_of
@@ -72,7 +71,7 @@ def test_thresholds_of_people_with_different_skins_agree_where_friction_was_meas
                 study, track.standard, track.at(int(trial["level"])), NOMINAL
             )
         friction[touch] = 0.5 * np.exp(-skin_of[of_trial[attempt]] * change)
-    made = thresholds(study, data, NOMINAL, Kept(), friction)
+    made = thresholds(study, data, NOMINAL, friction)
     assert made is not None
     for each in made.people:
         assert each.felt is not None

@@ -1,9 +1,17 @@
 """Files beside the journal that still hold a participant who has withdrawn."""
 
+import bz2
+import gzip
 import html
+import io
 import json
+import lzma
 import os
+import pickle
 import sqlite3
+import tarfile
+import zipfile
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 
@@ -16,7 +24,8 @@ from runner.journal.database import log_of
 from runner.journal.opening import open_journal
 from runner.journal.store import SessionLog
 from runner.study import old_results as search
-from runner.study.old_results import old_results
+from runner.study.mentions import Person
+from runner.study.old_results import OldResults, old_caches, old_results
 
 HOLDING = {
     "trials.csv": "participant,session\nP01,1\nP-1,1\n",
@@ -30,27 +39,48 @@ HOLDING = {
     "scores.svg": "<!-- P-1 -->",
     "README.md": "The chain of P-1/1 is broken.",
     "table4.tex": "P-1 & 7 \\\\",
+    "study.toml": 'name = "of P-1"',
+    "semicolons.csv": "Code;score\nP-1;7\n",
+    "wide.csv": "trial,P-1,P-2\n1,7,8\n",
+    "note.csv": "code,note\n8,P-1 was late\n",
+    "notes": "What P-1 said",
+    "code.R": "# without sub-P-1",
+    "Participant P-1.txt": "",
+    "P-1/answers.txt": "",
+    "sub-P-1_beh.tsv": "score\n7\n",
 }
 OTHERS = {
     "trials.csv": "participant,session,notes\nP-10,1,as P-1\nXP-1,1,\n",
     "participants.tsv": "participant_id\tpseudonym\nsub-P1\tP-1x\n",
     "report.json": '{"rows": [{"subject": "P-1-2"}]}',
     "report.html": "<td>P-11</td>",
-    "study.toml": 'name = "P-1"',
-    "figure.png": "P-1",
+    "study.toml": 'name = "P-12"',
+    "rehearsed.csv": "participant,session_kind\nP-1,rehearsal\n",
+    "rehearsed.json": '{"subject": "P-1 (rehearsal)", "session": "P-1/1 (rehearsal)"}',
+    "P-10.txt": "",
+    "P-1-2.txt": "of another participant",
 }
+
+
+NOTHING = OldResults(holding=(), unsearched=())
+
+
+def search_for(study: Path, name: str = "P-1", *, rehearsal: bool = False) -> OldResults:
+    others = ("P-10", "P-1-2", "XP-1")
+    return old_results(study, Person(name=name, rehearsal=rehearsal, others=others))
 
 
 @pytest.mark.parametrize(("name", "text"), HOLDING.items())
 def test_a_file_that_holds_the_participant_is_found(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text(text, encoding="utf-8")
-    assert old_results(tmp_path, "P-1").holding == (name,)
+    assert search_for(tmp_path) == OldResults(holding=(name,), unsearched=())
 
 
 @pytest.mark.parametrize(("name", "text"), OTHERS.items())
 def test_files_about_others_are_not_named(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
-    assert old_results(tmp_path, "P-1").holding == ()
+    assert search_for(tmp_path) == NOTHING
 
 
 @pytest.mark.parametrize(
@@ -66,8 +96,8 @@ def test_a_number_is_a_participant_only_where_names_are(
     tmp_path: Path, name: str, text: str
 ) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
-    assert old_results(tmp_path, "7").holding == ()
-    assert old_results(tmp_path, "12").holding == (name,)
+    assert search_for(tmp_path, "7").holding == ()
+    assert search_for(tmp_path, "12").holding == (name,)
 
 
 @pytest.mark.parametrize("name", ["受试者 1", 'a "b" 1', "x_1", "R&D 1"])
@@ -75,7 +105,7 @@ def test_any_name_of_an_imported_table_is_found(tmp_path: Path, name: str) -> No
     forms = (json.dumps(name), html.escape(name), name, name.replace("_", r"\_"))
     for number, form in enumerate(forms):
         (tmp_path / f"{number}.html").write_text(f"<td>{form}</td>", encoding="utf-8")
-    assert len(old_results(tmp_path, name).holding) == len(forms)
+    assert len(search_for(tmp_path, name).holding) == len(forms)
 
 
 def test_a_report_or_export_is_named_once_by_its_folder(tmp_path: Path) -> None:
@@ -89,9 +119,9 @@ def test_a_report_or_export_is_named_once_by_its_folder(tmp_path: Path) -> None:
     ):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text("participant\nP-1\n", encoding="utf-8")
-    found = old_results(tmp_path, "P-1")
-    assert found.holding == ("export/bids", "export/csv", "notes/mine.txt", "report")
-    assert found.unsearched == 0
+    results = search_for(tmp_path)
+    assert results.holding == ("export/bids", "export/csv", "notes/mine.txt", "report")
+    assert results.unsearched == ()
 
 
 def test_links_and_pipes_are_not_followed(tmp_path: Path) -> None:
@@ -102,7 +132,7 @@ def test_links_and_pipes_are_not_followed(tmp_path: Path) -> None:
     (study / "linked").symlink_to(outside)
     (study / "linked.csv").symlink_to(outside / "trials.csv")
     os.mkfifo(study / "pipe.csv")
-    assert old_results(study, "P-1") == search.OldResults(holding=(), unsearched=0)
+    assert search_for(study) == NOTHING
 
 
 def test_the_search_is_bounded_and_says_what_it_left_out(
@@ -111,11 +141,11 @@ def test_the_search_is_bounded_and_says_what_it_left_out(
     for number in range(5):
         (tmp_path / f"{number}.csv").write_text("participant\nP-1\n")
     monkeypatch.setattr(search, "MOST_FILES", 3)
-    assert old_results(tmp_path, "P-1") == search.OldResults(
-        holding=("0.csv", "1.csv", "2.csv"), unsearched=2
+    assert search_for(tmp_path) == OldResults(
+        holding=("0.csv", "1.csv", "2.csv"), unsearched=("3.csv", "4.csv")
     )
     monkeypatch.setattr(search, "MOST_BYTES", 20)
-    assert old_results(tmp_path, "P-1").unsearched == 4
+    assert len(search_for(tmp_path).unsearched) == 4
 
 
 @pytest.fixture
@@ -139,24 +169,220 @@ def test_copies_of_the_journal_and_kept_logs_are_found_under_any_name(withdrawn:
     (withdrawn / "backups").mkdir()
     (withdrawn / "old.db").rename(withdrawn / "backups" / "monday.csv")
     before = (withdrawn / "backups" / "monday.csv").read_bytes()
-    assert old_results(withdrawn, "P-1") == search.OldResults(
-        holding=("study.db-wal-kept-17", "backups/monday.csv"), unsearched=0
+    assert search_for(withdrawn) == OldResults(
+        holding=("study.db-wal-kept-17", "backups/monday.csv"), unsearched=()
     )
-    assert old_results(withdrawn, "P-2").holding == ()
+    assert search_for(withdrawn, "P-2").holding == ()
     assert (withdrawn / "backups" / "monday.csv").read_bytes() == before
     assert len([*withdrawn.iterdir()]) == 4, "no log or index is left beside a copy"
 
 
-def test_the_log_of_the_study_itself_and_pictures_are_not_searched(withdrawn: Path) -> None:
+def test_the_log_of_the_study_itself_is_not_searched(withdrawn: Path) -> None:
     (withdrawn / "study.db-wal-kept-17").rename(withdrawn / "study.db-wal")
     (withdrawn / "old.db").unlink()
-    (withdrawn / "picture.png").write_bytes(b"\x89PNG P-1/1")
-    assert old_results(withdrawn, "P-1") == search.OldResults(holding=(), unsearched=0)
+    assert search_for(withdrawn) == NOTHING
 
 
-def test_a_database_that_is_no_journal_is_counted_as_not_searched(withdrawn: Path) -> None:
+def test_a_database_that_is_no_journal_is_named_as_not_searched(withdrawn: Path) -> None:
     with closing(sqlite3.connect(withdrawn / "new.db")) as other:
         other.execute("CREATE VIEW mine AS SELECT 1")
     (withdrawn / "torn.db").write_bytes((withdrawn / "old.db").read_bytes()[:5000])
-    found = old_results(withdrawn, "P-1")
-    assert found == search.OldResults(holding=("old.db", "study.db-wal-kept-17"), unsearched=2)
+    assert search_for(withdrawn) == OldResults(
+        holding=("old.db", "study.db-wal-kept-17"), unsearched=("new.db", "torn.db")
+    )
+
+
+def test_a_copy_of_the_journal_is_named_with_its_log_and_stays_as_it_is(tmp_path: Path) -> None:
+    copies = tmp_path / "copies"
+    copies.mkdir()
+    with open_journal(tmp_path / "study.db") as journal:
+        given = {"participant": "P-1", "conditions": ["a"], "scores": {"a": 8}}
+        SessionLog(journal, "P-1/1", WallClock()).append(ScoresImported.from_json(given))
+        for end in ("", "-wal", "-shm"):
+            (copies / f"a.db{end}").write_bytes((tmp_path / f"study.db{end}").read_bytes())
+        withdraw(journal, WallClock(), "P-1")
+    before = {path: path.read_bytes() for path in copies.iterdir()}
+    assert search_for(tmp_path).holding == ("copies/a.db", "copies/a.db-shm", "copies/a.db-wal")
+    assert {path: path.read_bytes() for path in copies.iterdir()} == before
+    (copies / "a.db").unlink()
+    (copies / "a.db-shm").unlink()
+    assert search_for(tmp_path).holding == ("copies/a.db-wal",)
+
+
+def test_rehearsals_and_participants_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    with open_journal(tmp_path / "study.db") as journal:
+        given = {"participant": "P-1", "conditions": ["a"], "scores": {"a": 8}}
+        for chain in ("P-1/1", "P-1/1 (rehearsal)"):
+            SessionLog(journal, chain, WallClock()).append(ScoresImported.from_json(given))
+        withdraw(journal, WallClock(), "P-1")
+        (tmp_path / "copy.db").touch()
+        journal.copy_to(tmp_path / "copy.db")
+    (tmp_path / "dry.csv").write_text("participant,session_kind\nP-1,rehearsal\n")
+    (tmp_path / "real.csv").write_text("participant,session_kind\nP-1,participant\n")
+    assert search_for(tmp_path).holding == ("real.csv",)
+    assert search_for(tmp_path, rehearsal=True).holding == ("copy.db", "dry.csv")
+
+
+PNG, PDF = b"\x89PNG\r\n\x1a\nP-1", b"%PDF-1.4 P-1"
+
+
+def test_a_figure_holds_what_its_svg_holds_and_other_pictures_are_named_apart(
+    tmp_path: Path,
+) -> None:
+    for name, content in {
+        "people.svg": b"<text>P-1</text>",
+        "people.png": PNG,
+        "people-column.pdf": PDF,
+        "means.svg": b"<text>P-10</text>",
+        "means.png": PNG,
+        "consent.pdf": PDF,
+        "smile.png": PNG,
+        "study.toml": b'[[page]]\npicture = "smile.png"\n',
+    }.items():
+        (tmp_path / name).write_bytes(content)
+    assert search_for(tmp_path) == OldResults(
+        holding=("people-column.pdf", "people.png", "people.svg"), unsearched=("consent.pdf",)
+    )
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
+def encrypted(archive: bytes) -> bytes:
+    """Return an archive of one file that says twice that it is encrypted."""
+    content = bytearray(archive)
+    content[6] |= 1
+    content[archive.index(b"PK\x01\x02") + 8] |= 1
+    return bytes(content)
+
+
+def tarred(files: Mapping[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w:gz") as archive:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return out.getvalue()
+
+
+def sheet(cells: str, texts: str = "") -> bytes:
+    """Return a spreadsheet of Excel's."""
+    cells, texts = f"<sheetData><row>{cells}</row></sheetData>", f"<sst>{texts}</sst>"
+    parts = {"xl/worksheets/sheet1.xml": cells, "xl/sharedStrings.xml": texts}
+    return zipped({name: part.encode() for name, part in parts.items()})
+
+
+def packed(who: str) -> dict[str, bytes]:
+    """Return archives, spreadsheets and documents that name a person."""
+    table = {"trials.csv": f"participant\n{who}\n".encode()}
+    return {
+        "a.zip": zipped(table),
+        "deep.zip": zipped({"b.zip": zipped({"c.csv.gz": gzip.compress(table["trials.csv"])})}),
+        "named.zip": zipped({f"sub-{who}_beh.tsv": b"score"}),
+        "t.csv.gz": gzip.compress(table["trials.csv"]),
+        "t.csv.bz2": bz2.compress(table["trials.csv"]),
+        "t.csv.xz": lzma.compress(table["trials.csv"]),
+        "t.tgz": tarred(table),
+        "texts.xlsx": sheet('<c r="A1" t="s"><v>0</v></c>', f"<si><t>{who}</t></si>"),
+        "inline.xlsx": sheet(f'<c r="A1" t="inlineStr"><is><t>{who}</t></is></c>'),
+        "people.ods": zipped({"content.xml": f"<text:p>{who}</text:p><text:p>7</text:p>".encode()}),
+        "runs.docx": zipped(
+            {"word/document.xml": f"<w:t>with {who[0]}</w:t><w:t>{who[1:]}</w:t></w:p>".encode()}
+        ),
+        "old.xls": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0" + who.encode() + b"\0",
+        "old.doc": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0" + f" {who} ".encode("utf-16-le"),
+        "unicode.txt": f"with {who}".encode("utf-16"),
+    }
+
+
+def test_archives_spreadsheets_and_documents_are_searched(tmp_path: Path) -> None:
+    # A spreadsheet calls its cells P1, and a formula names them.
+    cell = '<c r="P1"><f>P1+P1</f><v>7</v></c>'
+    for who, others in (("P1", {}), ("P10", {"cells.xlsx": sheet(cell, "<si><t>P10</t></si>")})):
+        (tmp_path / who).mkdir()
+        for name, content in (packed(who) | others).items():
+            (tmp_path / who / name).write_bytes(content)
+    (tmp_path / "P1").rename(tmp_path / "of the first")
+    (tmp_path / "P10").rename(tmp_path / "others")
+    assert search_for(tmp_path, "P1") == OldResults(
+        holding=tuple(f"of the first/{name}" for name in sorted(packed("P1"))), unsearched=()
+    )
+
+
+def test_a_number_is_found_in_a_cell_of_a_spreadsheet(tmp_path: Path) -> None:
+    text = '<c r="A1" t="s"><v>3</v></c>'
+    (tmp_path / "a.xlsx").write_bytes(sheet(text, "<si><t>5</t></si>" * 4))
+    (tmp_path / "b.xlsx").write_bytes(sheet('<c r="A1"><v>3</v></c>'))
+    assert search_for(tmp_path, "3").holding == ("b.xlsx",)
+    assert search_for(tmp_path, "5").holding == ("a.xlsx",)
+
+
+def test_a_backup_in_an_archive_is_read_as_a_journal(withdrawn: Path) -> None:
+    for name in ("old", "new"):
+        content = (withdrawn / f"{name}.db").read_bytes()
+        (withdrawn / f"{name}.db").unlink()
+        (withdrawn / f"{name}.gz").write_bytes(gzip.compress(content))
+        (withdrawn / f"{name}.zip").write_bytes(zipped({"study/monday.db": content}))
+    assert search_for(withdrawn) == OldResults(
+        holding=("old.gz", "old.zip", "study.db-wal-kept-17"), unsearched=()
+    )
+
+
+def test_what_cannot_be_searched_is_named_and_costs_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, trap = zipped({"a.csv": b"P-1"}), tmp_path / "trap"
+    bomb = zipped({"a.txt": bytes(20_000_000)})
+    nested = whole
+    for _ in range(6):
+        nested = zipped({"a.zip": nested})
+    for name, content in {
+        "bomb.zip": bomb,
+        "nested.zip": nested,
+        "noise.bin": bytes(range(256)),
+        "secret.zip": encrypted(whole),
+        "torn.gz": gzip.compress(b"P-1" * 1000)[:20],
+        "torn.zip": whole[:-30],
+        "torn.tar": tarred({"a": b"P-1"})[:30],
+    }.items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "index").write_text("P-1")
+    (tmp_path / "z.pkl").write_bytes(pickle.dumps(Trap(trap)))
+    monkeypatch.setattr(search, "MOST_BYTES", 1_000_000)
+    results = search_for(tmp_path)
+    assert results.holding == ()
+    names = ("bomb.zip", "nested.zip", "noise.bin", "secret.zip", "torn.gz", "torn.tar", "torn.zip")
+    assert results.unsearched == (".git", *names, "z.pkl")
+    assert not trap.exists()
+    assert len([*tmp_path.iterdir()]) == len(names) + 2
+
+
+class Trap:
+    """Read by pickle, it makes a folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (os.mkdir, (str(self.path),))
+
+
+def test_caches_of_earlier_versions_are_found_and_no_folder_of_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("TOUCHBEAM_CACHE", str(tmp_path / "mine"))
+    assert old_caches() == []
+    (tmp_path / "cache" / "touchbeam" / "results").mkdir(parents=True)
+    (tmp_path / "mine" / ("0a" * 16)).mkdir(parents=True)
+    assert old_caches() == [tmp_path / "cache" / "touchbeam", tmp_path / "mine"]
+    (tmp_path / "mine" / "thesis.txt").touch()
+    assert old_caches() == [tmp_path / "cache" / "touchbeam"]

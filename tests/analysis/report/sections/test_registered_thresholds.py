@@ -7,7 +7,6 @@ from typing import Any, cast
 import pytest
 
 from analysis.estimates import NotEstimable
-from analysis.kept import Kept
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Findings
 from analysis.report.hypotheses import Judged, how_tested, registered
@@ -30,7 +29,7 @@ def found() -> Findings:
     chains = [session(TRACKS, f"P{slot:02d}", slot, threshold=40.0) for slot in range(8)]
     study = parsed_study(TRACKS)
     data = load_study_data(chains, rehearsals=False)
-    same = thresholds(study, data, NOMINAL, Kept())
+    same = thresholds(study, data, NOMINAL)
     assert same is not None
     people = [
         replace(each, threshold=each.threshold * (2 if each.track == STAIRCASE else 1))

@@ -1,0 +1,371 @@
+"""Whether a file names a person: texts, tables, spreadsheets, journals and archives of these.
+
+A file may come from anybody. Nothing in it is executed, nothing is unpacked beside it, and of an
+archive no more is read than the `Budget` has left.
+"""
+
+import bz2
+import csv
+import gzip
+import html
+import io
+import json
+import lzma
+import re
+import tarfile
+import zipfile
+import zlib
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import IO, Any
+
+from runner.journal.database import log_of
+from runner.journal.names import chains_of
+from runner.journal.opening import read_journal
+from runner.journal.store import JournalError
+from runner.study.files import opened_itself
+
+
+class NotSearched(Exception):
+    """A file that cannot be searched: too large, damaged, encrypted, or of a kind without text."""
+
+
+class Picture(NotSearched):
+    """A picture or a PDF, which shows names as shapes."""
+
+
+@dataclass(kw_only=True)
+class Budget:
+    """How many files, and how many bytes of these and of what is packed in them, may be read."""
+
+    files_left: int
+    bytes_left: int
+
+    def take_file(self) -> None:
+        """Count a file as read, or raise `NotSearched` if there are too many."""
+        if not self.files_left:
+            raise NotSearched
+        self.files_left -= 1
+
+    def take(self, size: int) -> None:
+        """Count bytes as read, or raise `NotSearched` if they are too many."""
+        if size > self.bytes_left:
+            raise NotSearched
+        self.bytes_left -= size
+
+    def read(self, file: IO[bytes]) -> bytes:
+        """Return the content of `file`, whatever size it says that it has."""
+        content = file.read(self.bytes_left + 1)
+        self.take(len(content))
+        return content
+
+
+# How a person is written
+
+
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """A person by pseudonym: the participant, or the `rehearsal` of that name.
+
+    `others` are the other people of the study, whose names may contain this one.
+    """
+
+    name: str
+    rehearsal: bool = False
+    others: tuple[str, ...] = ()
+
+    def is_in(self, text: str) -> bool:
+        """Return whether a text names the person."""
+        # Most texts have none of the forms, and to look for these alone is faster.
+        return any(form in text for form in self._forms) and bool(self.in_text.search(text))
+
+    @cached_property
+    def _forms(self) -> tuple[str, ...]:
+        """The name as it is in texts, in JSON, in HTML and in LaTeX."""
+        in_json, in_latex = json.dumps(self.name)[1:-1], re.sub(r"([&%$#_{}])", r"\\\1", self.name)
+        return tuple(sorted({self.name, in_json, html.escape(self.name), in_latex}))
+
+    @cached_property
+    def in_text(self) -> re.Pattern[str]:
+        r"""The pattern of the name in a text; a number must stand where names do.
+
+        >>> Person(name="P_1").in_text.findall(r"P_10, xP_1, sub-P_1, P\_1 & 7, P_1/1")
+        ['P_1', 'P\\_1', 'P_1']
+        >>> Person(name="P1").in_text.findall("P1/1 (rehearsal), P1 (rehearsal)")
+        []
+        >>> number = Person(name="7").in_text
+        >>> number.findall('{"score": 7, "subject": "7"} <td>7</td> 7/1 Participant 7')
+        ['"7"', '7/1', 'Participant 7']
+        """
+        name = f"(?:{'|'.join(map(re.escape, self._forms))})"
+        # The participant's name is not the rehearsal's; who rehearsed may be called by it alone.
+        own = "" if self.rehearsal else r"(?!(?:/\d+)? \(rehearsal\))"
+        # A bare number stands everywhere in a report.
+        if self.name.isdecimal():
+            who = rf"(?i:participant|pseudonym|subject)\W{{1,3}}{name}(?![\w.])"
+            return re.compile(
+                rf'(?m)(?<!=)"{name}["/]{own}|"row">{name}<|^{name} &|'
+                rf"(?<![\w./-]){name}/\d+{own}|{who}"
+            )
+        return re.compile(rf"(?:(?<![\w-])|(?<=\bsub-)|(?<=\bsubject-)){name}(?![\w-]){own}")
+
+    @cached_property
+    def in_log(self) -> re.Pattern[bytes]:
+        """The pattern of the person's chains in a log of SQLite's."""
+        own = "" if self.rehearsal else r"(?! \(rehearsal\))"
+        chain = rf"(?<![\w-]){re.escape(self.name)}/\d{{1,9}}(?!\d){own}"
+        return re.compile(chain.encode())
+
+    def is_of(self, kinds: str) -> bool:
+        """Return whether a row of sessions of these kinds can be the person's."""
+        return "rehearsal" in kinds if self.rehearsal else kinds != "rehearsal"
+
+    def is_in_path(self, path: str) -> bool:
+        """Return whether the name of a file, or of a folder around it, has this person's.
+
+        >>> person = Person(name="P-1", others=("P-1-2",))
+        >>> [person.is_in_path(path) for path in ("P-1_notes.txt", "P-1-2.txt", "a/sub-P-1/b")]
+        [True, False, True]
+        >>> [Person(name="3").is_in_path(path) for path in ("figure 3.png", "sub-3_beh.tsv")]
+        [False, True]
+        """
+        longer = [other for other in self.others if self.name in other]
+        for other in sorted(longer, key=len, reverse=True):
+            path = path.replace(other, "/")
+        before = r"sub(?:ject)?-" if self.name.isdecimal() else ""
+        after = "(?:rehearsal)?" if self.rehearsal else ""
+        name = rf"(?<![^\W_]){before}{re.escape(self.name)}{after}(?![^\W_])"
+        return re.search(name, path) is not None
+
+
+# What a file is, by its first bytes, because a copy of the journal may have any name.
+
+_DATABASE = b"SQLite format 3\0"
+_LOG = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
+_NO_NAMES = re.compile(
+    rb"\x18\xe2\x2d\x00|\x93NUMPY..(?:..|....)\{'descr': '[<>|]?[biuf]", re.DOTALL
+)
+"""The index of a log, and arrays of numbers."""
+_PACKED: Mapping[bytes, Callable[[Any], Any]] = {
+    b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ\0": lzma.LZMAFile,
+}
+_ZIP = (b"PK\x03\x04", b"PK\x05\x06")
+_OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF", b"II*\0", b"MM\0*", b"RIFF")
+_UTF16 = (BOM_UTF16_LE, BOM_UTF16_BE)
+_DAMAGED = (
+    *(OSError, EOFError, ValueError, LookupError, RuntimeError, NotImplementedError),
+    *(zlib.error, lzma.LZMAError, zipfile.BadZipFile, tarfile.TarError),
+)
+"""What reading an archive can raise."""
+_DEEPEST = 4
+"""Of archives within archives."""
+
+
+def file_names(path: Path, person: Person, budget: Budget) -> bool:
+    """Return whether the content of a file names the person.
+
+    Raises:
+        NotSearched: that cannot be said.
+    """
+    budget.take_file()
+    with open(path, "rb", opener=opened_itself) as file:
+        start = file.read(len(_DATABASE))
+        budget.take(path.stat().st_size)
+        if start != _DATABASE:
+            return _content_names(path.name, start + file.read(), person, budget)
+    if not log_of(path).exists():
+        return _journal_names(path, person)
+    # SQLite would put the log into the file and remove it.
+    budget.take(log_of(path).stat().st_size)
+    with open(log_of(path), "rb", opener=opened_itself) as log:
+        return _copy_names(path.read_bytes(), log.read(), person)
+
+
+def _content_names(
+    name: str, content: bytes, person: Person, budget: Budget, depth: int = 0
+) -> bool:
+    if content.startswith(_DATABASE):
+        return _copy_names(content, b"", person)
+    if content.startswith(_LOG):
+        return person.in_log.search(content) is not None
+    if _NO_NAMES.match(content):
+        return False
+    if content.startswith(_PICTURES):
+        raise Picture
+    if members := _members(name, content, budget):
+        if depth == _DEEPEST:
+            raise NotSearched
+        return _archive_names(members, person, budget, depth + 1)
+    return any(_text_names(name, text, person) for text in _texts(content))
+
+
+def _texts(content: bytes) -> Iterator[str]:
+    """Yield the text of a file; of old Excel and Word files, in both of the codes they use."""
+    if content.startswith(_OLD_OFFICE):
+        yield from (content.decode(code, "replace") for code in ("latin-1", "utf-16-le"))
+    elif content.startswith(_UTF16):
+        yield content.decode("utf-16", "replace")
+    elif b"\0" in content:
+        raise NotSearched
+    else:  # a name can be found in a file that is not all text
+        yield content.decode("utf-8-sig", "replace")
+
+
+def _journal_names(path: Path, person: Person) -> bool:
+    """Return whether a copy of a journal has a payload of the person."""
+    try:
+        with read_journal(path) as journal:
+            return any(
+                not link.event.erased
+                for chain in chains_of(journal, person.name, rehearsal=person.rehearsal)
+                for link in journal.chain(chain)
+            )
+    except JournalError as error:
+        raise NotSearched from error
+
+
+def _copy_names(content: bytes, log: bytes, person: Person) -> bool:
+    """Return the same of a journal in memory, with its log."""
+    with TemporaryDirectory(prefix="touchbeam-") as folder:
+        path = Path(folder) / "copy.db"
+        path.write_bytes(content)
+        if log:
+            log_of(path).write_bytes(log)
+        return _journal_names(path, person)
+
+
+# Texts and tables
+
+_DELIMITERS = ",;\t|"
+_WHO = {"participant", "pseudonym", "subject"}
+"""The columns of reports and exports that name a participant."""
+_KINDS = {"session_kind", "session_kinds"}
+
+
+def _text_names(name: str, text: str, person: Person) -> bool:
+    match PurePosixPath(name).suffix.lower():
+        case ".csv" | ".tsv" as suffix:
+            return _table_names(text, person, tabs=suffix == ".tsv")
+        case ".xml":
+            return any(
+                _is_person(line.strip(), person) for line in _without_tags(text).splitlines()
+            )
+        case _:
+            return person.is_in(text)
+
+
+def _table_names(text: str, person: Person, *, tabs: bool) -> bool:
+    """Return whether a cell is the person, in a column that names people if there is one."""
+    lines = io.StringIO(text, newline="")
+    delimiter = max(_DELIMITERS, key=text.partition("\n")[0].count)
+    rows: Iterator[list[str]] = csv.reader(lines, delimiter=delimiter)
+    if tabs:
+        rows = (line.rstrip("\r\n").split("\t") for line in lines)
+    try:
+        header = next(rows, [])
+        titles = [title.strip().lower() for title in header]
+        who = [n for n, title in enumerate(titles) if title in _WHO]
+        if not who:
+            return any(_is_person(cell, person) for row in (header, *rows) for cell in row)
+        kinds = [n for n, title in enumerate(titles) if title in _KINDS]
+        # Only these columns, because a pseudonym that is a number would be found among scores.
+        return any(
+            # Exports put an apostrophe before what a spreadsheet would take for a formula.
+            n < len(row) and row[n].strip().removeprefix("'") == person.name
+            for row in rows
+            if all(person.is_of(row[n]) for n in kinds if n < len(row))
+            for n in who
+        )
+    except csv.Error:  # touchbeam did not write it
+        return person.is_in(text)
+
+
+def _without_tags(xml: str) -> str:
+    """Return the text of a document or a spreadsheet; each paragraph and cell is a line."""
+    # A spreadsheet calls its own cells P1 in tags and formulas, and numbers its texts elsewhere.
+    text = re.sub(r'<f\b[^<]*</f>|<c\b[^<>]*\bt="s"[^<>]*><v>[^<]*</v></c>', "", xml)
+    text = re.sub(r"</(?:\w+:)?(?:p|si|c)>", "\n", text)
+    return html.unescape(re.sub(r"<[^<>]*>", "", text))
+
+
+def _is_person(cell: str, person: Person) -> bool:
+    return cell == person.name or (not person.name.isdecimal() and person.is_in(cell))
+
+
+# Archives, spreadsheets and documents among them
+
+Members = Iterator[tuple[str, Callable[[], bytes]]]
+"""The files in an archive: name, and what reads it."""
+
+
+def _members(name: str, content: bytes, budget: Budget) -> Members | None:
+    file = io.BytesIO(content)
+    for start, opened in _PACKED.items():
+        if content.startswith(start):
+            return iter([(name.rpartition(".")[0], partial(_unpacked, opened, file, budget))])
+    if content.startswith(_ZIP):
+        return _zip_members(file, budget)
+    if content[257:262] == b"ustar":
+        return _tar_members(file, budget)
+    return None
+
+
+def _unpacked(opened: Callable[[Any], Any], packed: object, budget: Budget) -> bytes:
+    with opened(packed) as file:
+        return budget.read(file)
+
+
+def _zip_members(file: IO[bytes], budget: Budget) -> Members:
+    with zipfile.ZipFile(file) as archive:
+        for member in archive.infolist():
+            if not member.is_dir():
+                yield member.filename, partial(_unpacked, archive.open, member, budget)
+
+
+def _tar_members(file: IO[bytes], budget: Budget) -> Members:
+    with tarfile.open(fileobj=file, mode="r:") as archive:
+        for member in archive:
+            if member.isfile() and (part := archive.extractfile(member)):
+                yield member.name, partial(budget.read, part)
+
+
+def _archive_names(members: Members, person: Person, budget: Budget, depth: int) -> bool:
+    """Return whether one of the files in an archive names the person, or is named so."""
+    unread: dict[str, NotSearched] = {}
+    known: set[str] = set()
+    try:
+        for name, read in members:
+            if person.is_in_path(name):
+                return True
+            known.add(name)
+            budget.take_file()
+            try:
+                if _content_names(name, read(), person, budget, depth):
+                    return True
+            except NotSearched as error:
+                unread[name] = error
+    except _DAMAGED as error:
+        raise NotSearched from error
+    for name, why in unread.items():
+        if not (isinstance(why, Picture) and known & {*drawn_as_text(name)}):
+            raise why
+    return False
+
+
+def drawn_as_text(picture: str) -> Iterator[str]:
+    """Yield the names that the SVG of a figure has: the same picture with its text as text.
+
+    >>> list(drawn_as_text("figures/scores-column.pdf"))
+    ['figures/scores-column.svg', 'figures/scores.svg']
+    """
+    stem = str(PurePosixPath(picture).with_suffix(""))
+    yield f"{stem}.svg"
+    if stem.endswith("-column"):
+        yield f"{stem.removesuffix('-column')}.svg"

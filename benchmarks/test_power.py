@@ -13,7 +13,7 @@ from analysis.power.designs import Design
 from analysis.power.engine import completed
 from analysis.power.job import Job, tasks
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.power.records import asked_by
+from analysis.power.study_records import asked_by
 from analysis.power.track_records import track_records
 from benchmarks.compared import compare, tell
 from protocol.study_file.loading import parsed_study, template

@@ -8,7 +8,7 @@ from logging import NOTSET, disable
 from typing import TYPE_CHECKING
 
 from analysis.power.job import Job, Task, records
-from analysis.power.records import Records
+from analysis.power.study_records import Records
 from analysis.workers import done
 from protocol.errors import BadInput, WorkFailed
 

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from analysis.power.designs import Design, designed
 from analysis.power.people_cohorts import PeopleCohorts, without_effect
-from analysis.power.records import (
+from analysis.power.study_records import (
     Asked,
     Record,
     Records,

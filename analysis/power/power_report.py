@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from analysis.estimates import Json, plain
-from analysis.power.records import mean_difference
-from analysis.power.summary import EstimateQuality, Measured, Summary, TestPower, too_often
+from analysis.power.power_summary import EstimateQuality, Measured, Summary, TestPower, too_often
+from analysis.power.study_records import mean_difference
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 

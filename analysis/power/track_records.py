@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.power.records import Asked, Estimate, Record, of_thresholds, threshold_in_db
+from analysis.power.study_records import Asked, Estimate, Record, of_thresholds, threshold_in_db
 from analysis.simulation import names_of
 from analysis.statistics.signed_rank import signed_rank
 from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration

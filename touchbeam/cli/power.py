@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from analysis.estimates import Json
     from analysis.power.designs import Design
     from analysis.power.job import Job, Task
-    from analysis.power.summary import Summary
+    from analysis.power.power_summary import Summary
 
 app = Typer()
 _MOST_DIGITS = 9
@@ -136,8 +136,8 @@ def _simulated(
     """Return the summary of each design, all of which are simulated at once."""
     from analysis.power.engine import completed
     from analysis.power.job import asked
-    from analysis.power.records import Records
-    from analysis.power.summary import summary
+    from analysis.power.power_summary import summary
+    from analysis.power.study_records import Records
 
     every = list(chain.from_iterable(tasks.values()))
     results = completed(job, every, workers, scheduler)

@@ -9,7 +9,7 @@ from analysis.estimates import FloatArray
 from analysis.power.designs import Design
 from analysis.power.engine import completed
 from analysis.power.job import Job, Task, tasks
-from analysis.power.records import Records
+from analysis.power.study_records import Records
 from protocol.study_file.loading import template
 
 DESIGN = Design(participants=4, repeats=1)

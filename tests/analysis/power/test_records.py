@@ -8,7 +8,7 @@ import pytest
 from analysis.estimates import FloatArray, NotEstimable, ScoreTable
 from analysis.power.designs import Design, designed
 from analysis.power.people_cohorts import PeopleCohorts, RatedCohort, without_effect
-from analysis.power.records import (
+from analysis.power.study_records import (
     BY_GROUP,
     GROUP_SCORE,
     Asked,

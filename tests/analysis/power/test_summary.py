@@ -15,7 +15,8 @@ from analysis.power.power_report import (
     lines_of_estimates,
     warnings,
 )
-from analysis.power.records import (
+from analysis.power.power_summary import Summary, ratio, summary, too_often
+from analysis.power.study_records import (
     BY_GROUP,
     GROUP_SCORE,
     Asked,
@@ -24,7 +25,6 @@ from analysis.power.records import (
     Records,
     record_of_tables,
 )
-from analysis.power.summary import Summary, ratio, summary, too_often
 from protocol.registration.registration import GAINS, OMNIBUS
 
 DESIGN = Design(participants=9, repeats=1)

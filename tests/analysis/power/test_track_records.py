@@ -9,8 +9,8 @@ from analysis.power.engine import completed
 from analysis.power.job import Job, tasks
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.power_report import answer
-from analysis.power.records import Records, asked_by
-from analysis.power.summary import summary
+from analysis.power.power_summary import summary
+from analysis.power.study_records import Records, asked_by
 from analysis.power.track_records import _of_three, by_chance, shares, track_records, truths
 from analysis.simulation import names_of
 from device.friction.changes import friction_difference

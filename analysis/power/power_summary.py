@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.estimates import LEVEL, BoolArray, FloatArray, Json
 from analysis.power.designs import Design
-from analysis.power.records import Asked, Records, mean_difference
+from analysis.power.study_records import Asked, Records, mean_difference
 from analysis.statistics.corrections import holm_of_rows
 from protocol.registration.registration import NOTICED
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option, Typer
 
 from protocol.errors import BadInput
-from touchbeam.cli.options import JsonOption, PeopleOption, StudyArgument, people_in_file
+from touchbeam.cli.options import (
+    JsonOption,
+    PeopleOption,
+    StudyArgument,
+    people_in_file,
+    study_folder,
+)
 from touchbeam.cli.output import followed, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -81,10 +87,9 @@ def power(
     from analysis.power.power_report import power_record
     from protocol.study_file.loading import text_digest
     from runner.study import calibration, files
-    from runner.study.folder import StudyFolder
 
     begun_s = perf_counter()
-    folder = StudyFolder(path=study)
+    folder = study_folder(study)
     file = folder.study()
     if people is not None:
         people_in_file(people)  # a mistake in it is told before anything is computed

@@ -130,6 +130,7 @@ def track(
     given = answers.replace(",", " ").split()
     if wrong := next((each for each in given if each not in {"0", "1"}), None):
         raise BadInput(f'--answers must be 1 or 0 each, such as "1 1 0", got {wrong!r}')
+    options.study_folder(study)  # which says what is ignored in its file
     found = asked(study, name, [int(each) for each in given])
     if as_json:
         print_json(found)

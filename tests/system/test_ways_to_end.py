@@ -30,8 +30,9 @@ import os, signal, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
 import touchbeam
 
-# A shell starts what runs beside it with Ctrl-C ignored.
+# A shell starts what runs beside it with Ctrl-C ignored, and nohup with SIGHUP.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 url, folder = sys.argv[1:]
 
 

@@ -199,11 +199,16 @@ def _raise(error: BaseException) -> None:
 def test_signals_that_kill_end_the_program_with_the_output_off(
     folder: Path, number: signal.Signals
 ) -> None:
-    with pytest.raises(SystemExit) as raised:
-        program(folder, lambda _: os.kill(os.getpid(), number))
+    # Under nohup, by which tests may be started, SIGHUP is ignored.
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        with pytest.raises(SystemExit) as raised:
+            program(folder, lambda _: os.kill(os.getpid(), number))
+        assert signal.getsignal(number) is signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
     assert raised.value.code == 128 + number
     assert ended[-1].state()["output"] is False
-    assert signal.getsignal(number) is signal.SIG_DFL
     assert events_in(folder)[-2].why == f"the rig was stopped by {number.name}"
 
 

@@ -318,8 +318,9 @@ def shown_sections(folder: "StudyFolder", named: Sequence[str] | None) -> tuple[
     names = folder.report_sections() or ()
     if former := [name for name in names if name in FORMER_SECTIONS]:
         where = folder.path / "report.toml"
+        rest = "" if {*names} - FORMER_SECTIONS else "; all sections are shown"
         said = f"{where}: sections that only earlier versions had are left out: {', '.join(former)}"
-        warnings.warn(said, stacklevel=3)
+        warnings.warn(said + rest, stacklevel=3)
     shown = tuple(name for name in names if name not in FORMER_SECTIONS)
     require_sections(shown)
     return shown or None

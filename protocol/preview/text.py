@@ -39,8 +39,6 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield ""
     yield from _carryover_lines(shown)
     yield from _group_lines(shown.study)
-    yield ""
-    yield "Intervals   touchbeam power says how wide they will be"
 
 
 def _many(number: int, one: str, more: str = "") -> str:

@@ -222,9 +222,12 @@ def _require_new(
             "cannot be replaced; touchbeam amend accepts a changed study file"
         )
     if kept is not None and kept.digest != made.digest:
+        changed = list(_differences(kept, made))
+        named_only = {*changed} <= {"primary", "secondary"}
+        way_back = f"repeat {_command(kept)}" if named_only else "take that back"
         raise BadInput(
             f"already registered with digest {kept.digest[:12]}, and changed since: "
-            f"{', '.join(_differences(kept, made))}; take that back, or move {FILE} away to "
+            f"{', '.join(changed)}; {way_back}, or move {FILE} away to "
             "register anew while no session is recorded"
         )
 

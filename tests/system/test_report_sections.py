@@ -85,6 +85,9 @@ def test_a_section_of_an_earlier_version_is_left_out_with_a_warning(study: Path)
         with pytest.warns(UserWarning, match=said):
             touchbeam.load(study).report()
         assert shown(study) == ["glossary"]
+        chosen.write_text('sections = ["multiverse"]\n')
+        with pytest.warns(UserWarning, match=f"{said}; all sections are shown"):
+            touchbeam.load(study).report()
         assert typed("report", study, "--sections", "multiverse") == 2
     finally:
         chosen.unlink()

@@ -167,6 +167,16 @@ def test_registering_again_changes_nothing(
     assert typed("verify", tmp_path) == 0
 
 
+def test_registering_again_says_how_to_repeat_other_hypotheses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study_in(tmp_path)
+    assert typed("register", tmp_path, "--hypothesis", "gains differ") == 0
+    line = refused(capsys, "register", tmp_path)
+    assert "and changed since: secondary; repeat touchbeam register STUDY --primary" in line
+    assert "--hypothesis 'gains differ', or move registration.toml away" in line
+
+
 def test_a_lost_file_is_restored_from_the_journal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

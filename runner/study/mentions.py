@@ -16,7 +16,7 @@ import tarfile
 import zipfile
 import zlib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path, PurePosixPath
@@ -81,37 +81,64 @@ class Person:
     def is_in(self, text: str) -> bool:
         """Return whether a text names the person."""
         # Most texts have none of the forms, and to look for these alone is faster.
-        return any(form in text for form in self._forms) and bool(self.in_text.search(text))
+        named = any(form in text for form in self._forms)
+        return named and any(match[1] for match in self.in_text.finditer(text))
 
     @cached_property
-    def _forms(self) -> tuple[str, ...]:
-        """The name as it is in texts, in JSON, in HTML and in LaTeX."""
-        in_json, in_latex = json.dumps(self.name)[1:-1], re.sub(r"([&%$#_{}])", r"\\\1", self.name)
-        return tuple(sorted({self.name, in_json, html.escape(self.name), in_latex}))
+    def _forms(self) -> frozenset[str]:
+        """How the name may be written; exactly, if somebody else's differs only by case."""
+        others = {other.lower() for other in self.others}
+        return _forms(self.name, cases=self.name.lower() not in others)
 
     @cached_property
     def in_text(self) -> re.Pattern[str]:
-        r"""The pattern of the name in a text; a number must stand where names do.
+        r"""The pattern whose group is the name in a text; a number must stand where names do.
 
-        >>> Person(name="P_1").in_text.findall(r"P_10, xP_1, sub-P_1, P\_1 & 7, P_1/1")
-        ['P_1', 'P\\_1', 'P_1']
+        >>> names = r"P_10, P_1-2, xP_1, sub-P_1, P\_1 & 7, P_1/1, p_1_left"
+        >>> [name for name in Person(name="P_1", others=("P_1-2",)).in_text.findall(names) if name]
+        ['P_1', 'P\\_1', 'P_1', 'p_1']
         >>> Person(name="P1").in_text.findall("P1/1 (rehearsal), P1 (rehearsal)")
         []
         >>> number = Person(name="7").in_text
         >>> number.findall('{"score": 7, "subject": "7"} <td>7</td> 7/1 Participant 7')
         ['"7"', '7/1', 'Participant 7']
         """
-        name = f"(?:{'|'.join(map(re.escape, self._forms))})"
-        # The participant's name is not the rehearsal's; who rehearsed may be called by it alone.
-        own = "" if self.rehearsal else r"(?!(?:/\d+)? \(rehearsal\))"
         # A bare number stands everywhere in a report.
         if self.name.isdecimal():
+            own, name = self._not_namesake, self.name
             who = rf"(?i:participant|pseudonym|subject)\W{{1,3}}{name}(?![\w.])"
             return re.compile(
-                rf'(?m)(?<!=)"{name}["/]{own}|"row">{name}<|^{name} &|'
-                rf"(?<![\w./-]){name}/\d+{own}|{who}"
+                rf'(?m)((?<!=)"{name}["/]{own}|"row">{name}<|^{name} &|'
+                rf"(?<![\w./-]){name}/\d+{own}|{who})"
             )
-        return re.compile(rf"(?:(?<![\w-])|(?<=\bsub-)|(?<=\bsubject-)){name}(?![\w-]){own}")
+        return self._alone(_NOT_WITHIN_A_WORD)
+
+    @property
+    def _not_namesake(self) -> str:
+        # The participant's name is not the rehearsal's; who rehearsed may be called by it alone.
+        return "" if self.rehearsal else r"(?!(?:/\d+)? \(rehearsal\))"
+
+    def _alone(self, before: str) -> re.Pattern[str]:
+        """Return the pattern of the name, its group, or of a longer name around it."""
+        after = "(?:rehearsal)?" if self.rehearsal else ""
+        name = rf"({_any_of(self._forms)}{after}){_WORD_ENDS}"
+        longer = (other for other in self.others if len(other) > len(self.name))
+        around = [form for other in longer if re.search(name, other) for form in _forms(other)]
+        mask = rf"{_NOT_WITHIN_A_WORD}{_any_of(around)}{_WORD_ENDS}|" if around else ""
+        return re.compile(f"{mask}{before}{name}{self._not_namesake}")
+
+    def is_cell(self, cell: str) -> bool:
+        """Return whether a cell of a table names the person.
+
+        >>> [Person(name="7").is_cell(cell) for cell in ("7", "sub-7", "7/2", "7.5", "as 7")]
+        [True, True, True, False, False]
+        """
+        if not self.name.isdecimal():
+            return self.is_in(cell)
+        kind = r" ?\(?rehearsal\)?" if self.rehearsal else r" \(participant\)"
+        # Exports put an apostrophe before what a spreadsheet would take for a formula.
+        form = rf"'?(?:sub(?:ject)?-)?{self.name}(?:/\d+)?(?:{kind})?"
+        return self.name in cell and re.fullmatch(form, cell.strip()) is not None
 
     @cached_property
     def in_log(self) -> re.Pattern[bytes]:
@@ -132,14 +159,40 @@ class Person:
         [True, False, True]
         >>> [Person(name="3").is_in_path(path) for path in ("figure 3.png", "sub-3_beh.tsv")]
         [False, True]
+        >>> [Person(name="A1").is_in_path(path) for path in ("notesA1.txt", "data1.csv")]
+        [True, False]
         """
-        longer = [other for other in self.others if self.name in other]
-        for other in sorted(longer, key=len, reverse=True):
-            path = path.replace(other, "/")
-        before = r"sub(?:ject)?-" if self.name.isdecimal() else ""
-        after = "(?:rehearsal)?" if self.rehearsal else ""
-        name = rf"(?<![^\W_]){before}{re.escape(self.name)}{after}(?![^\W_])"
-        return re.search(name, path) is not None
+        return any(match[1] for match in self._in_path.finditer(path))
+
+    @cached_property
+    def _in_path(self) -> re.Pattern[str]:
+        if self.name.isdecimal():
+            return self._alone("(?:(?<=sub-)|(?<=subject-))")
+        if re.search(r"\d", self.name):
+            # As in notesP01, but data1 is not about a1.
+            return self._alone(f"(?:{_NOT_WITHIN_A_WORD}|(?<=[a-z])(?=[A-Z]))")
+        return self._alone(_NOT_WITHIN_A_WORD)
+
+
+_NOT_WITHIN_A_WORD, _WORD_ENDS = r"(?:(?<![^\W_])|(?<=\\[nrt]))", r"(?![^\W_])"
+r"""Names stand beside hyphens and underscores, not beside letters and digits but JSON's `\n`."""
+
+
+def _forms(name: str, *, cases: bool = True) -> frozenset[str]:
+    """Return a name as it is in texts, JSON, HTML, LaTeX and CSV.
+
+    With `cases` also in small letters, in capitals, and with only the first a capital.
+    """
+    names = {name, name.lower(), name.upper(), name.capitalize()} if cases else {name}
+    in_json = {json.dumps(name)[1:-1] for name in names}
+    in_latex = {re.sub(r"([&%$#_{}])", r"\\\1", name) for name in names}
+    in_csv = {name.replace('"', '""') for name in names}
+    return frozenset(names | in_json | set(map(html.escape, names)) | in_latex | in_csv)
+
+
+def _any_of(forms: Iterable[str]) -> str:
+    """Return the pattern of any of some texts, the longest first."""
+    return f"(?:{'|'.join(map(re.escape, sorted(forms, key=len, reverse=True)))})"
 
 
 # What a file is, by its first bytes, because a copy of the journal may have any name.
@@ -296,7 +349,7 @@ def _without_tags(xml: str) -> str:
 
 
 def _is_person(cell: str, person: Person) -> bool:
-    return cell == person.name or (not person.name.isdecimal() and person.is_in(cell))
+    return person.is_cell(cell)
 
 
 # Archives, spreadsheets and documents among them

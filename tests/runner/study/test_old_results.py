@@ -83,6 +83,45 @@ def test_files_about_others_are_not_named(tmp_path: Path, name: str, text: str) 
     assert search_for(tmp_path) == NOTHING
 
 
+NAMED = ("sub-P01_task-rating", "P01_left.wav", "participant_P01", "P01-P03", "P01-1", "x-P01")
+OF_OTHERS = ("P010", "P010-P011", "XP01", "P01b", "sub-P010_task", "P01-2", "y-P01", "P01_b_left")
+
+
+@pytest.mark.parametrize(
+    "text", [*NAMED, "_P01_", "in p01.", "P01-12", "P01_bothered", '"late\\nP01"']
+)
+def test_a_name_stands_between_hyphens_and_underscores(tmp_path: Path, text: str) -> None:
+    for name in ("a.txt", "a.csv"):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    person = Person(name="P01", others=("P010", "P01-2", "P01_b", "y-P01"))
+    assert old_results(tmp_path, person).holding == ("a.csv", "a.txt")
+
+
+@pytest.mark.parametrize("text", [*OF_OTHERS, r"P01\_b & 7", "p01-2", "sub-P01-2_beh"])
+def test_the_name_of_another_participant_is_not_this_one(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.txt").write_text(text, encoding="utf-8")
+    if "\\" not in text:
+        (tmp_path / f"{text}.txt").touch()
+    person = Person(name="P01", others=("P010", "P01-2", "P01_b", "y-P01"))
+    assert old_results(tmp_path, person) == NOTHING
+
+
+def test_case_tells_names_apart_only_where_participants_differ_by_it(tmp_path: Path) -> None:
+    for name in ("p01", "P01", "P01 2"):
+        (tmp_path / f"{name}.txt").write_text(name, encoding="utf-8")
+    person = Person(name="P01", others=("P02",))
+    assert old_results(tmp_path, person).holding == ("P01 2.txt", "P01.txt", "p01.txt")
+    person = Person(name="P01", others=("p01",))
+    assert old_results(tmp_path, person).holding == ("P01 2.txt", "P01.txt")
+
+
+def test_a_file_may_be_named_with_a_participant_right_after_small_letters(tmp_path: Path) -> None:
+    for name in ("notesP01.txt", "notesP01b.txt", "xP010.txt", "XP01.txt", "data1.csv", "JoAnna"):
+        (tmp_path / name).touch()
+    for who, holding in (("P01", ("notesP01.txt",)), ("a1", ()), ("Anna", ())):
+        assert search_for(tmp_path, who).holding == holding
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [

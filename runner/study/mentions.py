@@ -19,6 +19,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import IO, Any
@@ -78,11 +79,13 @@ class Person:
     rehearsal: bool = False
     others: tuple[str, ...] = ()
 
+    def may_be_in(self, text: str) -> bool:
+        """Return whether a text has the name, perhaps within another's; this is told fast."""
+        return any(form in text for form in self._forms)
+
     def is_in(self, text: str) -> bool:
         """Return whether a text names the person."""
-        # Most texts have none of the forms, and to look for these alone is faster.
-        named = any(form in text for form in self._forms)
-        return named and any(match[1] for match in self.in_text.finditer(text))
+        return self.may_be_in(text) and any(match[1] for match in self.in_text.finditer(text))
 
     @cached_property
     def _forms(self) -> frozenset[str]:
@@ -307,15 +310,17 @@ def _text_names(name: str, text: str, person: Person) -> bool:
         case ".csv" | ".tsv" as suffix:
             return _table_names(text, person, tabs=suffix == ".tsv")
         case ".xml":
-            return any(
-                _is_person(line.strip(), person) for line in _without_tags(text).splitlines()
-            )
+            return any(person.is_cell(line) for line in _without_tags(text).splitlines())
         case _:
             return person.is_in(text)
 
 
 def _table_names(text: str, person: Person, *, tabs: bool) -> bool:
-    """Return whether a cell is the person, in a column that names people if there is one."""
+    """Return whether a row names the person; one of a namesake's sessions is not about this one."""
+    decimal = person.name.isdecimal()
+    may_name = person.may_be_in if decimal else person.is_in
+    if not may_name(text):  # to read all cells takes longer
+        return False
     lines = io.StringIO(text, newline="")
     delimiter = max(_DELIMITERS, key=text.partition("\n")[0].count)
     rows: Iterator[list[str]] = csv.reader(lines, delimiter=delimiter)
@@ -324,20 +329,20 @@ def _table_names(text: str, person: Person, *, tabs: bool) -> bool:
     try:
         header = next(rows, [])
         titles = [title.strip().lower() for title in header]
-        who = [n for n, title in enumerate(titles) if title in _WHO]
-        if not who:
-            return any(_is_person(cell, person) for row in (header, *rows) for cell in row)
+        who = {n for n, title in enumerate(titles) if title in _WHO}
         kinds = [n for n, title in enumerate(titles) if title in _KINDS]
-        # Only these columns, because a pseudonym that is a number would be found among scores.
-        return any(
-            # Exports put an apostrophe before what a spreadsheet would take for a formula.
-            n < len(row) and row[n].strip().removeprefix("'") == person.name
-            for row in rows
-            if all(person.is_of(row[n]) for n in kinds if n < len(row))
-            for n in who
-        )
+        for row in chain([header], rows):
+            if not may_name("\t".join(row)):
+                continue
+            columns = {n for n, cell in enumerate(row) if person.is_cell(cell)}
+            # A pseudonym that is a number would be found among scores.
+            columns &= who if who and decimal else columns
+            of_namesake = not all(person.is_of(row[n]) for n in kinds if n < len(row))
+            if columns and not (of_namesake and columns & who):
+                return True
     except csv.Error:  # touchbeam did not write it
         return person.is_in(text)
+    return False
 
 
 def _without_tags(xml: str) -> str:
@@ -346,10 +351,6 @@ def _without_tags(xml: str) -> str:
     text = re.sub(r'<f\b[^<]*</f>|<c\b[^<>]*\bt="s"[^<>]*><v>[^<]*</v></c>', "", xml)
     text = re.sub(r"</(?:\w+:)?(?:p|si|c)>", "\n", text)
     return html.unescape(re.sub(r"<[^<>]*>", "", text))
-
-
-def _is_person(cell: str, person: Person) -> bool:
-    return person.is_cell(cell)
 
 
 # Archives, spreadsheets and documents among them

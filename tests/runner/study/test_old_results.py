@@ -1,6 +1,7 @@
 """Files beside the journal that still hold a participant who has withdrawn."""
 
 import bz2
+import csv
 import gzip
 import html
 import io
@@ -31,6 +32,11 @@ HOLDING = {
     "trials.csv": "participant,session\nP01,1\nP-1,1\n",
     "quoted.csv": 'session,participant\n1,"P-1"\n',
     "formula.csv": "participant\n'P-1\n",
+    "remark.csv": "participant,notes\nP-10,as P-1\n",
+    "pairs.csv": "subject,P-1,P-10\nP-10,7,8\n",
+    "labels.csv": "subject,score\nsub-P-1,7\n",
+    "sessions.tsv": "participant\tscore\nP-1/2\t7\n",
+    "dry_remark.csv": "participant,session_kind,notes\nP-10,rehearsal,as P-1\n",
     "other.csv": "code,score\nP-1,7\n",
     "broken.csv": "participant\n" + "x" * 200_000 + "\nP-1\n",
     "participants.tsv": "participant_id\tpseudonym\nsub-P1\tP-1\n",
@@ -50,12 +56,12 @@ HOLDING = {
     "sub-P-1_beh.tsv": "score\n7\n",
 }
 OTHERS = {
-    "trials.csv": "participant,session,notes\nP-10,1,as P-1\nXP-1,1,\n",
+    "trials.csv": "participant,session,notes\nP-10,1,as P-10\nXP-1,1,\n",
     "participants.tsv": "participant_id\tpseudonym\nsub-P1\tP-1x\n",
     "report.json": '{"rows": [{"subject": "P-1-2"}]}',
     "report.html": "<td>P-11</td>",
     "study.toml": 'name = "P-12"',
-    "rehearsed.csv": "participant,session_kind\nP-1,rehearsal\n",
+    "rehearsed.csv": "participant,session_kind,file\nP-1,rehearsal,P-1.npz\n",
     "rehearsed.json": '{"subject": "P-1 (rehearsal)", "session": "P-1/1 (rehearsal)"}',
     "P-10.txt": "",
     "P-1-2.txt": "of another participant",
@@ -126,6 +132,8 @@ def test_a_file_may_be_named_with_a_participant_right_after_small_letters(tmp_pa
     ("name", "text"),
     [
         ("trials.csv", "participant,session\n12,7\n"),
+        ("labels.csv", "subject,score\nsub-12,7\n"),
+        ("sessions.csv", "subject,score\n12/2,7\n"),
         ("report.json", '{"subject": "12", "score": 7, "text": "7 of 9"}'),
         ("report.html", '<td colspan="7">7</td><th scope="row">12</th>'),
         ("table4.tex", "12 & 7 & 7"),
@@ -144,7 +152,9 @@ def test_any_name_of_an_imported_table_is_found(tmp_path: Path, name: str) -> No
     forms = (json.dumps(name), html.escape(name), name, name.replace("_", r"\_"))
     for number, form in enumerate(forms):
         (tmp_path / f"{number}.html").write_text(f"<td>{form}</td>", encoding="utf-8")
-    assert len(search_for(tmp_path, name).holding) == len(forms)
+    with (tmp_path / "people.csv").open("w", encoding="utf-8", newline="") as table:
+        csv.writer(table).writerow([7, name])
+    assert len(search_for(tmp_path, name).holding) == len(forms) + 1
 
 
 def test_a_report_or_export_is_named_once_by_its_folder(tmp_path: Path) -> None:

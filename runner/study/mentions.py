@@ -15,7 +15,7 @@ import re
 import tarfile
 import zipfile
 import zlib
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE, BOM_UTF32_BE, BOM_UTF32_LE
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -214,7 +214,7 @@ _PACKED: Mapping[bytes, Callable[[Any], Any]] = {
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF", b"II*\0", b"MM\0*", b"RIFF")
-_UTF16 = (BOM_UTF16_LE, BOM_UTF16_BE)
+_UTF16, _UTF32 = (BOM_UTF16_LE, BOM_UTF16_BE), (BOM_UTF32_LE, BOM_UTF32_BE)
 _DAMAGED = (
     *(OSError, EOFError, ValueError, LookupError, RuntimeError, NotImplementedError),
     *(zlib.error, lzma.LZMAError, zipfile.BadZipFile, tarfile.TarError),
@@ -266,6 +266,8 @@ def _texts(content: bytes) -> Iterator[str]:
     """Yield the text of a file; of old Excel and Word files, in both of the codes they use."""
     if content.startswith(_OLD_OFFICE):
         yield from (content.decode(code, "replace") for code in ("latin-1", "utf-16-le"))
+    elif content.startswith(_UTF32):  # before UTF-16, whose mark begins one of these
+        yield content.decode("utf-32", "replace")
     elif content.startswith(_UTF16):
         yield content.decode("utf-16", "replace")
     elif b"\0" in content:
@@ -310,7 +312,8 @@ def _text_names(name: str, text: str, person: Person) -> bool:
         case ".csv" | ".tsv" as suffix:
             return _table_names(text, person, tabs=suffix == ".tsv")
         case ".xml":
-            return any(person.is_cell(line) for line in _without_tags(text).splitlines())
+            named = any(person.is_cell(line) for line in _without_tags(text).splitlines())
+            return named or (not _OFFICE.match(name) and person.is_in(text))
         case _:
             return person.is_in(text)
 
@@ -345,18 +348,32 @@ def _table_names(text: str, person: Person, *, tabs: bool) -> bool:
     return False
 
 
+_OFFICE = re.compile(r"(?:xl|word|ppt)/|(?:.*/)?(?:content|styles|settings)\.xml$")
+"""The parts of documents and spreadsheets whose attributes number cells and styles like people."""
+_TITLES = re.compile(
+    r"""<(?:\w+:)?(?:sheet|table|s)\s(?:[^<>]*\s)?(?:\w+:)?(?:name|v)="""
+    r"""(?:"([^"<>]*)"|'([^'<>]*)')[^<>]*>"""
+)
+"""Names of sheets, and values that a pivot table keeps."""
+_BREAKS = re.compile(r"</(?:\w+:)?(?:p|h|si|c)>|<(?:\w+:)?(?:br|cr|line-break)\b[^<>]*>")
+"""Between paragraphs, lines and cells."""
+_PIECES = r"r|t|rPr\w*|solidFill|delText|ins|del|hyperlink|smartTag|sdt\w*|span|a"
+_GAPS = re.compile(rf"</(?!(?:\w+:)?(?:{_PIECES})>)[^<>]*>|<(?:\w+:)?(?:tab|s)\b[^<>]*>")
+"""Between words: tabs, spaces, and what closes anything but the pieces of a word."""
+
+
 def _without_tags(xml: str) -> str:
     """Return the text of a document or a spreadsheet; each paragraph and cell is a line."""
     # A spreadsheet calls its own cells P1 in tags and formulas, and numbers its texts elsewhere.
     text = re.sub(r'<f\b[^<]*</f>|<c\b[^<>]*\bt="s"[^<>]*><v>[^<]*</v></c>', "", xml)
-    text = re.sub(r"</(?:\w+:)?(?:p|si|c)>", "\n", text)
+    text = _GAPS.sub(" ", _BREAKS.sub("\n", _TITLES.sub(r"\n\1\2\n", text)))
     return html.unescape(re.sub(r"<[^<>]*>", "", text))
 
 
 # Archives, spreadsheets and documents among them
 
 Members = Iterator[tuple[str, Callable[[], bytes]]]
-"""The files in an archive: name, and what reads it."""
+"""The files, folders and comments in an archive: name, and what reads it."""
 
 
 def _members(name: str, content: bytes, budget: Budget) -> Members | None:
@@ -378,16 +395,19 @@ def _unpacked(opened: Callable[[Any], Any], packed: object, budget: Budget) -> b
 
 def _zip_members(file: IO[bytes], budget: Budget) -> Members:
     with zipfile.ZipFile(file) as archive:
-        for member in archive.infolist():
-            if not member.is_dir():
-                yield member.filename, partial(_unpacked, archive.open, member, budget)
+        members = archive.infolist()
+        for member in members:
+            read = partial(_unpacked, archive.open, member, budget)
+            yield member.filename, bytes if member.is_dir() else read
+        if any(comments := [archive.comment, *(member.comment for member in members)]):
+            yield "comments", partial(b"\n".join, comments)
 
 
 def _tar_members(file: IO[bytes], budget: Budget) -> Members:
     with tarfile.open(fileobj=file, mode="r:") as archive:
         for member in archive:
-            if member.isfile() and (part := archive.extractfile(member)):
-                yield member.name, partial(budget.read, part)
+            part = archive.extractfile(member) if member.isfile() else None
+            yield member.name, partial(budget.read, part) if part else bytes
 
 
 def _archive_names(members: Members, person: Person, budget: Budget, depth: int) -> bool:

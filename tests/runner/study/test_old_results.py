@@ -12,6 +12,7 @@ import pickle
 import sqlite3
 import tarfile
 import zipfile
+from codecs import BOM_UTF32_BE, BOM_UTF32_LE
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
@@ -327,6 +328,31 @@ def sheet(cells: str, texts: str = "") -> bytes:
     return zipped({name: part.encode() for name, part in parts.items()})
 
 
+def document(text: str) -> bytes:
+    """Return a document of Word's with one paragraph."""
+    return zipped({"word/document.xml": f"<w:p><w:r>{text}</w:r></w:p>".encode()})
+
+
+def commented(whole: bytes, member: bytes) -> bytes:
+    """Return a zip archive that has comments."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.comment, note = whole, zipfile.ZipInfo("a.txt")
+        note.comment = member
+        archive.writestr(note, "nobody")
+    return out.getvalue()
+
+
+def folder_in_tar(name: str) -> bytes:
+    """Return an archive that has only an empty folder."""
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        member = tarfile.TarInfo(name)
+        member.type = tarfile.DIRTYPE
+        archive.addfile(member)
+    return out.getvalue()
+
+
 def packed(who: str) -> dict[str, bytes]:
     """Return archives, spreadsheets and documents that name a person."""
     table = {"trials.csv": f"participant\n{who}\n".encode()}
@@ -344,6 +370,32 @@ def packed(who: str) -> dict[str, bytes]:
         "runs.docx": zipped(
             {"word/document.xml": f"<w:t>with {who[0]}</w:t><w:t>{who[1:]}</w:t></w:p>".encode()}
         ),
+        "break.docx": document(f"<w:t>left</w:t><w:br/><w:t>{who}</w:t><w:br/><w:t>late</w:t>"),
+        "tab.docx": document(f"<w:t>left</w:t><w:tab/><w:t>{who}</w:t><w:tab/><w:t>late</w:t>"),
+        "link.docx": document(
+            f"<w:hyperlink><w:t>{who[0]}</w:t></w:hyperlink><w:t>{who[1:]}</w:t>"
+        ),
+        "comment.xlsx": zipped(
+            {
+                "xl/comments1.xml": "<authors><author>me</author></authors><comment ref='P1'>"
+                f"<text><r><t>{who}</t></r></text></comment><comment><text>late</text>".encode()
+            }
+        ),
+        "author.xlsx": zipped(
+            {"xl/comments1.xml": f"<author>me</author><author>{who}</author><t>late</t>".encode()}
+        ),
+        "sheet.xlsx": zipped(
+            {"xl/workbook.xml": f'<sheet name="{who}" sheetId="1"/><sheet name="2"/>'.encode()}
+        ),
+        "sheet.ods": zipped({"content.xml": f"<table:table table:name='{who}'>".encode()}),
+        "pivot.xlsx": zipped({"xl/pivotCache/a.xml": f'<s v="{who}"/><s v="x"/>'.encode()}),
+        "people.xml": f'<people><person id="{who}"/></people>'.encode(),
+        "folder.zip": zipped({f"{who}/": b""}),
+        "folder.tar": folder_in_tar(f"data/{who}"),
+        "comment.zip": commented(f"without {who}".encode(), b""),
+        "member.zip": commented(b"", f"by {who}".encode()),
+        "utf32le.txt": BOM_UTF32_LE + who.encode("utf-32-le"),
+        "utf32be.txt": BOM_UTF32_BE + who.encode("utf-32-be"),
         "old.xls": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0" + who.encode() + b"\0",
         "old.doc": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0" + f" {who} ".encode("utf-16-le"),
         "unicode.txt": f"with {who}".encode("utf-16"),
@@ -353,7 +405,13 @@ def packed(who: str) -> dict[str, bytes]:
 def test_archives_spreadsheets_and_documents_are_searched(tmp_path: Path) -> None:
     # A spreadsheet calls its cells P1, and a formula names them.
     cell = '<c r="P1"><f>P1+P1</f><v>7</v></c>'
-    for who, others in (("P1", {}), ("P10", {"cells.xlsx": sheet(cell, "<si><t>P10</t></si>")})):
+    about_others = {
+        "cells.xlsx": sheet(cell, "<si><t>P10</t></si>"),
+        "comment at.xlsx": zipped({"xl/comments1.xml": b'<comment ref="P1"><t>late</t></comment>'}),
+        "styled.odt": zipped({"content.xml": b'<text:p text:style-name="P1">late</text:p>'}),
+        "split.docx": document("<w:t>P1</w:t></w:r><w:proofErr/><w:r><w:rPr/><w:t>0</w:t>"),
+    }
+    for who, others in (("P1", {}), ("P10", about_others)):
         (tmp_path / who).mkdir()
         for name, content in (packed(who) | others).items():
             (tmp_path / who / name).write_bytes(content)
@@ -370,6 +428,12 @@ def test_a_number_is_found_in_a_cell_of_a_spreadsheet(tmp_path: Path) -> None:
     (tmp_path / "b.xlsx").write_bytes(sheet('<c r="A1"><v>3</v></c>'))
     assert search_for(tmp_path, "3").holding == ("b.xlsx",)
     assert search_for(tmp_path, "5").holding == ("a.xlsx",)
+
+
+def test_a_number_is_not_found_among_what_is_counted_of_a_document(tmp_path: Path) -> None:
+    counts = b"<Properties><Pages>5</Pages><Words>300</Words></Properties>"
+    (tmp_path / "a.docx").write_bytes(zipped({"docProps/app.xml": counts}))
+    assert search_for(tmp_path, "5") == NOTHING
 
 
 def test_a_backup_in_an_archive_is_read_as_a_journal(withdrawn: Path) -> None:

@@ -203,9 +203,9 @@ def _any_of(forms: Iterable[str]) -> str:
 _DATABASE = b"SQLite format 3\0"
 _LOG = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
 _NO_NAMES = re.compile(
-    rb"\x18\xe2\x2d\x00|\x93NUMPY..(?:..|....)\{'descr': '[<>|]?[biuf]", re.DOTALL
+    rb"\x18\xe2\x2d\x00|(?:.{32})?\x93NUMPY..(?:..|....)\{'descr': '[<>|]?[biuf]", re.DOTALL
 )
-"""The index of a log, and arrays of numbers."""
+"""The index of a log, and arrays of numbers; before these `power` once put a seal."""
 _PACKED: Mapping[bytes, Callable[[Any], Any]] = {
     b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
     b"BZh": bz2.BZ2File,

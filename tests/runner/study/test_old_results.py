@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from protocol.journal.events import ScoresImported
@@ -434,6 +435,17 @@ def test_a_number_is_not_found_among_what_is_counted_of_a_document(tmp_path: Pat
     counts = b"<Properties><Pages>5</Pages><Words>300</Words></Properties>"
     (tmp_path / "a.docx").write_bytes(zipped({"docProps/app.xml": counts}))
     assert search_for(tmp_path, "5") == NOTHING
+
+
+def test_kept_results_of_a_power_analysis_hold_nobody(tmp_path: Path) -> None:
+    chunk = io.BytesIO()
+    np.save(chunk, np.zeros((3, 2)))
+    (tmp_path / "sealed.npy").write_bytes(bytes(range(32)) + chunk.getvalue())
+    (tmp_path / "plain.npy").write_bytes(chunk.getvalue())
+    names = io.BytesIO()
+    np.save(names, np.array(["P-1"]))
+    (tmp_path / "names.npy").write_bytes(bytes(range(32)) + names.getvalue())
+    assert search_for(tmp_path) == OldResults(holding=(), unsearched=("names.npy",))
 
 
 def test_a_backup_in_an_archive_is_read_as_a_journal(withdrawn: Path) -> None:

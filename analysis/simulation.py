@@ -12,6 +12,7 @@ import numpy as np
 from analysis.estimates import BoolArray, FloatArray, IntArray
 from analysis.loading.study_data import broken_rules
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
+from device.friction.surfaces import GivenSurface, beam_surface, length_of
 from device.people import answering as answers
 from device.people import person
 from device.people.person import People, Population, World
@@ -102,8 +103,8 @@ class PlannedTrials:
         return self._numbers[known]
 
 
-Drive = tuple[float, Direction]
-"""Frequency relative to the resonance, and the direction of the finger."""
+Drive = tuple[float, Direction, str]
+"""Frequency relative to the resonance, direction of the finger, and the beam that is mounted."""
 Parts = tuple[tuple[int, int], IntArray]
 """A kind of trial and one of its touches, and some of the parts of that touch's time."""
 Touched = dict[tuple[int, int], FloatArray]
@@ -153,6 +154,7 @@ def cohort(
     most = int(touches.sum(axis=1).max())
     u = person.uniforms_of([f"touches/{name}" for name in names], most, answers.TOUCH_NUMBERS)
     force_n = np.full(u.shape[:2], np.nan)
+    length_m = length_of(planned.study.surface)
     # Touches with a like drive are felt together.
     asked: dict[Drive, list[tuple[Parts, person.Fingers]]] = defaultdict(list)
     friction: Touched = {}
@@ -163,7 +165,7 @@ def cohort(
         kind, touching = planned.kinds[number], people.rows(who)
         for touch, mark in enumerate(kind.marks):
             at = first_touch[who, trial] + touch
-            way = answers.course(touching, u[who, at], mark)
+            way = answers.course(touching, u[who, at], mark, length_m)
             force_n[who, at] = way.force_n
             # A person compares the last touch with the first one, and forgets those between: their
             # friction would be computed for nothing.
@@ -182,7 +184,11 @@ def cohort(
         force_n=force_n,
         **{name: np.full(kinds.shape, np.nan) for name in numbers},
     )
-    _answer(made, planned, names, _contrasts(planned.kinds, trials, friction, kinds.shape))
+    if isinstance(world.surface, GivenSurface):
+        contrasts = _worth(planned, trials, people, world, kinds.shape)
+    else:
+        contrasts = _contrasts(planned.kinds, trials, friction, kinds.shape)
+    _answer(made, planned, names, contrasts)
     return made
 
 
@@ -208,7 +214,8 @@ def _fingers(
     places_m = way.places_m(parts)
     # A touch without a beam of its own is on the one that the study mounts.
     beam = to_make.beam or study.touch.beam
-    height_m = person.BODY_HEIGHT_M * (beam is None or study.beams[beam] > 0)
+    own_m = beam_surface(study.surface).structure.body_height_m
+    height_m = own_m * (beam is None or study.beams[beam] > 0)
     # A finger that stays at its place slides to and fro there.
     sliding_m_s = np.where(way.speed_m_s > 0, way.speed_m_s, REFERENCE_SPEED_M_S)
     voltages_v = to_make.voltage_v + parts * (to_make.end_voltage_v - to_make.voltage_v)
@@ -227,19 +234,19 @@ def _fingers(
             skin=np.repeat(people.skin, len(which)),
             mu0=np.repeat(people.mu0, len(which)),
         )
-        yield (frequency, to_make.direction), which, fingers
+        yield (frequency, to_make.direction, beam or ""), which, fingers
 
 
 def _feel(
     asked: Mapping[Drive, list[tuple[Parts, person.Fingers]]], friction: Touched, world: World
 ) -> None:
     """Put the friction of all fingers into its places, those of one drive at once."""
-    for (frequency, direction), own in asked.items():
+    for (frequency, direction, beam), own in asked.items():
         parts = [vars(fingers) for _, fingers in own]
-        every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        found = person.felt_friction(
-            world, person.Fingers(**every), frequency * world.resonance_hz, direction
-        )
+        names = parts[0].keys() - {"beam"}
+        every = {name: np.concatenate([part[name] for part in parts]) for name in names}
+        fingers = person.Fingers(**every, beam=beam)
+        found = person.felt_friction(world, fingers, frequency * world.resonance_hz, direction)
         ends = np.cumsum([fingers.place_m.size for _, fingers in own])
         for ((key, which), _), felt in zip(own, np.split(found, ends[:-1]), strict=True):
             friction[key][:, which] = felt.reshape(-1, len(which))
@@ -265,6 +272,19 @@ def _contrasts(
     return contrast
 
 
+def _worth(
+    planned: PlannedTrials, trials: Trials, people: People, world: World, shape: tuple[int, ...]
+) -> FloatArray:
+    """Return the same on a surface without a model."""
+    contrast = np.zeros(shape)
+    for number, (who, trial) in trials.items():
+        asked = planned.kinds[number].trial
+        if asked.question is not None:
+            felt = answers.given_change(planned.study, asked, world, people.rows(who))
+            contrast[who, trial] = felt
+    return contrast
+
+
 def _answer(
     made: Cohort, planned: PlannedTrials, names: Sequence[str], contrast: FloatArray
 ) -> None:
@@ -275,6 +295,8 @@ def _answer(
     expected = np.array([_NEVER if kind.expected is None else kind.expected for kind in of])[kinds]
     scored = np.array([kind.trial.scored for kind in of])[kinds]
     extra = np.stack([answers.beyond(kind.change, people) for kind in of], axis=1)
+    # There the points of an effect are all of it.
+    extra *= planned.study.surface.kind != "given"
     rating = planned.study.rating
     most = int(asks.sum(axis=1).max())
     u = person.uniforms_of([f"questions/{name}" for name in names], most, answers.QUESTION_NUMBERS)

@@ -1,6 +1,6 @@
-"""A thousand scenes as an experimenter's study has them, as a CSV text for `predict`.
+"""Six thousand scenes as an experimenter's study has them, as a CSV text for `predict`.
 
-Twenty rigs, each with its own measured damping: touches at the smooth place and along the path at
+A hundred rigs, each with its own damping: touches at the smooth place and along the path at
 resonance, at every amplitude, finger load and direction; and the paper's frequency condition at
 100 V, the drive rising towards resonance, its frequencies as numbers.
 """
@@ -10,9 +10,9 @@ import random
 from device.friction.scenes import FingerContact
 from protocol.study.touch import TouchDefaults
 
-RIGS = 20
-SCENES_PER_RIG = 50
-RESONANT_PER_RIG = 30
+RIGS = 100
+SCENES_PER_RIG = 60
+RESONANT_PER_RIG = 40
 TOP_RESONANCE_HZ = 21624.85
 _APPROACH = (0.70, 0.80, 0.88, 0.94, 0.98)
 
@@ -26,7 +26,7 @@ def study_scenes(seed: int = 1) -> str:
 
 
 def _rig_rows(draw: random.Random) -> list[str]:
-    """One rig's scenes: thirty at resonance, twenty on the way to it."""
+    """One rig's scenes: forty at resonance, twenty on the way to it."""
     resonance_hz = TOP_RESONANCE_HZ * (1 + draw.gauss(0, 1e-4))
     damping = draw.uniform(0.003, 0.012)
     rows = []

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from device.beam.beam import Beam
 from device.drivers.limits import Amplifier, Limits
+from device.friction.surfaces import length_of
 from protocol.errors import Path, Problem, dotted
 from protocol.study.rig_settings import Rig
 from protocol.study.study import Study
@@ -29,8 +29,9 @@ def device_limits(rig: Rig) -> Limits:
 
 
 def reach_problems(study: Study) -> Iterator[Problem]:
-    """Yield a problem for each place of `study` beyond the end of the beam."""
-    length_m = Beam().length_m
+    """Yield a problem for each place of `study` beyond the end of what is touched."""
+    what = "the beam" if study.surface.kind == "beam" else "the surface"
+    length_m = length_of(study.surface)
     ways: dict[Path, tuple[float, float]] = {("touch", "path_m"): study.touch.path_m}
     # A study that says nothing of sliding must not fail for the paths of its defaults.
     if "slide" in study.model_fields_set:
@@ -51,6 +52,6 @@ def reach_problems(study: Study) -> Iterator[Problem]:
             where = dotted(path)
             if path[0] == "track":
                 where = f"track {study.track[int(path[1])].name}, {path[2]}"
-            rule = f"must lie on the beam, which ends at {length_m:g} m"
-            hint = f"that is {1e3 * place_m:.12g} mm; the beam is {1e3 * length_m:g} mm long"
+            rule = f"must lie on {what}, which ends at {length_m:g} m"
+            hint = f"that is {1e3 * place_m:.12g} mm; {what} is {1e3 * length_m:g} mm long"
             yield Problem(where, rule, f"{place_m!r} m", hint, path)

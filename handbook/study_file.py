@@ -93,7 +93,50 @@ trials](data.md#rows-and-columns).
 """
 
 
+_SURFACE = """\
+Any key of a beam's geometry makes all of them necessary, with patches, `touch.path_m` and
+`touch.smooth_place_m`: a half-described beam would silently keep the paper's brass.
+
+```toml
+[surface]
+length_m = 0.12
+thickness_m = 0.003
+width_m = 0.01
+youngs_modulus_pa = 70e9         # aluminium
+density_kg_m3 = 2700
+poisson_ratio = 0.33
+damping_ratio = 0.005
+supports = ["clamped", "clamped"]
+mode = 6
+bodies = { height_m = 0 }        # a smooth beam
+
+[[surface.patch]]
+centre_m = 0.072
+length_m = 0.010
+width_m = 0.005
+thickness_m = 0.0003
+youngs_modulus_pa = 76.5e9       # PZT
+density_kg_m3 = 7500
+poisson_ratio = 0.31
+stress_constant_c_m2 = 2.0
+```
+
+The table of a `measured` surface has commas, a header, and a row for each combination of values. It
+has a column `friction`, and any of `voltage_v`, `frequency` (relative to the resonance), `place_m`
+(right edge of the finger), `direction` (`right`, `left`), `force_n`, `speed_m_s` and `beam`;
+friction does not depend on a column that is not there. `resonance_hz`, one value, names the
+resonance of the measurement. Between the values the logarithm of friction is interpolated; beyond
+them nothing is predicted, and `touchbeam check` refuses a touch. It has at most a million rows.
+
+[My surface](how-to/surface.md) says which kind to take.
+"""
+
+
 _PARTS = {
+    "surface": [
+        ("A piezoelectric patch, in `[[surface.patch]]`", "SurfacePatch"),
+        ("Ciliary bodies: `bodies`", "Bodies"),
+    ],
     "rating": [("A band, in `bands`", "Band")],
     "question": [("A label, in `labels`", "Label"), ("When it is asked: `asked_if`", "AskedIf")],
     "track": [("The levels, in `levels`", "Levels"), ("When it ends sooner: `stop`", "Stop")],
@@ -179,6 +222,7 @@ The keys are those of `[texts]` in `protocol/languages/en.toml`, which has the b
 `touchbeam translate STUDY CODE` copies them into a file of the study.
 """
 _REMARKS = {
+    "surface": _SURFACE,
     "texts": _TEXTS,
     "factor": _FACTORS,
     "group": _GROUPS,
@@ -274,6 +318,8 @@ def _toml(value: Any) -> str:
         return json.dumps(value)
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
     return f"{value:g}"
 
 
@@ -297,7 +343,9 @@ def _kind(entry: _Schema) -> str:
 
 def _list_kind(entry: _Schema) -> str:
     if "prefixItems" in entry:
-        return f"{len(entry['prefixItems'])} numbers, {_range(entry['prefixItems'][0])}"
+        count, first = len(entry["prefixItems"]), entry["prefixItems"][0]
+        numbers = first.get("type") in ("number", "integer")
+        return f"{count} numbers, {_range(first)}" if numbers else f"{count} of {_kind(first)}"
     items = entry["items"]
     return f"list of {'tables' if '$ref' in items else _kind(items)}"
 
@@ -305,12 +353,16 @@ def _list_kind(entry: _Schema) -> str:
 def _range(entry: _Schema) -> str:
     """Return `0.1 to 10`, `> 0, to 10`, or `from 1`."""
     least, most = entry.get("minimum"), entry.get("maximum")
-    if least is None and "exclusiveMinimum" in entry:
-        first = f"> {entry['exclusiveMinimum']:.15g}"
-        return first if most is None else f"{first}, to {most:.15g}"
-    if least is None:
-        return "number" if most is None else f"to {most:.15g}"
-    return f"from {least:.15g}" if most is None else f"{least:.15g} to {most:.15g}"
+    above, below = entry.get("exclusiveMinimum"), entry.get("exclusiveMaximum")
+    if None not in (least, most):
+        return f"{least:.15g} to {most:.15g}"
+    ends = [
+        *([] if least is None else [f"from {least:.15g}"]),
+        *([] if least is not None or above is None else [f"> {above:.15g}"]),
+        *([] if most is None else [f"to {most:.15g}"]),
+        *([] if most is not None or below is None else [f"< {below:.15g}"]),
+    ]
+    return ", ".join(ends) or "number"
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from device.errors import UNKNOWN
@@ -15,6 +16,8 @@ from protocol.study import study_question
 from protocol.study.participant_texts import touch_text
 from protocol.study.rig_settings import Rig
 from protocol.study.rules import Band, Rating
+from protocol.study.study import Study
+from protocol.study.surface import NO_PICTURE, Support
 from protocol.study.touch import Direction, Mark, Touch, TouchDefaults, mark_of
 
 if TYPE_CHECKING:
@@ -42,13 +45,76 @@ class Welcome:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShownSurface:
+    """How the surface is shown; by default as the paper's beam.
+
+    Attributes:
+        supports: of the left and the right end, None where nothing is known of them.
+        picture: a file in the study's folder, shown in place of a bar; `none`: nothing is drawn.
+        picture_shape: width of the picture over its height.
+        path_in_picture: where `path_m` begins and ends in the picture, as parts of its width and
+            height from its upper left corner; None if nothing is marked in it.
+    """
+
+    length_m: float = 0.1
+    supports: tuple[Support, Support] | None = ("clamped", "free")
+    picture: str | None = None
+    picture_shape: float = 1.0
+    path_m: tuple[float, float] = (0.0, 0.1)
+    path_in_picture: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+    @property
+    def is_marked(self) -> bool:
+        """Whether pages show where to touch; else their words alone say it."""
+        return self.picture is None or self.path_in_picture is not None
+
+    def text(self, key: str, texts: Mapping[str, str]) -> str:
+        """Return the text of `key`; where nothing is marked, one that speaks of no mark."""
+        return texts[key] if self.is_marked else texts.get(f"{key}.unmarked", texts[key])
+
+
+PAPERS_BEAM = ShownSurface()
+
+
+def shown_surface(study: Study, folder: Path | None) -> ShownSurface:
+    """Return how the surface of a study in `folder` is shown.
+
+    Without a folder its picture counts as square, which moves marks but no text.
+    """
+    surface, path_m = study.surface, study.touch.path_m
+    if surface.kind == "beam":
+        supports = surface.supports or PAPERS_BEAM.supports
+        length_m = surface.length_m or PAPERS_BEAM.length_m
+        return ShownSurface(length_m=length_m, supports=supports, path_m=path_m)
+    assert surface.length_m is not None, "a surface of this kind has a length"
+    picture = surface.picture
+    is_file = folder is not None and picture not in {None, NO_PICTURE}
+    return ShownSurface(
+        length_m=surface.length_m,
+        supports=None,
+        picture=picture,
+        picture_shape=_shape(folder / str(picture)) if folder and is_file else 1.0,
+        path_m=path_m,
+        path_in_picture=surface.path_in_picture,
+    )
+
+
+def _shape(picture: Path) -> float:
+    from PIL import Image
+
+    with Image.open(picture, formats=("PNG", "JPEG")) as image:
+        return image.width / image.height
+
+
+@dataclass(frozen=True, kw_only=True)
 class FingerPath:
-    """The finger's path along the beam; start and end are equal if it does not slide.
+    """The finger's path along the surface; start and end are equal if it does not slide.
 
     `interval` says which touch of several in a trial it is, from 1; 0 where participants are not
     told.
     """
 
+    surface: ShownSurface = PAPERS_BEAM
     start_m: float
     end_m: float
     harder: bool = False
@@ -291,10 +357,17 @@ _PHASES = {
 """What a state of a session is called in the laboratory."""
 
 
-def pacing(touch: Touch, finger: TouchDefaults, interval: int = 0) -> Pacing:
+def pacing(
+    touch: Touch, finger: TouchDefaults, interval: int = 0, surface: ShownSurface = PAPERS_BEAM
+) -> Pacing:
     """Return the cue for `touch`: a place to hold, or a slide at the study's speed."""
-    mark, several = mark_of(touch, finger), touch.coverage == "full"
-    return Pacing(text=touch_text(touch), several=several, interval=interval, **vars(mark))
+    return Pacing(
+        text=touch_text(touch),
+        several=touch.coverage == "full",
+        interval=interval,
+        surface=surface,
+        **vars(mark_of(touch, finger)),
+    )
 
 
 def lead_in(cue: Pacing, finger: TouchDefaults) -> LeadIn:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from analysis.thresholds.answer_curve import Shape
     from device.beam.eq15 import Overlap
+    from device.friction.surfaces import BeamSurface
     from protocol.study.track import Task
 
 
@@ -17,8 +18,8 @@ def predict(
     scenes: "pd.DataFrame",
     *,
     law: str = "consistent",
-    rung: str = "auto",
-    tolerance: float = 0.01,
+    rung: str = "beam",
+    tolerance: float = 1e-6,
     eq15_overlap: "Overlap" = "first",
 ) -> "pd.DataFrame":
     """Return `scenes`, a row each, with the predicted friction, as `touchbeam predict` does.
@@ -29,8 +30,8 @@ def predict(
         scenes: the columns that 'Friction model' (touchbeam docs) lists; each is optional,
             missing cells take the paper's values.
         law: the friction law.
-        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
-        tolerance: the largest error in μ' that `auto` allows.
+        rung: a rung of `touchbeam ladder`.
+        tolerance: the largest error in μ' of the numbers on the rung `beam`, 1e-8 or more.
         eq15_overlap: the piece of Eq 15 that applies where two overlap.
 
     Raises:
@@ -61,28 +62,39 @@ def predicted_frame(
         else column.astype(object).where(column.notna(), None).to_numpy()
         for name, (_, column) in zip(names, scenes.items(), strict=True)
     }
-    table = column_table("scenes", columns, len(scenes), defaults)
+    asked = PredictOptions(**options)
+    table = column_table("scenes", columns, len(scenes), defaults, asked.rig.beam_surface)
     # With the caller's index, so that the result can be joined to the scenes.
-    return pd.DataFrame(predicted_table(table, PredictOptions(**options)).columns, scenes.index)
+    return pd.DataFrame(predicted_table(table, asked).columns, scenes.index)
 
 
 def friction(
-    *, law: str = "consistent", rung: str = "auto", tolerance: float = 0.01, **scene: "ArrayLike"
+    *,
+    law: str = "consistent",
+    rung: str = "beam",
+    tolerance: float = 1e-6,
+    surface: "Mapping[str, Any] | None" = None,
+    **scene: "ArrayLike",
 ) -> "NDArray[Any]":
     """Return the effective friction coefficient μ' of scenes, in the shape of the arguments.
 
     Args:
         law: the friction law.
-        rung: a rung of `touchbeam ladder`, or `auto`: the fastest within `tolerance`.
-        tolerance: the largest error in μ' that `auto` allows.
+        rung: a rung of `touchbeam ladder`.
+        tolerance: the largest error in μ' of the numbers on the rung `beam`, 1e-8 or more.
+        surface: a beam, with the keys of `[surface]` in a study file; by default the paper's.
         **scene: values of the columns that 'Friction model' (touchbeam docs) lists, such as
             `voltage_v` and `x_m`; numbers, words, or arrays of a common shape. What is left out,
-            NaN or None is the paper's.
+            NaN or None is the surface's own value.
+
+    Raises:
+        ValueError: a value or the surface is wrong, or its friction is not from a model.
     """
     import numpy as np
 
     from analysis.model.predict import PredictOptions, predicted_table
     from analysis.model.scene_table import column_table
+    from device.friction.calibration import Calibration
 
     columns = {
         name: np.ma.filled(values.astype(object), np.nan)  # what is masked is missing
@@ -96,10 +108,35 @@ def friction(
         name: np.ravel(values if values.size == 1 else np.broadcast_to(values, shape))
         for name, values in columns.items()
     }
-    table = column_table("scenes", cells, math.prod(shape))
-    options = PredictOptions(law=law, rung=rung, tolerance=tolerance)
-    found = predicted_table(table, options, bounded=False)
-    return found.predictions["mu_effective"].reshape(shape)
+    beam = _beam_of(surface or {})
+    table = column_table("scenes", cells, math.prod(shape), surface=beam)
+    options = PredictOptions(law=law, rung=rung, tolerance=tolerance, rig=Calibration.of(beam))
+    return predicted_table(table, options).predictions["mu_effective"].reshape(shape)
+
+
+def _beam_of(surface: Mapping[str, Any]) -> "BeamSurface":
+    from pydantic import ValidationError
+
+    from device.friction.surfaces import beam_surface
+    from protocol.study.surface import Surface
+
+    if not isinstance(surface, Mapping):
+        raise ValueError(  # noqa: TRY004 - as of any wrong value
+            f"surface must have the keys of [surface] in a study file, got {surface!r}"
+        )
+    # Numbers of arrays are numbers, too.
+    plain = {key: getattr(value, "tolist", lambda it=value: it)() for key, value in surface.items()}
+    try:
+        described = Surface.model_validate(plain)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        is_unknown = first["type"] == "extra_forbidden"
+        rule = "unknown key" if is_unknown else first["msg"].removeprefix("Value error, ")
+        raise ValueError(f"surface{where and '.'}{where}: {rule}") from None
+    if described.kind != "beam":
+        raise ValueError(f"surface: no model predicts the friction of kind {described.kind}")
+    return beam_surface(described)
 
 
 def fit(

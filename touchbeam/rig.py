@@ -105,7 +105,8 @@ def _opened(
             say(f"opening the rig at {url} ({settings.dialect}); nobody may touch the beam yet")
         elif settings.device != SIMULATED:
             say(f"this rig is simulated; the one of the study, at {settings.device}, is not opened")
-        rig = stack.enter_context(opening(settings, seed, calibration, channel))
+        place = None if folder is None else folder.path
+        rig = stack.enter_context(opening(settings, seed, calibration, channel, place))
         # The rig before the journal: if no device answers, no session is opened.
         identity, log = rig.device.arm(), None
         for remark in identity.remarks:  # that it has no watchdog, for one

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from analysis.loading.study_data import StudyData
     from analysis.report.report import Report
     from device.beam.eq15 import Overlap
-    from device.friction.scenes import Calibration
+    from device.friction.calibration import Calibration
     from protocol.journal.events import StoredEvent
     from protocol.study.study import Study as StudyFile
     from runner.study.folder import StudyFolder
@@ -103,7 +103,7 @@ class Study:
         """The rig as a sliding experiment calibrated it."""
         from runner.study.calibration import fitted_calibration
 
-        return fitted_calibration(self.folder.path)
+        return fitted_calibration(self.folder.path, self.file)
 
     @cached_property
     def _frames(self) -> "Frames":
@@ -277,8 +277,8 @@ class Study:
         scenes: "pd.DataFrame",
         *,
         law: str = "consistent",
-        rung: str = "auto",
-        tolerance: float = 0.01,
+        rung: str = "beam",
+        tolerance: float = 1e-6,
         eq15_overlap: "Overlap" = "first",
     ) -> "pd.DataFrame":
         """Return what `touchbeam.predict` does, on the study's rig as calibrated.

@@ -8,7 +8,7 @@ from protocol.errors import BadInput
 if TYPE_CHECKING:
     import os
 
-    from device.friction.scenes import Calibration
+    from device.friction.calibration import Calibration
     from device.tracks.next_level import Answer
     from protocol.study.study import Study
     from protocol.study.track import Track
@@ -36,7 +36,8 @@ def track(
     from runner.study.folder import StudyFolder
 
     place = StudyFolder(path=Path(folder))
-    return track_of(place.study(), fitted_calibration(place.path), name, answers)
+    study = place.study()
+    return track_of(study, fitted_calibration(place.path, study), name, answers)
 
 
 def track_of(

@@ -16,7 +16,7 @@ from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touch
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
 from analysis.loading.sessions import load_sessions
 from analysis.loading.study_lock import default_rig, study_lock
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column

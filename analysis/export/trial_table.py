@@ -15,9 +15,9 @@ from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
+from device.friction.calibration import Calibration
 from device.friction.changes import RUNG
 from device.friction.laws import LAWS
-from device.friction.scenes import Calibration
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
 from protocol.study.columns import (

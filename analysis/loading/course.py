@@ -15,7 +15,7 @@ from analysis.friction.recorded import TouchForces, reduced
 from analysis.loading import records
 from analysis.loading.records import AnswerRow, AttemptRow, SessionRow, Table, TouchRow
 from analysis.loading.study_lock import rig_in_force
-from device.friction.scenes import Calibration
+from device.friction.calibration import Calibration
 from protocol.journal import events as journal
 from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample, TrackAnswer
 from protocol.study.touch import Touch
@@ -204,7 +204,10 @@ class Course:
         touch.speed_ok = event.judged.speed_ok
         if event.read_back:
             start, end = event.read_back[0], event.read_back[-1]
-            touch.start_voltage_v, touch.end_voltage_v = start.voltage_v, end.voltage_v
+            # A generator keeps its amplitude while its output is off.
+            touch.start_voltage_v, touch.end_voltage_v = (
+                read_back.voltage_v * read_back.output for read_back in (start, end)
+            )
             touch.start_frequency_hz, touch.end_frequency_hz = start.frequency_hz, end.frequency_hz
             touch.start_monitor_v, touch.end_monitor_v = start.monitor_v, end.monitor_v
         self._rows.sampled += [self._rows.touches.last_id] * len(event.trace)

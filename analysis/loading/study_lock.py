@@ -9,7 +9,8 @@ from typing import Any
 import pandas as pd
 
 from analysis.loading.records import values
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import NOMINAL, Calibration
+from device.friction.surfaces import PAPERS
 from protocol.journal import events as journal
 from protocol.registration.deviations import Amendment, SessionRun
 from protocol.registration.registration import Registration, registration_in
@@ -38,7 +39,9 @@ class StudyLock:
         """The calibration that was registered."""
         values = self.registration.calibration
         numbers = {name: float(value) for name, value in values.items() if name != "origin"}
-        return Calibration(**numbers, origin=str(values["origin"])) if values else NOMINAL
+        return (
+            Calibration.of(PAPERS, **numbers, origin=str(values["origin"])) if values else NOMINAL
+        )
 
 
 def default_rig(lock: StudyLock | None, kinds: Sequence[str], fitted: Calibration) -> Calibration:
@@ -48,7 +51,7 @@ def default_rig(lock: StudyLock | None, kinds: Sequence[str], fitted: Calibratio
     felt on a rig of their own, which no calibration describes.
     """
     if lock is not None:
-        return lock.rig
+        return lock.rig.on(fitted.surface)
     return NOMINAL if tuple(kinds) == ("published",) else fitted
 
 

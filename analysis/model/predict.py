@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from analysis.estimates import BoolArray, FloatArray
 from analysis.model.scene_table import COLUMNS, SceneTable, scene_table
-from device.beam.beam import Beam
 from device.beam.eq15 import Overlap
-from device.errors import OutOfRangeError, positive
-from device.friction.coefficient import Chosen, auto_prediction, error_bounds
+from device.errors import OutOfRangeError
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.contact import Contact
-from device.friction.prediction import Batch, LawChoice, Ratio, rung_prediction
-from device.friction.rungs import TOP_RUNG, require_rung, rung_resonance_hz
-from device.friction.scenes import NOMINAL, Calibration, Coverage, Direction, Drive
+from device.friction.fineness import TOLERANCE, fineness_for
+from device.friction.prediction import Batch, LawChoice, Prediction, Ratio, rung_prediction
+from device.friction.rungs import TOP_RUNG, rung_named, rung_resonance_hz
+from device.friction.scenes import Coverage, Direction
+from device.friction.surfaces import BeamSurface
+from protocol.errors import BadInput
 from protocol.study.study import Study
 
 OUTPUTS = (
@@ -39,41 +41,46 @@ class PredictOptions:
     """What `touchbeam predict` is asked for."""
 
     law: str = "consistent"
-    rung: str = "auto"
-    tolerance: float = 0.01
+    rung: str = TOP_RUNG
+    tolerance: float = TOLERANCE
     eq15_overlap: Overlap = "first"
     rig: Calibration = NOMINAL
 
     def __post_init__(self) -> None:
         # Made only to be checked, so that a wrong option is refused before a table is read.
         LawChoice(name=self.law, overlap=self.eq15_overlap)
-        positive("tolerance", self.tolerance)
-        if self.rung != "auto":
-            require_rung(self.rung)
+        fineness_for(self.tolerance)
+        object.__setattr__(self, "rung", rung_named(self.rung))
 
     def model_hz(self, frequency_hz: FloatArray) -> FloatArray:
         """Return drives of the rig as drives of the model that are as far from its resonance."""
         if self.rig.resonance_hz is None:
             return frequency_hz
-        rung = TOP_RUNG if self.rung == "auto" else self.rung
-        own_hz = rung_resonance_hz(rung, Beam(), Drive().mode)
+        own = self.rig.beam_surface
+        own_hz = rung_resonance_hz(self.rung, own.structure.beam, own.mode)
         return np.asarray(frequency_hz * (own_hz / self.rig.resonance_hz))
 
 
 def study_rig(study: Study, rig: Calibration = NOMINAL) -> Calibration:
     """Return the rig as calibrated; without a fitted resonance its own is the study's nominal one.
 
-    As everywhere in a study, a drive in Hz is then as far from the resonance as on the rig.
+    As everywhere in a study, a drive in Hz is then as far from the resonance as on the rig. Raise
+    `BadInput` for a surface whose friction no model predicts.
     """
+    if not isinstance(rig.surface, BeamSurface):
+        raise BadInput(
+            f"the surface of {study.study.name} has kind {study.surface.kind}: no model predicts "
+            "its friction; leave --study out for the paper's beam"
+        )
     return replace(rig, resonance_hz=rig.resonance_hz or study.rig.nominal_resonance_hz)
 
 
 def study_defaults(study: Study, rig: Calibration = NOMINAL) -> dict[str, float]:
     """Return a study's touch, and the rig as calibrated, as defaults for blank cells."""
     touch = study.touch
-    own = {"damping_ratio": rig.damping_ratio, "body_height_m": rig.body_height_m}
     return {
-        **(own if rig.origin else {}),
+        "damping_ratio": rig.damping_ratio,
+        "body_height_m": rig.body_height_m,
         "x_m": touch.smooth_place_m,
         "contact_m": touch.contact_m,
         "finger_load_n": touch.force_n,
@@ -115,7 +122,7 @@ def _group_batch(table: SceneTable, rows: NDArray[np.intp], options: PredictOpti
     driven["voltage_v"] = options.rig.gain * driven["voltage_v"]
     driven["frequency_hz"] = options.model_hz(driven["frequency_hz"])
     contact = Contact(
-        beam=Beam(),
+        beam=options.rig.structure.beam,
         coverage=cast(Coverage, _word(table, "coverage", rows)),
         direction=cast(Direction, _word(table, "direction", rows)),
         finger_load_n=_optional(number.pop("finger_load_n")),
@@ -148,27 +155,23 @@ def _groups(table: SceneTable) -> Iterator[NDArray[np.intp]]:
     yield from np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
-def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio, *, bounded: bool) -> Chosen:
+def _predicted(batch: Batch, options: PredictOptions, ratio: Ratio) -> Prediction:
     choice = LawChoice(name=options.law, ratio=ratio, overlap=options.eq15_overlap)
-    if options.rung == "auto":
-        return auto_prediction(batch, choice, options.tolerance)
-    prediction = rung_prediction(batch, options.rung, choice)
-    mu = prediction.mu_effective
-    # To bound the error takes longer than the prediction itself.
-    bounds = error_bounds(batch, options.rung, choice, mu) if bounded else np.full(1, np.nan)
-    rungs = np.empty(batch.size, dtype=np.object_)
-    rungs.fill(options.rung)  # `np.full` would make a new text for each scene
-    return Chosen(prediction=prediction, rung=rungs, error_bound=bounds)
+    fineness = fineness_for(options.tolerance)
+    return rung_prediction(batch, options.rung, choice.on(batch.beam), fineness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedTable:
-    """A table of scenes with its predictions, shape (n,) each."""
+    """A table of scenes with its predictions, shape (n,) each.
+
+    The error bound is the tolerance, on the rung `beam`; the others differ from it by their model.
+    """
 
     table: SceneTable
     predictions: Mapping[str, FloatArray]
-    rung: NDArray[np.object_]
-    error_bound: FloatArray
+    rung: str
+    error_bound: float
 
     @property
     def columns(self) -> dict[str, NDArray[Any]]:
@@ -181,8 +184,8 @@ class PredictedTable:
         return {
             **{name: np.broadcast_to(given[name], count) for name in COLUMNS},
             **{name: self.predictions[name] for name in OUTPUTS},
-            "rung": self.rung,
-            "error_bound": self.error_bound,
+            "rung": np.full(count, self.rung),
+            "error_bound": np.broadcast_to(self.error_bound, count),
             "note": np.where(self.impossible, "a/u outside 0 to 1", ""),
         }
 
@@ -193,12 +196,8 @@ class PredictedTable:
         return (ratio < 0) | (ratio > 1)
 
 
-def predicted_table(
-    table: SceneTable, options: PredictOptions, *, bounded: bool = True
-) -> PredictedTable:
+def predicted_table(table: SceneTable, options: PredictOptions) -> PredictedTable:
     """Return the predictions for a table of scenes; warn if the printed law has impossible ones.
-
-    Unless they are to be `bounded`, a rung that is named has no error bounds.
 
     Raises:
         BadInput: a mode lies beyond the cut-off of the rung it needs, or a contact is too short
@@ -209,19 +208,20 @@ def predicted_table(
     # system would clear all arrays of each call anew, which takes as long as the predictions.
     np.empty(min(_NUMBERS_PER_SCENE * count, _MOST_NUMBERS))
     columns = {name: np.empty(count) for name in OUTPUTS}
-    rung, bound = np.empty(count, dtype=np.object_), np.empty(count)
     for rows in _groups(table) if count else ():
         ratio = cast(Ratio, _word(table, "ratio", rows))
         try:
             batch = _group_batch(table, rows, options)
-            chosen = _predicted(batch, options, ratio, bounded=bounded)
+            prediction = _predicted(batch, options, ratio)
         except OutOfRangeError as error:
             raise table.complaint(rows[error.row], error.name, error.rule, error.value) from None
         which = rows if rows.size < count else slice(None)
         for name, column in columns.items():
-            column[which] = getattr(chosen.prediction, name)
-        rung[which], bound[which] = chosen.rung, chosen.error_bound
-    predicted = PredictedTable(table=table, predictions=columns, rung=rung, error_bound=bound)
+            column[which] = getattr(prediction, name)
+    bound = options.tolerance if options.rung == TOP_RUNG else np.nan
+    predicted = PredictedTable(
+        table=table, predictions=columns, rung=options.rung, error_bound=bound
+    )
     if predicted.impossible.any():
         warnings.warn(_impossible(predicted), stacklevel=2)
     return predicted
@@ -275,5 +275,6 @@ def predict(
     Raises:
         BadInput: a cell breaks its column's rule; names file, line, column, rule and value.
     """
-    table = scene_table(source, text, defaults)
-    return csv_text(predicted_table(table, options or PredictOptions()))
+    options = options or PredictOptions()
+    table = scene_table(source, text, defaults, options.rig.beam_surface)
+    return csv_text(predicted_table(table, options))

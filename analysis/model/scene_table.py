@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, get_args
 
 import numpy as np
@@ -12,17 +13,17 @@ from numpy.typing import NDArray
 from analysis.cells import csv_fault
 from analysis.estimates import BoolArray
 from analysis.loading.published import require_commas
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
+from device.beam.eq15 import describes
+from device.beam.spectral import HIGHEST_MODE
 from device.friction.prediction import Ratio
-from device.friction.rungs import HIGHEST_MODE
-from device.friction.scenes import Scene
+from device.friction.scenes import Drive, FingerContact
+from device.friction.surfaces import PAPERS, BeamSurface
 from protocol.errors import BadInput, meant, shown
 from protocol.study.touch import Coverage, Direction
 
 Cells = Sequence[str] | NDArray[Any]
 """A column's cells: the texts of a file, or numbers, of which NaN is a blank cell."""
-_SCENE = Scene()
-_LENGTH_M = _SCENE.structure.beam.length_m
 
 
 @dataclass(frozen=True)
@@ -63,38 +64,45 @@ _not_negative = _finite("finite number of at least 0", lambda values: values >= 
 _count = _finite(
     "whole number of at least 1", lambda values: (values >= 1) & (values == np.floor(values))
 )
-_STRUCTURE, _TOUCH = _SCENE.structure, _SCENE.touch
 
-COLUMNS: Mapping[str, NumberColumn | WordColumn] = {
-    "voltage_v": _not_negative(_SCENE.drive.voltage_v),
-    "frequency_hz": replace(
-        _positive(np.nan),
-        rule="must be `resonance` or a finite number above 0",
-        reach=(1e-9, 1e8),  # above, the segmented beam has millions of zones
-        word="resonance",
-    ),
-    "x_m": NumberColumn(_TOUCH.x_m, f"must lie in [0, {_LENGTH_M:g}]", _between(0.0, _LENGTH_M)),
-    "contact_m": _positive(_TOUCH.contact_m),
-    "direction": WordColumn(get_args(Direction)),
-    "coverage": WordColumn(get_args(Coverage)),
-    "same_direction_fraction": NumberColumn(
-        np.nan, "must lie in [0, 1]", _between(0.0, 1.0), reach=(0.0, 1.0)
-    ),
-    "ratio": WordColumn(get_args(Ratio)),
-    "body_count": _count(_STRUCTURE.body_count),
-    "body_load_n": _positive(_TOUCH.body_load_n),
-    "finger_load_n": _positive(np.nan),
-    "body_mass_kg": _not_negative(_STRUCTURE.body_mass_kg),
-    "friction_coefficient": _positive(_STRUCTURE.friction_coefficient),
-    "damping_ratio": NumberColumn(
-        _STRUCTURE.beam.damping_ratio,
-        "must lie strictly between 0 and 1",
-        lambda values: (values > 0) & (values < 1),
-    ),
-    "mode": replace(_count(_SCENE.drive.mode), reach=(1, HIGHEST_MODE)),
-    "sliding_speed_m_s": _positive(_TOUCH.sliding_speed_m_s),
-    "body_height_m": _not_negative(_STRUCTURE.body_height_m),
-}
+
+@lru_cache(maxsize=16)
+def columns_of(surface: BeamSurface) -> Mapping[str, NumberColumn | WordColumn]:
+    """Return the columns of scenes on a surface, by name."""
+    structure, touch, length_m = surface.structure, FingerContact(), surface.length_m
+    place_m = min(touch.x_m, length_m)
+    return {
+        "voltage_v": _not_negative(Drive().voltage_v),
+        "frequency_hz": replace(
+            _positive(np.nan),
+            rule="must be `resonance` or a finite number above 0",
+            word="resonance",
+        ),
+        "x_m": NumberColumn(place_m, f"must lie in [0, {length_m:g}]", _between(0.0, length_m)),
+        "contact_m": _positive(touch.contact_m),
+        "direction": WordColumn(get_args(Direction)),
+        "coverage": WordColumn(get_args(Coverage)),
+        "same_direction_fraction": NumberColumn(
+            np.nan, "must lie in [0, 1]", _between(0.0, 1.0), reach=(0.0, 1.0)
+        ),
+        "ratio": WordColumn(get_args(Ratio) if describes(structure.beam) else ("mode",)),
+        "body_count": _count(structure.body_count),
+        "body_load_n": _positive(touch.body_load_n),
+        "finger_load_n": _positive(np.nan),
+        "body_mass_kg": _not_negative(structure.body_mass_kg),
+        "friction_coefficient": _positive(structure.friction_coefficient),
+        "damping_ratio": NumberColumn(
+            structure.beam.damping_ratio,
+            "must lie strictly between 0 and 1",
+            lambda values: (values > 0) & (values < 1),
+        ),
+        "mode": replace(_count(surface.mode), reach=(1, HIGHEST_MODE)),
+        "sliding_speed_m_s": _positive(touch.sliding_speed_m_s),
+        "body_height_m": _not_negative(structure.body_height_m),
+    }
+
+
+COLUMNS = columns_of(PAPERS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,8 +216,13 @@ def _words(
     return np.array([cell or column.words[0] for cell in texts], dtype=np.str_)
 
 
-def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = None) -> SceneTable:
-    """Return the scenes of a CSV text.
+def scene_table(
+    source: str,
+    text: str,
+    defaults: Mapping[str, float] | None = None,
+    surface: BeamSurface = PAPERS,
+) -> SceneTable:
+    """Return the scenes of a CSV text, on a surface.
 
     The first line names the columns, all of which are optional. `source` is the file's name, for
     messages; `defaults` are values for blank cells, such as a study's, in place of the paper's.
@@ -221,7 +234,7 @@ def scene_table(source: str, text: str, defaults: Mapping[str, float] | None = N
     header, rows, lines = _rows(source, text)
     cells = [[cell.strip() for cell in column] for column in zip(*rows, strict=True)]
     given = dict(zip(header, cells, strict=True)) if rows else {}
-    return _table(source, given, lines, defaults)
+    return _table(source, given, lines, defaults, surface)
 
 
 def column_table(
@@ -229,6 +242,7 @@ def column_table(
     columns: Mapping[str, NDArray[Any]],
     count: int,
     defaults: Mapping[str, float] | None = None,
+    surface: BeamSurface = PAPERS,
 ) -> SceneTable:
     """Return the scenes of arrays, of shape (count,) each, or (1,) for a value that all share.
 
@@ -237,7 +251,7 @@ def column_table(
     _checked_header(source, [*columns])
     cells = {name: _cells_of(column) for name, column in columns.items()}
     # Line 1 would hold the names, so that messages count as in a file.
-    return _table(source, cells, range(2, count + 2), defaults)
+    return _table(source, cells, range(2, count + 2), defaults, surface)
 
 
 def _cells_of(column: NDArray[Any]) -> Cells:
@@ -260,10 +274,11 @@ def _table(
     given: Mapping[str, Cells],
     lines: Sequence[int],
     defaults: Mapping[str, float] | None,
+    surface: BeamSurface,
 ) -> SceneTable:
     """Return the table of given columns; what all scenes share has shape (1,)."""
     numbers, words = {}, {}
-    for name, column in COLUMNS.items():
+    for name, column in columns_of(surface).items():
         cells = given.get(name)
         if isinstance(column, WordColumn):
             own = column.words[:1] if cells is None else _words(source, name, column, cells, lines)

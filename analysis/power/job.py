@@ -19,7 +19,7 @@ from analysis.power.study_records import (
     record_of_tables,
 )
 from analysis.power.track_records import track_records
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
 from protocol.errors import WorkFailed

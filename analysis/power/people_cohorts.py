@@ -19,9 +19,10 @@ from analysis.simulation import (
     names_of,
 )
 from analysis.trials.contrasts import felt_change, planned_change_of
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG, Change, predicted_contrast
 from device.friction.laws import LAWS
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.surfaces import length_of
 from device.people.person import DEFAULT, Population, World, people_of
 from protocol.journal.records import LIFTED_N
 from protocol.study.rules import PAPERS_SCALE
@@ -160,6 +161,7 @@ class PeopleCohorts:
             *(cohort.force_n[who, touch].tolist() for touch in (first, last)), strict=True
         )
         contrasts = np.full((len(who), len(LAWS)), np.nan)
+        length_m = length_of(self.study.surface)
         trials = zip(kinds.tolist(), offsets_m.tolist(), forces_n, strict=True)
         for row, (number, offset_m, of_ends_n) in enumerate(trials):
             change, planned = of_kinds[number]
@@ -171,13 +173,19 @@ class PeopleCohorts:
                     )
                     for touch, force_n in zip(planned, of_ends_n, strict=False)
                 ]
-                contrasts[row] = _by_law(felt_change(change, touches, resonance_hz), self.rig)
+                felt = felt_change(change, touches, resonance_hz, length_m)
+                contrasts[row] = _by_law(felt, self.rig)
         return contrasts
 
     @cached_property
     def _simulation(self) -> Simulation:
         # People feel the rig as calibrated, which the analysis supposes, too.
-        world = World(damping_ratio=self.rig.damping_ratio, gain=self.rig.gain)
+        world = World(
+            damping_ratio=self.rig.damping_ratio,
+            gain=self.rig.gain,
+            surface=self.rig.surface,
+            effect=self.population.effect,
+        )
         return Simulation(study=self.study, population=self.population, world=world)
 
     @cached_property

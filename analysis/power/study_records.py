@@ -30,8 +30,8 @@ from analysis.statistics.factorial import SESSION, Crossed, effects_of, factoria
 from analysis.statistics.groups import CLAIMED, group_statistics
 from analysis.statistics.omnibus import omnibus_p
 from analysis.statistics.signed_rank import pairwise_signed_ranks
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import predicted_contrast, trial_change
-from device.friction.scenes import NOMINAL, Calibration
 from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, effect_of
 from protocol.study.factor import CONDITION
 from protocol.study.study import Study

@@ -14,7 +14,9 @@ from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.study_records import Asked, Estimate, Record, of_thresholds, threshold_in_db
 from analysis.simulation import names_of
 from analysis.statistics.signed_rank import signed_rank
-from device.friction.scenes import REFERENCE_SPEED_M_S, Calibration
+from device.friction.calibration import Calibration
+from device.friction.scenes import REFERENCE_SPEED_M_S
+from device.friction.surfaces import length_of
 from device.people import person
 from device.people.answering import Course, fractions
 from device.people.person import People, World, person_name, uniforms_of
@@ -43,7 +45,7 @@ def shares(study: Study, track: Track, people: People, rig: Calibration) -> Floa
     still = track.comparison.model_copy(update={"voltage_v": 0.0})
     # Yes is said of a touch beside the beam at rest, which is remembered.
     standard = still if track.intervals == 1 else track.standard or still
-    world = World(damping_ratio=rig.damping_ratio, gain=rig.gain)
+    world = World(damping_ratio=rig.damping_ratio, gain=rig.gain, surface=rig.surface)
     before = _log_friction(study, standard, people, world)
     levels = [track.at(level, volts) for level, volts in enumerate(solved)]
     smoother = before - np.stack([_log_friction(study, level, people, world) for level in levels])
@@ -70,6 +72,7 @@ def _log_friction(study: Study, touch: Touch, people: People, world: World) -> F
         force_n=mark.force_n * people.force_factor,
         speed_factor=people.speed_factor,
         offset_m=people.place_offset_m,
+        length_m=length_of(study.surface),
     )
     places_m = way.places_m(parts)
 
@@ -84,7 +87,7 @@ def _log_friction(study: Study, touch: Touch, people: People, world: World) -> F
         # A finger that rests is felt as one that moves a little.
         speed_m_s=at_places(way.speed_m_s) if mark.slides else REFERENCE_SPEED_M_S,
         voltage_v=np.full(places_m.size, touch.voltage_v * has_bodies),
-        body_height_m=person.BODY_HEIGHT_M,
+        body_height_m=world.structure.body_height_m,
         skin=at_places(people.skin),
         mu0=1.0,
     )

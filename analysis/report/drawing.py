@@ -52,7 +52,7 @@ class Panel:
     x_label: str
     y_label: str
     series: tuple[Series, ...]
-    logarithmic_x: bool = False
+    logarithmic: bool = False
 
 
 # Okabe and Ito's palette, which suits colour-blind readers; marker shapes differ as well.
@@ -210,8 +210,8 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
             axes.annotate(name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
     axes.set_title(panel.title, fontsize=9)
     axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
-    if panel.logarithmic_x:
-        axes.set_xscale("log")
+    if panel.logarithmic:
+        axes.set(xscale="log", yscale="log")
         # Names stand right of their points and need room.
         axes.margins(x=0.25)
     if len(panel.series) > 1:

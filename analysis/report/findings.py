@@ -27,7 +27,9 @@ from analysis.statistics.groups import (
 from analysis.statistics.summary import Reading, TableStatistics
 from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics, crossed_scores
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import NOMINAL, Calibration
+from device.friction.changes import LAW, RUNG
+from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import PAPERS_SCALE, Rating
@@ -57,7 +59,8 @@ class Origin:
         # A calibration that some session ran under is no news.
         in_force = {run.calibration for run in lock.sessions}
         is_later = self.rig.origin and self.rig.origin not in in_force
-        return replace(self, rig=lock.rig, later=self.rig if is_later else None)
+        rig = lock.rig.on(self.rig.surface)
+        return replace(self, rig=rig, later=self.rig if is_later else None)
 
 
 class Scale(NamedTuple):
@@ -112,6 +115,29 @@ class Findings:
     table: TableStatistics
     trials: TrialStatistics
     measured: MeasuredStatistics | None
+
+    @cached_property
+    def is_predicted(self) -> bool:
+        """Whether friction of any trial is known, so that ratings can be compared with it."""
+        stated = isinstance(self.origin.rig.surface, GivenSurface)
+        return not stated or bool(np.isfinite(self.trials.contrasts.by_law[LAW]).any())
+
+    @property
+    def shown_laws(self) -> tuple[str, ...]:
+        """The laws whose contrasts are shown; without a beam's model all are the same."""
+        if isinstance(self.origin.rig.surface, BeamSurface):
+            return tuple(self.trials.contrasts.by_law)
+        return (LAW,) if self.is_predicted else ()
+
+    @property
+    def friction_source(self) -> str:
+        """Where friction comes from, in words."""
+        match self.origin.rig.surface:
+            case GivenSurface():
+                return "the friction that the study states of its touches"
+            case MeasuredSurface():
+                return f"the measured table {self.study.surface.table}"
+        return f"the friction model on its rung {RUNG}"
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:

@@ -68,6 +68,12 @@ def _all(study: Study, named: Iterable[str]) -> Iterator[Hypothesis]:
     return chain(_of_conditions(study), _of_tracks(study, named))
 
 
+def _is_predicted(study: Study) -> bool:
+    """Return whether friction of any touch is known beforehand."""
+    touches = (touch for item in study.condition for touch in item.touches)
+    return study.surface.kind != "given" or any(touch.friction is not None for touch in touches)
+
+
 def _of_conditions(study: Study) -> Iterator[Hypothesis]:
     named = partial(Hypothesis, asked=bool(study.condition))
     yield named(
@@ -84,13 +90,14 @@ def _of_conditions(study: Study) -> Iterator[Hypothesis]:
         lambda found: _tested(at(found.table, "heterogeneity.p")),
         "",
     )
-    yield named(
+    predicted = partial(Hypothesis, asked=bool(study.condition) and _is_predicted(study))
+    yield predicted(
         hypothesis.FOLLOWS,
         "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
         _gain,
         page.FOLLOW,
     )
-    yield named(
+    yield predicted(
         hypothesis.ORDER,
         "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
         "p < .05 and a correlation above 0",

@@ -65,9 +65,18 @@ _TERMS = {
 }
 
 
-def glossary(_: Findings) -> blocks.Section:
-    """Return the terms in alphabetical order."""
-    in_order = sorted(_TERMS, key=str.casefold)
+_OF_PREDICTIONS = frozenset(
+    {"bias", "contrast", "d′", "gain", "JND", "law", "M1, M2, M3", "own share"}
+    | {"relative gain", "rung"}
+)
+
+
+def glossary(found: Findings) -> blocks.Section:
+    """Return the terms in alphabetical order, those of predictions where there are any."""
+    terms = _TERMS.keys() - (frozenset() if found.is_predicted else _OF_PREDICTIONS)
+    if len(found.shown_laws) < 2:
+        terms -= {"law", "rung"}
+    in_order = sorted(terms, key=str.casefold)
     entries = {name: _TERMS[name].replace("{laws}", ", ".join(LAWS)) for name in in_order}
     return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=entries)])
 
@@ -135,6 +144,7 @@ class Part:
         fits: those that it needs beside M2, which the results in words need, too.
         front: makes what stands among the results whichever sections are shown.
         of_tracks: whether a study of tracks alone has it; all others compare conditions.
+        of_predictions: whether it is about predicted friction, which not every surface has.
     """
 
     make: Callable[[Findings], blocks.Section]
@@ -143,6 +153,7 @@ class Part:
     fits: Sequence[str] = ()
     front: Callable[[Findings], Iterable[blocks.Block]] | None = None
     of_tracks: bool = False
+    of_predictions: bool = False
 
 
 def _each(
@@ -172,21 +183,26 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
             figures=("relative-gains", "sensitivity"),
             fits=("M3",),
             front=_each(sensitivity.relative_figure),
+            of_predictions=True,
         ),
-        "measured": Part(sensitivity.measured_section, fits=("M3",)),
+        "measured": Part(sensitivity.measured_section, fits=("M3",), of_predictions=True),
         "model": Part(
             predictions.section,
             figures=("model", "levels"),
             front=_each(predictions.ratings_figure),
+            of_predictions=True,
         ),
         "questions": Part(scores.own_questions, of_tracks=True),
         "left-out": Part(session_checks.left_out, of_tracks=True),
         "checks": Part(session_checks.section, figures=session_checks.FIGURES),
         "predictive": Part(
-            model_checks.predictive, figures=("predictive-m2", "predictive-m3"), fits=("M3",)
+            model_checks.predictive,
+            figures=("predictive-m2", "predictive-m3"),
+            fits=("M3",),
+            of_predictions=True,
         ),
-        "recovery": Part(model_checks.recovery),
-        "contrasts": Part(model_checks.section, fits=("M2 at places",)),
+        "recovery": Part(model_checks.recovery, of_predictions=True),
+        "contrasts": Part(model_checks.section, fits=("M2 at places",), of_predictions=True),
         "glossary": Part(glossary, of_tracks=True),
         "provenance": Part(methods.provenance, of_tracks=True),
         "trials": Part(scores.trials, of_tracks=True),

@@ -13,8 +13,8 @@ from analysis.report.findings import Findings, Origin
 from analysis.report.page import SECTIONS, page_html, require_sections
 from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.calibration import NOMINAL
 from device.friction.changes import LAW
-from device.friction.scenes import NOMINAL
 from protocol.study.study import Study
 
 ALWAYS = frozenset({"table4", "provenance"})
@@ -44,7 +44,10 @@ class Report(Findings):
         return tuple(name for name in SECTIONS if name in wanted and self._has(name))
 
     def _has(self, section: str) -> bool:
-        return bool(self.loaded.table.conditions) or SECTIONS[section].of_tracks
+        part = SECTIONS[section]
+        if part.of_predictions and not self.is_predicted:
+            return False
+        return bool(self.loaded.table.conditions) or part.of_tracks
 
     @property
     def chosen(self) -> tuple[Section, ...]:

@@ -81,7 +81,8 @@ def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
 def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield what the models of sensitivity and friction answer."""
     if isinstance(found.trials.m2, OrdinalSensitivity):
-        predicted = f"predicted contrast (change of log friction; law {LAW})"
+        law = f"; law {LAW}" * (len(found.shown_laws) > 1)
+        predicted = f"predicted contrast (change of log friction{law})"
         yield FOLLOW, _gain(found, found.trials.m2.lines, predicted)
     # Where friction was measured, skin is not in the gains: people are compared by these.
     felt = None if found.measured is None else found.measured.m2
@@ -376,18 +377,20 @@ def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
     rho, p = order.spearman, order.p
     if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
         return
+    has_laws = len(found.shown_laws) > 1
+    predicted, law = ("law", f" (law {LAW})") if has_laws else ("prediction", "")
     evidence = (
-        "no evidence for or against the law"
+        f"no evidence for or against the {predicted}"
         if p >= LEVEL
         else f"no finding, {NO_FINDING}"
         if not counts(found, OMNIBUS)
-        else f"evidence {'for' if rho > 0 else 'against'} the law's order"
+        else f"evidence {'for' if rho > 0 else 'against'} the {predicted}'s order"
     )
     yield (
         ORDERED,
         f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
-        f"correlated by Spearman's {unbroken(f'ρ = {bounded(rho)}')}, {p_equals(p)} (law "
-        f"{LAW}): {evidence}.",
+        f"correlated by Spearman's {unbroken(f'ρ = {bounded(rho)}')}, "
+        f"{p_equals(p)}{law}: {evidence}.",
     )
 
 

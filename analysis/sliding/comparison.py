@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,11 +12,22 @@ from scipy.stats import f as f_distribution
 from analysis.estimates import LEVEL, FloatArray, Interval, NotEstimable
 from analysis.report.drawing import Panel, Series
 from analysis.sliding import rig_model
-from analysis.sliding.rig_model import MODE, BinnedPass, MeanCurve, Repeats, RigProperties, Setting
+from analysis.sliding.rig_model import (
+    BinnedPass,
+    MeanCurve,
+    Repeats,
+    RigProperties,
+    Setting,
+    half_wave_ratio,
+)
+from device.beam.beam import Beam
+from device.beam.eq15 import require_the_papers
+from device.errors import OutOfRangeError
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
-from device.friction.rungs import MODAL_RUNGS, SEGMENTED_RUNGS, TOP_RUNG, rung_resonance_hz
-from device.friction.scenes import Drive, FingerContact, Scene, Structure
+from device.friction.prediction import LawChoice
+from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_resonance_hz
+from device.friction.scenes import Drive, FingerContact, Scene
 
 # Troughs and peaks of friction along the beam, with intervals of their places.
 #
@@ -28,6 +40,8 @@ from device.friction.scenes import Drive, FingerContact, Scene, Structure
 #
 # The interval of the place contains every δ whose sum of squares, with a and b at their best, is
 # within the 95% point of the best one's.
+#
+# Distances are for the paper's beam; on another they are in proportion to half a wave.
 
 Kind = Literal["trough", "peak"]
 GRID_M = 0.01e-3
@@ -78,25 +92,33 @@ def extremes(repeats: Repeats, rig: RigProperties, noise: rig_model.Noise) -> tu
     setting, binned = repeats
     low_m = min(float(one.x_m.min()) for one in binned)
     high_m = max(float(one.x_m.max()) for one in binned)
-    length_m = rig.beam().length_m
-    ends = max(low_m - _REACH_M - _AROUND_M, GRID_M), min(high_m + _REACH_M + _AROUND_M, length_m)
+    ratio = half_wave_ratio(rig.surface)
+    beyond_m, margin_m = ratio * (_REACH_M + _AROUND_M), ratio * _MARGIN_M
+    ends = max(low_m - beyond_m, GRID_M), min(high_m + beyond_m, rig.surface.length_m)
     x_m, mu = _shape(setting, ends, rig, 0.0)
     shape = _shape(setting, ends, rig, float(np.mean([one.spread_m for one in binned])))
     found = [
-        _located(repeats, shape, noise, kind, float(place))
+        _located(repeats, shape, noise, kind, float(place), ratio)
         for kind in get_args(Kind)
         for place in turning_places(x_m, mu, kind)
-        if low_m + _MARGIN_M <= place <= high_m - _MARGIN_M
+        if low_m + margin_m <= place <= high_m - margin_m
     ]
     return tuple(sorted(found, key=lambda one: one.expected_m))
 
 
 def _located(
-    repeats: Repeats, shape: Shape, noise: rig_model.Noise, kind: Kind, expected_m: float
+    repeats: Repeats,
+    shape: Shape,
+    noise: rig_model.Noise,
+    kind: Kind,
+    expected_m: float,
+    ratio: float,
 ) -> Extreme:
     setting, binned = repeats
-    near = [it for one in binned if (it := _near(one, expected_m)).x_m.size >= _LEAST_BINS]
-    steps = np.asarray(np.arange(-_REACH_M, _REACH_M + GRID_M / 2, GRID_M), dtype=np.float64)
+    around_m, reach_m = ratio * _AROUND_M, ratio * _REACH_M
+    nearby = (_near(one, expected_m, around_m) for one in binned)
+    near = [one for one in nearby if one.x_m.size >= _LEAST_BINS]
+    steps = np.asarray(np.arange(-reach_m, reach_m + GRID_M / 2, GRID_M), dtype=np.float64)
     place_m: float | NotEstimable = NotEstimable("too few samples near it")
     interval: Interval | None = None
     if near:
@@ -108,7 +130,7 @@ def _located(
         inside = np.flatnonzero(squares <= squares[best] + rise)
         if inside[0] == 0 or inside[-1] == steps.size - 1:
             place_m = NotEstimable(
-                f"the passes place it within more than {1e3 * _REACH_M:g} mm: too little swing"
+                f"the passes place it within more than {1e3 * reach_m:.2g} mm: too little swing"
             )
         else:
             place_m = expected_m + float(steps[best])
@@ -120,8 +142,8 @@ def _located(
     )
 
 
-def _near(one: BinnedPass, place_m: float) -> BinnedPass:
-    kept = np.abs(one.x_m - place_m) <= _AROUND_M
+def _near(one: BinnedPass, place_m: float, around_m: float) -> BinnedPass:
+    kept = np.abs(one.x_m - place_m) <= around_m
     by_bin = {name: getattr(one, name)[kept] for name in ("bin", "x_m", "t_s", "mu", "count")}
     return replace(one, **by_bin)
 
@@ -145,7 +167,6 @@ def _squares(
     return np.asarray(mu @ mu - swing**2 / size), mu.size
 
 
-COMPARED_RUNGS = (*MODAL_RUNGS, *SEGMENTED_RUNGS)
 PAPER_HZ = 23_200.0
 _MM = 1e3
 _FINE = 4
@@ -156,10 +177,10 @@ _FINE = 4
 class Mismatch:
     """How far a law on a rung is from the measured friction, over all driven settings.
 
-    `fitted` is whether for the fitted rig; else it is for the paper's, with μ as measured at rest
-    and drives relative to the measured resonance. `rmse` and `mean_absolute` are of the difference
-    in μ'; `places_m` is the mean distance of the measured troughs and peaks from the nearest ones
-    predicted, nan if none is predicted or located.
+    `fitted` is whether for the fitted rig; else it is for the one that is described, with μ as
+    measured at rest and drives relative to the measured resonance. `rmse` and `mean_absolute` are
+    of the difference in μ'; `places_m` is the mean distance of the measured troughs and peaks from
+    the nearest ones predicted, nan if none is predicted or located.
     """
 
     law: str
@@ -174,10 +195,11 @@ def predicted(
     setting: Setting, rig: RigProperties, law: str, rung: str, x_m: FloatArray
 ) -> FloatArray:
     """Return μ' at places, shape (n,), as a law on a rung predicts it for a rig."""
-    beam = rig.beam()
-    own_hz = rung_resonance_hz(rung, beam, MODE)
+    beam, mode = rig.beam(), rig.surface.mode
+    own_hz = rung_resonance_hz(rung, beam, mode)
     scene = Scene(
-        structure=Structure(
+        structure=replace(
+            rig.surface.structure,
             beam=beam,
             body_height_m=max(rig.body_height_m, 0.0),
             friction_coefficient=rig.friction_coefficient,
@@ -185,7 +207,7 @@ def predicted(
         drive=Drive(
             voltage_v=setting.voltage_v * rig.gain,
             frequency_hz=setting.frequency_hz / rig.resonance_hz * own_hz,
-            mode=MODE,
+            mode=mode,
         ),
         touch=FingerContact(
             contact_m=setting.contact_m,
@@ -194,22 +216,47 @@ def predicted(
         ),
         direction=setting.direction,
     )
-    return friction_coefficient(scene, law=law, rung=rung, x_m=np.clip(x_m, 0.0, beam.length_m))
+    choice = _law_on(beam, law)
+    return friction_coefficient(scene, law=choice, rung=rung, x_m=np.clip(x_m, 0.0, beam.length_m))
+
+
+def _law_on(beam: Beam, law: str) -> LawChoice:
+    """Return the law; `printed` has a/u of the rung where Eq 15 does not describe the beam."""
+    try:
+        require_the_papers(beam)
+    except OutOfRangeError:
+        return LawChoice(name=law, ratio="mode")
+    return LawChoice(name=law)
+
+
+def compared_rungs(curve: MeanCurve, *rigs: RigProperties) -> tuple[str, ...]:
+    """Return the rungs that the beams of these rigs and the block allow."""
+
+    def is_allowed(rung: str) -> bool:
+        try:
+            for rig in rigs:
+                predicted(curve.setting, rig, "consistent", rung, curve.x_m)
+        except OutOfRangeError:
+            return False
+        return True
+
+    return tuple(filter(is_allowed, RUNG_NAMES))
 
 
 def mismatches(
     curves: Sequence[MeanCurve],
     located: Sequence[Extreme],
-    paper: RigProperties,
+    described: RigProperties,
     fitted: RigProperties,
 ) -> tuple[Mismatch, ...]:
-    """Return the mismatch of each law on each rung, for the paper's rig and for the fitted one."""
+    """Return the mismatch of each law on each rung, for the described rig and the fitted one."""
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
+    tried = compared_rungs(driven[0], described, fitted)
     return tuple(
         Mismatch(
             law=law, rung=rung, fitted=rig is fitted, **_errors(driven, located, rig, law, rung)
         )
-        for law, rung, rig in product(LAWS, COMPARED_RUNGS, (paper, fitted))
+        for law, rung, rig in product(LAWS, tried, (described, fitted))
     )
 
 
@@ -238,20 +285,22 @@ def _errors(
 def figure_panels(
     curves: Sequence[MeanCurve], nominal: RigProperties, fitted: RigProperties
 ) -> tuple[Panel, ...]:
-    """Return Fig 16 redrawn: the laws at the drive nearest to the paper's, and at resonance.
+    """Return Fig 16 redrawn: the laws at resonance, of the paper's beam also at its drive.
 
     Beside them the rungs under the law `consistent`, and the fitted rig at every drive.
     """
     driven = [curve for curve in curves if curve.setting.voltage_v > 0]
-    papers = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - PAPER_HZ))
     resonant = min(driven, key=lambda curve: abs(curve.setting.frequency_hz - fitted.resonance_hz))
-    rungs = ("eq15", "far-field", "mode", "euler-patched", "timoshenko", TOP_RUNG)
+    shown = [resonant]
+    if nominal.is_papers:
+        shown.insert(0, min(driven, key=lambda one: abs(one.setting.frequency_hz - PAPER_HZ)))
+    tried = compared_rungs(resonant, nominal)
     return (
         *(
             _panel(curve, "laws", nominal, {law: (law, TOP_RUNG) for law in LAWS})
-            for curve in dict.fromkeys((papers, resonant))
+            for curve in dict.fromkeys(shown)
         ),
-        _panel(resonant, "rungs", nominal, {rung: ("consistent", rung) for rung in rungs}),
+        _panel(resonant, "rungs", nominal, {rung: ("consistent", rung) for rung in tried}),
         *(
             _panel(curve, "fitted", fitted, {"fitted rig": ("consistent", TOP_RUNG)})
             for curve in driven
@@ -259,15 +308,24 @@ def figure_panels(
     )
 
 
+def measured_panels(curves: Sequence[MeanCurve]) -> tuple[Panel, ...]:
+    """Return the measured friction at every drive, beside no model."""
+    return tuple(_panel(curve, "measured") for curve in curves)
+
+
 def _panel(
-    curve: MeanCurve, what: str, rig: RigProperties, lines: Mapping[str, tuple[str, str]]
+    curve: MeanCurve,
+    what: str,
+    rig: RigProperties | None = None,
+    lines: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> Panel:
-    """Return a measured curve beside predictions: law and rung by label."""
+    """Return a measured curve beside predictions for a rig: law and rung by label."""
     own, x_m = curve.setting, _fine_m(curve)
     measured = Series(label="measured", x=_MM * curve.x_m, y=curve.mu, error=curve.error)
     series = [
         Series(label=label, x=_MM * x_m, y=predicted(own, rig, *of, x_m))
         for label, of in lines.items()
+        if rig is not None
     ]
     title = f"{own.voltage_v:g} V, {own.frequency_hz:.0f} Hz, to the {own.direction}: {what}"
     return Panel(title=title, x_label="x, mm", y_label="μ'", series=(measured, *series))

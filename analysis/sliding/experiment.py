@@ -1,7 +1,7 @@
 """The findings of a sliding experiment: curves, the fitted rig, and what passes cannot tell."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Any, NamedTuple
@@ -12,12 +12,13 @@ from analysis.estimates import Estimate, FloatArray, NotEstimable
 from analysis.friction.recorded import decoded
 from analysis.sliding import rig_model
 from analysis.sliding.comparison import Extreme, Mismatch, extremes, mismatches
-from analysis.sliding.fit import RigFit, fitted_rig
-from device.friction.scenes import Structure
+from analysis.sliding.fit import RigFit, fitted_rig, unfitted_rig
+from device.friction.surfaces import PAPERS, BeamSurface, beam_surface
 from protocol.errors import BadInput
 from protocol.journal import events as journal
 from protocol.journal.records import LIFTED_N, CommandedDrive, DamagedSamplesError, Recording
 from protocol.journal.state import folded
+from protocol.study.surface import Surface, SurfaceKind
 from protocol.study.touch import Slide
 from protocol.study_file.loading import parsed_study
 
@@ -51,13 +52,20 @@ ALWAYS_UNKNOWN: Mapping[str, tuple[str, str]] = {
 }
 """What no sliding experiment of this kind tells: what it is called, and why."""
 
+WITHOUT_MODEL: Mapping[SurfaceKind, str] = {
+    "measured": "friction on this surface comes from a table: only the resonance is calibrated",
+    "given": "no model predicts friction on this surface: nothing is fitted or calibrated",
+}
+"""Why no rig is fitted to passes on a surface of that kind."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlidingFindings:
     """What passes say about friction along the beam and about the rig.
 
     `session` is the one that the passes come from, `data_sha256` their digest; `binned` are passes
-    by place, and `nominal` is the paper's rig, with μ at rest and resonance as measured.
+    by place, and `nominal` is the rig as described, with μ at rest and resonance as measured.
+    `reason` is why no rig was fitted, empty if one was.
     """
 
     session: str
@@ -65,6 +73,7 @@ class SlidingFindings:
     binned: tuple[rig_model.BinnedPass, ...]
     nominal: rig_model.RigProperties
     fit: RigFit
+    reason: str = ""
 
     @cached_property
     def repeats(self) -> list[rig_model.Repeats]:
@@ -74,18 +83,21 @@ class SlidingFindings:
     @cached_property
     def curves(self) -> tuple[rig_model.MeanCurve, ...]:
         """Mean friction by place under each setting."""
+        return tuple(self.curve_of(each) for each in self.repeats)
+
+    def curve_of(self, repeats: rig_model.Repeats) -> rig_model.MeanCurve:
+        """Return the mean friction by place of some of these passes."""
         means = {id(one): mean for one, mean in zip(self.binned, self.fit.means, strict=True)}
         covariance = self.fit.noise.covariance
-        return tuple(
-            rig_model.mean_curve(
-                each, [np.diag(covariance(one, means[id(one)])) for one in each[1]]
-            )
-            for each in self.repeats
+        return rig_model.mean_curve(
+            repeats, [np.diag(covariance(one, means[id(one)])) for one in repeats[1]]
         )
 
     @cached_property
     def extremes(self) -> tuple[Extreme, ...]:
         """Troughs and peaks of each driven setting."""
+        if self.reason:
+            return ()
         driven = [each for each in self.repeats if each[0].voltage_v > 0]
         return tuple(
             found for each in driven for found in extremes(each, self.fit.rig, self.fit.noise)
@@ -94,32 +106,48 @@ class SlidingFindings:
     @cached_property
     def mismatches(self) -> tuple[Mismatch, ...]:
         """Every law and rung against the curves."""
-        return mismatches(self.curves, self.extremes, self.nominal, self.fit.rig)
+        return (
+            ()
+            if self.reason
+            else mismatches(self.curves, self.extremes, self.nominal, self.fit.rig)
+        )
+
+    @property
+    def described(self) -> str:
+        """Whose rig the nominal one is, in a table."""
+        return "paper's" if self.nominal.is_papers else "study's"
 
     @property
     def estimates(self) -> dict[str, Estimate | NotEstimable]:
         """Each property with its interval or the reason why it is not determined.
 
-        `speed_ratio` is the speed over the measured one, were the bodies as high as the paper's
-        model has them: friction tells only one of the two.
+        `speed_ratio` is the speed over the measured one, were the bodies as high as they are
+        described: friction tells only one of the two.
         """
         height = self.fit.estimates["body_height_m"]
         if isinstance(height, NotEstimable):
             return {**self.fit.estimates, "speed_ratio": height}
-        nominal_m = rig_model.HALF_THICKNESS_M + Structure().body_height_m
+        half_m = self.nominal.half_thickness_m
+        nominal_m = half_m + self.nominal.body_height_m
         value, high, low = (
-            nominal_m / (rig_model.HALF_THICKNESS_M + each)
-            for each in (height.value, *height.interval)
+            nominal_m / (half_m + each) for each in (height.value, *height.interval)
         )
         return {**self.fit.estimates, "speed_ratio": Estimate(value=value, interval=(low, high))}
 
     def calibration_record(self) -> dict[str, Any]:
-        """Return what is kept as the rig's calibration: value, low and high of each property."""
+        """Return what is kept as the rig's calibration: value, low and high of each property.
+
+        Without a fit it is the measured resonance alone.
+        """
         found: dict[str, Any] = {"session": self.session, "data_sha256": self.data_sha256}
+        if self.reason:
+            return found | {"resonance_hz": {"value": self.nominal.resonance_hz}}
         for name, estimate in self.fit.estimates.items():
             if isinstance(estimate, Estimate):
-                low, high = estimate.interval
-                found[name] = {"value": estimate.value, "low": low, "high": high}
+                value, (low, high) = estimate.value, estimate.interval
+                if name == "body_height_m":  # a lever shorter than half the beam is no height
+                    value, low, high = (max(height_m, 0.0) for height_m in (value, low, high))
+                found[name] = {"value": value, "low": low, "high": high}
         return found
 
     def lines(self) -> list[list[str]]:
@@ -153,7 +181,7 @@ class SlidingFindings:
         """Return a header and a row per law, rung and rig."""
         rows = [["law", "rung", "rig", "rms", "mean |difference|", "places, mm"]]
         for one in self.mismatches:
-            rig = "fitted" if one.fitted else "paper's"
+            rig = "fitted" if one.fitted else self.described
             errors = f"{one.rmse:.4f}", f"{one.mean_absolute:.4f}", f"{1e3 * one.places_m:.2f}"
             rows.append([one.law, one.rung, rig, *errors])
         return rows
@@ -171,9 +199,15 @@ def data_digest(passes: Sequence[rig_model.Pass]) -> str:
 
 
 def sliding_findings(
-    passes: Sequence[rig_model.Pass], resonance_hz: float, session: str
+    passes: Sequence[rig_model.Pass],
+    resonance_hz: float,
+    session: str,
+    surface: BeamSurface = PAPERS,
+    reason: str = "",
 ) -> SlidingFindings | NotEstimable:
-    """Return the findings of passes on a rig whose resonance was measured.
+    """Return the findings of passes on a beam whose resonance was measured.
+
+    With a `reason` why no model predicts their friction no rig is fitted.
 
     Without a pass with the output off, friction at rest is fitted from driven passes alone.
     """
@@ -182,13 +216,16 @@ def sliding_findings(
         return NotEstimable("no pass was driven")
     at_rest = [one for one in binned if one.setting.voltage_v == 0] or binned
     mu = float(np.mean([one.mu.mean() for one in at_rest]))
-    nominal = rig_model.RigProperties(friction_coefficient=mu, resonance_hz=resonance_hz)
+    nominal = rig_model.RigProperties.nominal(
+        surface, friction_coefficient=mu, resonance_hz=resonance_hz
+    )
     return SlidingFindings(
         session=session,
         data_sha256=data_digest(passes),
         binned=binned,
         nominal=nominal,
-        fit=fitted_rig(binned, nominal),
+        fit=unfitted_rig(binned, nominal, reason) if reason else fitted_rig(binned, nominal),
+        reason=reason,
     )
 
 
@@ -198,12 +235,35 @@ _LEAST_M = 6 * rig_model.BIN_M
 _SMOOTH_S = 0.05
 
 
+class Cell(NamedTuple):
+    """What was planned of a pass; `frequency` is relative to the resonance, 0 without a drive."""
+
+    voltage_v: float
+    frequency: float
+    direction: str
+    speed_m_s: float
+
+    @classmethod
+    def of(cls, touch: Mapping[str, Any], resonance_hz: float) -> "Cell":
+        """Return that of a planned touch, on a rig of that resonance."""
+        fixed_hz = touch.get("frequency_hz")
+        frequency = touch.get("frequency", 1.0) if fixed_hz is None else fixed_hz / resonance_hz
+        left_m, right_m = touch["path_m"]
+        return cls(
+            voltage_v=float(touch["voltage_v"]),
+            frequency=round(float(frequency), 6) if touch["voltage_v"] else 0.0,
+            direction=str(touch["direction"]),
+            speed_m_s=round((right_m - left_m) / touch["duration_s"], 9),
+        )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPass:
     """A pass with what tells it from the others; `drive` is its name in the plan."""
 
     index: int
     drive: str
+    cell: Cell
     made: rig_model.Pass
 
 
@@ -211,18 +271,27 @@ class PlannedPass:
 class DrawnSession:
     """A sliding experiment: its passes, and the rig on which they were made.
 
-    `session` is what people call it, `planned` the number of passes of the plan. `passes` are those
+    `session` is what people call it, `planned` what the plan has of each pass. `passes` are those
     that count, in the order in which they were made; `left_out` has number and reason of the others
-    that were made. `resonance` is the last that was measured, `idn` the device's answer to `*IDN?`.
+    that were made. `resonance` is the last that was measured, `idn` the device's answer to `*IDN?`,
+    `surface` what the block was drawn over.
     """
 
     session: str
     rehearsal: bool
-    planned: int
+    planned: tuple[Cell, ...]
     passes: tuple[PlannedPass, ...]
     left_out: tuple[tuple[int, str], ...]
     resonance: journal.ResonanceMeasured
     idn: str
+    surface: Surface = field(default_factory=Surface)
+
+    def findings(self) -> SlidingFindings | NotEstimable:
+        """Return the findings of the passes that count."""
+        reason = WITHOUT_MODEL.get(self.surface.kind, "")
+        surface = PAPERS if reason else beam_surface(self.surface)
+        passes = [each.made for each in self.passes]
+        return sliding_findings(passes, self.resonance.frequency_hz, self.session, surface, reason)
 
 
 def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
@@ -241,28 +310,33 @@ def drawn_session(events: Sequence[journal.StoredEvent]) -> DrawnSession:
     texts = [each.study_text for each in records if isinstance(each, journal.SessionTerms)]
     # The study as it was when the session began or was last resumed.
     assert texts[-1] is not None, "every build that slides records the study"
-    slide = parsed_study(texts[-1]).slide
+    study = parsed_study(texts[-1])
+    resonances = [record for record in records if isinstance(record, journal.ResonanceMeasured)]
     found, left_out = [], []
     for attempt in _attempts(records):
         index = attempt.number
-        made = _pass(attempt, slide, str(planned[index].touches[0]["direction"]))
+        made = _pass(attempt, study.slide, str(planned[index].touches[0]["direction"]))
         if why := excluded.get(index, made if isinstance(made, str) else None):
             left_out.append((index, why))
         elif isinstance(made, rig_model.Pass):
-            drive = str(planned[index].condition)
-            found.append(PlannedPass(index=index, drive=drive, made=made))
-    resonances = [record for record in records if isinstance(record, journal.ResonanceMeasured)]
+            found.append((index, str(planned[index].condition), made))
     armed = [record for record in records if isinstance(record, journal.DeviceArmed)]
     if not found or not resonances:
         raise BadInput(f"slide/{opened.session}: no pass has been made that counts")
+    resonance_hz = resonances[-1].frequency_hz
+    cells = {at: Cell.of(trial.touches[0], resonance_hz) for at, trial in planned.items()}
     return DrawnSession(
         session=f"{opened.participant}/{opened.session}",
         rehearsal=opened.kind == "rehearsal",
-        planned=len(planned),
-        passes=tuple(found),
+        planned=tuple(cells.values()),
+        passes=tuple(
+            PlannedPass(index=index, drive=drive, cell=cells[index], made=made)
+            for index, drive, made in found
+        ),
         left_out=tuple(left_out),
         resonance=resonances[-1],
         idn=armed[-1].idn if armed else "",
+        surface=study.surface,
     )
 
 

@@ -15,7 +15,7 @@ from scipy.stats import f as f_distribution
 
 from analysis.estimates import LEVEL, Estimate, FloatArray, NotEstimable
 from analysis.sliding import rig_model
-from analysis.sliding.rig_model import PATCHES, slopes
+from analysis.sliding.rig_model import PATCHES, half_wave_ratio, slopes
 
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction_coefficient": (0.1, 1.5),
@@ -26,12 +26,12 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
     PATCHES: (0.0015, 0.008),
 }
 """Largest standard error of a property that counts as determined: relative (of the body height:
-relative to the tip's lever), for the patches' place in m. And how far it is searched on either side
-of its nominal value; no interval goes further."""
-LIMITS, _REACH = ({name: both[which] for name, both in _BOUNDS.items()} for which in (0, 1))
+relative to the tip's lever), for the patches' place in m on the paper's beam, on another one in
+proportion to half a wave. And how far it is searched on either side of its nominal value; no
+interval goes further."""
 _NOISES = 2
 _EVALUATIONS = 30
-_MOVES, _SETTLED_M = 10, 0.2e-3  # of the patches, whose place is known to 1.5 mm at worst
+_MOVES, _SETTLED = 10, 2 / 15  # of the patches: a part of the limit to which their place is known
 _RIDGE = 1e-13  # of scaled information, so that what the passes do not see has a large error
 _AT_THE_END = 0.999  # of the reach: the search stays within it
 _NEAR = 0.02  # of the root of the rise, at an end of an interval
@@ -67,6 +67,11 @@ def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigPro
     problem, given_up = _Problem(tuple(binned), nominal), dict[str, NotEstimable]()
     seen, found = tuple(one.mu for one in binned), rig_model.coordinates(nominal)
     fit = _Fit(problem, rig_model.Noise(), seen, found, rig_model.PROPERTIES)
+    if problem.reach[PATCHES] < problem.limits[PATCHES]:
+        given_up[PATCHES] = NotEstimable(
+            "the patches lie so near to an end of the beam that their place is taken as described"
+        )
+        fit = fit.without([PATCHES])
     for _ in range(_NOISES):
         fit = fit.kept(given_up).best()
         means = problem.split(fit.friction(fit.found))
@@ -75,13 +80,13 @@ def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigPro
     # Until the patches' slope is that at the best place.
     for _ in range(_MOVES):
         fit, before = fit.best(), fit
-        if abs(fit.found[_PATCH] - before.found[_PATCH]) < _SETTLED_M:
+        if abs(fit.found[_PATCH] - before.found[_PATCH]) < _SETTLED * problem.limits[PATCHES]:
             break
     while beyond := fit.beyond():
         given_up |= beyond
         fit = fit.without(beyond).best()
     return RigFit(
-        rig=rig_model.rig_at(fit.found),
+        rig=problem.rig(fit.found),
         estimates={name: given_up.get(name) or fit.estimate(name) for name in rig_model.PROPERTIES},
         noise=fit.noise,
         means=problem.split(fit.friction(fit.found)),
@@ -90,10 +95,62 @@ def fitted_rig(binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigPro
     )
 
 
+def unfitted_rig(
+    binned: Sequence[rig_model.BinnedPass], nominal: rig_model.RigProperties, reason: str
+) -> RigFit:
+    """Return the nominal rig, and for that reason no estimate: no model predicts the passes.
+
+    Their noise is that about each pass, smoothed over a few bins.
+    """
+    means = tuple(_smoothed(one.mu) for one in binned)
+    noise = rig_model.fitted_noise(binned, means)
+    white = [
+        rig_model.whitened(noise.factor(one, mean), one.mu - mean)
+        for one, mean in zip(binned, means, strict=True)
+    ]
+    return RigFit(
+        rig=nominal,
+        estimates=dict.fromkeys(rig_model.PROPERTIES, NotEstimable(reason)),
+        noise=noise,
+        means=means,
+        deviance=sum(float(part @ part) for part in white),
+        points=sum(part.size for part in white),
+    )
+
+
+_SMOOTH_BINS = 7
+
+
+def _smoothed(mu: FloatArray) -> FloatArray:
+    weights = np.ones(min(_SMOOTH_BINS, mu.size))
+    total = np.convolve(mu, weights, "same")
+    return np.asarray(total / np.convolve(np.ones(mu.size), weights, "same"))
+
+
 @dataclass(frozen=True, eq=False)
 class _Problem:
     binned: tuple[rig_model.BinnedPass, ...]
     nominal: rig_model.RigProperties
+
+    def rig(self, found: FloatArray) -> rig_model.RigProperties:
+        return rig_model.rig_at(found, self.nominal.surface)
+
+    @cached_property
+    def limits(self) -> Mapping[str, float]:
+        """The largest standard error of each property that counts as determined."""
+        limits = {name: limit for name, (limit, _) in _BOUNDS.items()}
+        return limits | {PATCHES: limits[PATCHES] * half_wave_ratio(self.nominal.surface)}
+
+    @cached_property
+    def reach(self) -> Mapping[str, float]:
+        """How far each property is searched; of the patches, as far as they stay on the beam."""
+        surface = self.nominal.surface
+        reach = {name: reach for name, (_, reach) in _BOUNDS.items()}
+        patches = surface.structure.beam.patches
+        left_m = min(patch.start_m for patch in patches)
+        right_m = surface.length_m - max(patch.end_m for patch in patches)
+        room_m = min(left_m, right_m) - rig_model.PATCH_STEP_M
+        return reach | {PATCHES: min(reach[PATCHES] * half_wave_ratio(surface), room_m)}
 
     @cached_property
     def places(self) -> rig_model.Places:
@@ -143,7 +200,8 @@ class _Fit:
 
     @cached_property
     def patch_slope(self) -> FloatArray:
-        return np.asarray(slopes(self.problem.places, self.found, [PATCHES])[:, 0])
+        surface = self.problem.nominal.surface
+        return np.asarray(slopes(self.problem.places, self.found, [PATCHES], surface)[:, 0])
 
     def here(self, at: FloatArray) -> FloatArray:
         """Return coordinates with the patches where those of `found` are."""
@@ -152,7 +210,7 @@ class _Fit:
         return here
 
     def friction(self, at: FloatArray) -> FloatArray:
-        rig = rig_model.rig_at(self.here(at))
+        rig = self.problem.rig(self.here(at))
         friction = rig_model.friction_along(self.problem.places, [rig])[0]
         step = at[_PATCH] - self.found[_PATCH]
         return np.asarray(friction + step * self.patch_slope if step else friction)
@@ -163,9 +221,9 @@ class _Fit:
     def slopes(self, at: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals by the free coordinates."""
         tuned = [name for name in self.free if name != PATCHES]
-        found = slopes(self.problem.places, self.here(at), tuned)
+        found = slopes(self.problem.places, self.here(at), tuned, self.problem.nominal.surface)
         # The patches' place is the last of the properties.
-        own = [self.patch_slope] * (PATCHES in self.free)
+        own = [self.patch_slope] if PATCHES in self.free else []
         return self.white(np.column_stack([found, *own]))
 
     def whole(self, part: FloatArray) -> FloatArray:
@@ -179,7 +237,7 @@ class _Fit:
         if not self.free:
             return self
         middle = rig_model.coordinates(self.problem.nominal)[self.which]
-        reach = np.array([_REACH[name] for name in self.free])
+        reach = np.array([self.problem.reach[name] for name in self.free])
 
         def residual(part: FloatArray) -> FloatArray:
             return self.residual(self.whole(part))
@@ -192,7 +250,7 @@ class _Fit:
             np.clip(self.found[self.which], middle - 0.99 * reach, middle + 0.99 * reach),
             jac=slope,
             bounds=(middle - reach, middle + reach),
-            x_scale=np.array([0.1 * LIMITS[name] for name in self.free]),
+            x_scale=np.array([0.1 * self.problem.limits[name] for name in self.free]),
             xtol=1e-6,
             ftol=1e-6,
             max_nfev=_EVALUATIONS,
@@ -210,7 +268,7 @@ class _Fit:
             scaled = slope / np.where(size > 0, size, 1.0)
             inverse = np.linalg.inv(scaled.T @ scaled + _RIDGE * np.eye(len(fit.free)))
             error = np.sqrt(np.diag(inverse)) / np.where(size > 0, size, 1e-12)
-            excess = error / [LIMITS[name] for name in fit.free]
+            excess = error / [fit.problem.limits[name] for name in fit.free]
             worst = int(np.argmax(excess))
             if excess[worst] <= 1:
                 break
@@ -230,9 +288,9 @@ class _Fit:
     def beyond(self) -> dict[str, NotEstimable]:
         """Return why the properties are not determined whose best value ends the search."""
         away = self.found - rig_model.coordinates(self.problem.nominal)
-        best, beyond = rig_model.rig_at(self.found), dict[str, NotEstimable]()
+        best, beyond = self.problem.rig(self.found), dict[str, NotEstimable]()
         for name, number in zip(self.free, self.which, strict=True):
-            if abs(away[number]) > _AT_THE_END * _REACH[name]:
+            if abs(away[number]) > _AT_THE_END * self.problem.reach[name]:
                 end = f"the passes fit best where its search ends, at {getattr(best, name):.3g}"
                 beyond[name] = NotEstimable(f"{end}: no such rig explains them")
         return beyond
@@ -241,7 +299,8 @@ class _Fit:
         """Return why a property with that standard error is not determined."""
         unit, factor = ("mm", 1e3) if name == PATCHES else ("%", 100.0)
         known = f"over 1000 {unit}" if factor * error > 1000 else f"{factor * error:.2g} {unit}"
-        text = f"its standard error would be {known}; {factor * LIMITS[name]:g} {unit} is due"
+        due = factor * self.problem.limits[name]
+        text = f"its standard error would be {known}; {due:.3g} {unit} is due"
         if name == "damping_ratio":
             own_hz = self.problem.nominal.resonance_hz
             drives = [one.setting for one in self.problem.binned if one.setting.voltage_v > 0]
@@ -283,14 +342,15 @@ class _Fit:
         middle = float(self.found[number])
         width = float(np.sqrt(self.rise * self.covariance[place, place]))
         ends = [middle + self._end(name, sign * width) for sign in (-1, 1)]
-        low, high = (rig_model.property_at(name, end) for end in ends)
-        return Estimate(value=rig_model.property_at(name, middle), interval=(low, high))
+        surface = self.problem.nominal.surface
+        value, low, high = (rig_model.property_at(name, at, surface) for at in (middle, *ends))
+        return Estimate(value=value, interval=(low, high))
 
     def _end(self, name: str, width: float) -> float:
         """Return how far from the best the deviance has risen, about `width`, within the search."""
         number, target = rig_model.PROPERTIES.index(name), float(np.sqrt(self.rise))
         off = rig_model.coordinates(self.problem.nominal)[number] - self.found[number]
-        most = max(float(off + np.copysign(_REACH[name], width)) / width, 1e-3)
+        most = max(float(off + np.copysign(self.problem.reach[name], width)) / width, 1e-3)
         first = min(1.0, most) * width
         inner, outer = (0.0, 0.0), (first, self._rise(name, first))
         for _ in range(4):

@@ -12,16 +12,17 @@ from analysis.estimates import Estimate, NotEstimable, plain
 from analysis.report.blocks import Block, Definitions, Figure, Items, Section, Table, columns
 from analysis.report.page import Masthead, rendered
 from analysis.sliding import experiment
-from analysis.sliding.comparison import Extreme, figure_panels
+from analysis.sliding.comparison import Extreme, figure_panels, measured_panels
 from analysis.sliding.rig_model import MeanCurve
 from protocol.errors import BadInput
 
 _UNKNOWN = "not determined"
 _DRIVEN = ("voltage_v", "frequency_hz", "direction")
 _CAPTION = (
-    "Fig 16 of the paper redrawn: measured friction with a band of one standard error, beside the "
+    "As Fig 16 of the paper: measured friction with a band of one standard error, beside the "
     "laws and rungs, and beside the fitted rig at every drive."
 )
+_MEASURED = "Measured friction with a band of one standard error, at every drive and at rest."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +52,7 @@ class SlidingResult:
                 | {name: getattr(each.made, name) for name in _DRIVEN}
                 for each in drawn.passes
             ],
-            "planned": drawn.planned,
+            "planned": len(drawn.planned),
             "left_out": [{"index": index, "why": why} for index, why in drawn.left_out],
             "setting": plain(self.curve.setting),
             "mu": {name: plain(getattr(self.curve, name)) for name in ("x_m", "mu", "error")},
@@ -71,6 +72,18 @@ class SlidingResult:
     def lines(self) -> Iterator[str]:
         """Yield the result in a few lines; the page has the rest."""
         drawn = self.drawn
+        yield from [_sentence(self.found.reason)] if self.found.reason else self._rig_lines()
+        for index, why in drawn.left_out:
+            yield f"Left out: pass {index + 1}, {why}."
+        if (made := len(drawn.passes) + len(drawn.left_out)) < len(drawn.planned):
+            yield f"Unfinished: {made} of {len(drawn.planned)} passes have been made."
+        if self.found.mismatches:
+            best = min(self.found.mismatches, key=lambda one: one.rmse)
+            rig = "fitted" if best.fitted else self.found.described
+            closest = f"law {best.law} on rung {best.rung} for the {rig} rig"
+            yield f"Closest: {closest}, RMS {best.rmse:.4f}."
+
+    def _rig_lines(self) -> Iterator[str]:
         header, *rows = self.found.lines()
         told = [row for row in rows if row[1] != _UNKNOWN]
         widths = [max(map(len, cells)) for cells in zip(header, *told, strict=True)]
@@ -78,13 +91,6 @@ class SlidingResult:
             yield "  ".join(map(str.ljust, row, widths)).rstrip()
         if unknown := [row[0] for row in rows if row[1] == _UNKNOWN]:
             yield f"Not told by these passes: {', '.join(unknown)} (the page says why)."
-        for index, why in drawn.left_out:
-            yield f"Left out: pass {index + 1}, {why}."
-        if (made := len(drawn.passes) + len(drawn.left_out)) < drawn.planned:
-            yield f"Unfinished: {made} of {drawn.planned} passes have been made."
-        best = min(self.found.mismatches, key=lambda one: one.rmse)
-        rig = "fitted rig" if best.fitted else "paper's rig"
-        yield f"Closest: law {best.law} on rung {best.rung} for the {rig}, RMS {best.rmse:.4f}."
 
     def files(self) -> dict[str, bytes]:
         """Return the contents of all files, by name."""
@@ -98,10 +104,13 @@ class SlidingResult:
 
     @cached_property
     def _figure(self) -> Figure:
-        found = self.found
-        table = _table("places", "Troughs and peaks", found.extreme_lines())
-        drawn = figure_panels(found.curves, found.nominal, found.fit.rig)
-        return Figure(name="friction", title="mu(x)", caption=_CAPTION, draw=drawn, table=table)
+        found, caption = self.found, _MEASURED if self.found.reason else _CAPTION
+        if found.reason:
+            drawn, table = measured_panels(found.curves), None
+        else:
+            drawn = figure_panels(found.curves, found.nominal, found.fit.rig)
+            table = _table("places", "Troughs and peaks", found.extreme_lines())
+        return Figure(name="friction", title="mu(x)", caption=caption, draw=drawn, table=table)
 
     @property
     def _page(self) -> str:
@@ -119,12 +128,18 @@ class SlidingResult:
             for it in drawn.passes
         ]
         left_out = [f"pass {index + 1}: {why}" for index, why in drawn.left_out]
-        models = _table("models", "Distance from measured friction", found.mismatch_lines())
         passes = _table("passes", "Passes in the order in which they were made", made)
+        models: dict[str, list[Block]] = {}
+        if found.reason:
+            rig: Block = Items(lines=[_sentence(found.reason)])
+        else:
+            rig = _table("rig", "What the passes tell of the rig", found.lines())
+            lines = found.mismatch_lines()
+            models["Laws and rungs"] = [_table("models", "Distance from measured friction", lines)]
         blocks: dict[str, list[Block]] = {
-            "The rig": [_table("rig", "What the passes tell of the rig", found.lines())],
-            "Friction along the beam": [self._figure],
-            "Laws and rungs": [models],
+            "The rig": [rig],
+            "Friction by place": [self._figure],
+            **models,
             "Passes": [passes, Items(lines=left_out, heading="Left out")],
             "Where this comes from": [Definitions(entries=facts)],
         }
@@ -142,14 +157,17 @@ def sliding_result(drawn: experiment.DrawnSession) -> SlidingResult:
     Raises:
         BadInput: its passes do not tell anything.
     """
-    made = [each.made for each in drawn.passes]
     try:
-        found = experiment.sliding_findings(made, drawn.resonance.frequency_hz, drawn.session)
+        found = drawn.findings()
     except np.linalg.LinAlgError as error:
         raise BadInput(f"{drawn.session}: the passes are too uneven to be fitted") from error
     if isinstance(found, NotEstimable):
         raise BadInput(f"{drawn.session}: {found.reason}")
     return SlidingResult(drawn=drawn, found=found)
+
+
+def _sentence(reason: str) -> str:
+    return f"{reason[0].upper()}{reason[1:]}."
 
 
 def _place(one: Extreme) -> dict[str, Any]:

@@ -1,9 +1,8 @@
 """Friction along the passes as the rig's unknown properties determine it.
 
-The friction law is `consistent` on the rung `timoshenko-modes`, which differs from the top rung by
-less than 1e-7 in μ' and sums its modes for all drives at once. Frequencies enter relative to the
-resonance, as in every prediction for a trial: what makes a real resonance differ from the model's
-is not known.
+The friction law is `consistent` on the rung `beam`, to 1e-5 in μ'. Frequencies enter relative to
+the resonance, as in every prediction for a trial: what makes a real resonance differ from the
+model's is not known.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,10 +18,13 @@ from scipy.optimize import minimize
 from analysis.estimates import FloatArray
 from device.beam.beam import Beam
 from device.friction import rungs
-from device.friction.changes import LAW
-from device.friction.contact import Contact, contact_terms
+from device.friction.changes import LAW, RUNG
+from device.friction.contact import Contact
+from device.friction.fineness import fineness_for
 from device.friction.laws import ContactTerms, law_by_name
-from device.friction.scenes import Direction, Structure
+from device.friction.prediction import Batch, drive_terms
+from device.friction.scenes import Direction
+from device.friction.surfaces import PAPERS, BeamSurface
 
 # Passes of a block along the beam, and their friction by place.
 #
@@ -174,17 +176,16 @@ def mean_curve(repeats: Repeats, variances: Sequence[FloatArray]) -> MeanCurve:
     )
 
 
-MODE = 6
-_STRUCTURE = Structure()
+_STRUCTURE = PAPERS.structure
 
 
 @dataclass(frozen=True, kw_only=True)
 class RigProperties:
-    """What a fit determines.
+    """What a fit determines of a rig with that `surface`; by default the paper's values.
 
     `friction_coefficient` is μ with the output off, `damping_ratio` ζ, `resonance_hz` of the mode
-    that is driven, `gain` in volts at the beam per volt of the drive, `patch_centre_m` the place of
-    the patches' middle.
+    that is driven, `gain` in volts at the beam per volt of the drive, `patch_centre_m` the middle
+    of the first patch, with which the others move.
     """
 
     friction_coefficient: float
@@ -192,18 +193,52 @@ class RigProperties:
     damping_ratio: float = _STRUCTURE.beam.damping_ratio
     gain: float = 1.0
     body_height_m: float = _STRUCTURE.body_height_m
-    patch_centre_m: float = _STRUCTURE.beam.patches.centre_m
+    patch_centre_m: float = _STRUCTURE.beam.patches[0].centre_m
+    surface: BeamSurface = PAPERS
+
+    @classmethod
+    def nominal(
+        cls, surface: BeamSurface, *, friction_coefficient: float, resonance_hz: float
+    ) -> "RigProperties":
+        """Return the rig as its surface is described, with friction and resonance as measured."""
+        return cls(
+            friction_coefficient=friction_coefficient,
+            resonance_hz=resonance_hz,
+            damping_ratio=surface.structure.beam.damping_ratio,
+            body_height_m=surface.structure.body_height_m,
+            patch_centre_m=surface.structure.beam.patches[0].centre_m,
+            surface=surface,
+        )
 
     def beam(self) -> Beam:
         """Return the beam with this damping and these patches."""
-        patches = replace(_STRUCTURE.beam.patches, centre_m=self.patch_centre_m)
-        return replace(_STRUCTURE.beam, damping_ratio=self.damping_ratio, patches=patches)
+        described = self.surface.structure.beam
+        first_m = described.patches[0].centre_m
+        patches = tuple(
+            replace(patch, centre_m=self.patch_centre_m + (patch.centre_m - first_m))
+            for patch in described.patches
+        )
+        return replace(described, damping_ratio=self.damping_ratio, patches=patches)
+
+    @property
+    def is_papers(self) -> bool:
+        """Whether its beam is described as the paper's."""
+        return self.surface.structure.beam == _STRUCTURE.beam
+
+    @property
+    def half_thickness_m(self) -> float:
+        return self.surface.structure.beam.thickness_m / 2
 
 
-PROPERTIES = tuple(entry.name for entry in fields(RigProperties))
+@lru_cache(maxsize=16)
+def half_wave_ratio(surface: BeamSurface) -> float:
+    """Return half a wave over the paper's: friction turns at distances in proportion."""
+    return surface.half_wave_m / PAPERS.half_wave_m
+
+
+PROPERTIES = tuple(entry.name for entry in fields(RigProperties) if entry.name != "surface")
 PATCHES = "patch_centre_m"
 """The one property that changes the modes, which cost most."""
-HALF_THICKNESS_M = _STRUCTURE.beam.thickness_m / 2
 
 
 def coordinates(rig: RigProperties) -> FloatArray:
@@ -211,30 +246,33 @@ def coordinates(rig: RigProperties) -> FloatArray:
 
     The body height counts from the beam's middle, where the tip's lever begins.
     """
-    found = vars(rig) | {"body_height_m": rig.body_height_m + HALF_THICKNESS_M}
+    found = vars(rig) | {"body_height_m": rig.body_height_m + rig.half_thickness_m}
     return np.array([found[it] if it == PATCHES else np.log(found[it]) for it in PROPERTIES])
 
 
-def property_at(name: str, coordinate: float) -> float:
+def property_at(name: str, coordinate: float, surface: BeamSurface) -> float:
     if name == PATCHES:
         return float(coordinate)
-    return float(np.exp(coordinate)) - HALF_THICKNESS_M * (name == "body_height_m")
+    half_m = surface.structure.beam.thickness_m / 2
+    return float(np.exp(coordinate)) - half_m * (name == "body_height_m")
 
 
-def rig_at(found: FloatArray) -> RigProperties:
+def rig_at(found: FloatArray, surface: BeamSurface = PAPERS) -> RigProperties:
     values = zip(PROPERTIES, found.tolist(), strict=True)
-    return RigProperties(**{name: property_at(name, value) for name, value in values})
+    at = {name: property_at(name, value, surface) for name, value in values}
+    return RigProperties(**at, surface=surface)
 
 
 @lru_cache(maxsize=64)
-def _resonance_hz(beam: Beam) -> float:
-    return rungs.rung_resonance_hz(rungs.REDUCED_RUNG, beam, MODE)
+def _resonance_hz(beam: Beam, mode: int) -> float:
+    return rungs.rung_resonance_hz(RUNG, beam, mode)
 
 
 NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6
 """Gauss and Hermite's rule of three points for a mean over a normal spread."""
 _LEAST_M = 1e-5
+_FINENESS = fineness_for(1e-5)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -261,7 +299,7 @@ class Places:
 
 
 def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
-    """Return μ' at the places for rigs that share patches, shape (rigs, places).
+    """Return μ' at the places for rigs that share surface and patches, shape (rigs, places).
 
     The motion is summed once for all rigs that differ in resonance or damping.
     """
@@ -270,17 +308,16 @@ def friction_along(places: Places, rigs: Sequence[RigProperties]) -> FloatArray:
         about = Places(
             settings=places.settings,
             of=np.repeat(places.of, NODES.size),
-            x_m=np.clip(x_m, _LEAST_M, _STRUCTURE.beam.length_m),
+            x_m=np.clip(x_m, _LEAST_M, rigs[0].surface.length_m),
             spread_m=np.zeros(x_m.size),
         )
         return friction_along(about, rigs).reshape(len(rigs), -1, NODES.size) @ _WEIGHTS
     terms = _terms(places, rigs)
-    numbers = [
-        (it.body_height_m + HALF_THICKNESS_M, it.gain, it.friction_coefficient) for it in rigs
-    ]
+    half_m = rigs[0].half_thickness_m
+    numbers = [(it.body_height_m + half_m, it.gain, it.friction_coefficient) for it in rigs]
     lever_m, gain, mu = np.array(numbers).T[..., None]
     # (2), mathematics/sliding
-    tip = gain * (lever_m / (HALF_THICKNESS_M + _STRUCTURE.body_height_m))
+    tip = gain * (lever_m / (half_m + rigs[0].surface.structure.body_height_m))
     scaled = replace(
         terms,
         friction_coefficient=mu,
@@ -301,33 +338,39 @@ def _terms(places: Places, rigs: Sequence[RigProperties]) -> ContactTerms:
         own = np.array([getattr(one, name) for one in settings], dtype=np.float64)
         return np.tile(own[places.of], size)
 
-    beam = replace(rigs[0].beam(), damping_ratio=_STRUCTURE.beam.damping_ratio)
-    scale = _resonance_hz(beam)
+    surface = rigs[0].surface
+    structure = surface.structure
+    # Without the rigs' damping, so that all of them share its modes.
+    beam = replace(rigs[0].beam(), damping_ratio=structure.beam.damping_ratio)
+    scale = _resonance_hz(beam, surface.mode)
     frequency_hz = [one.frequency_hz * scale / own_hz for own_hz, _ in known for one in settings]
     damping = np.repeat([ratio for _, ratio in known], len(settings))
     drive = (len(settings) * np.arange(size)[:, None] + places.of).ravel()
-    field = rungs.modal_sum_field(beam, drive, np.array(frequency_hz), damping)
     contact = Contact(
         beam=beam,
         coverage="local",
         direction="right",
         x_m=np.tile(places.x_m, size),
         contact_m=tiled("contact_m"),
-        body_count=_STRUCTURE.body_count,
-        body_mass_kg=_STRUCTURE.body_mass_kg,
-        body_height_m=_STRUCTURE.body_height_m,
+        body_count=structure.body_count,
+        body_mass_kg=structure.body_mass_kg,
+        body_height_m=structure.body_height_m,
         body_load_n=1.0,
         finger_load_n=tiled("load_n"),
         sliding_speed_m_s=tiled("speed_m_s"),
         friction_coefficient=1.0,
         same_direction_fraction=None,
     )
-    driven = field.scaled(tiled("voltage_v"))
-    found = contact_terms(contact, driven, rungs.reference_tip_speed_m_s(rungs.REDUCED_RUNG))
-    shaped = {
-        name: np.broadcast_to(value, drive.size).reshape(size, -1)[row]
-        for name, value in vars(found).items()
-    }
+    drives = np.array(frequency_hz), damping
+    batch = Batch(
+        contact=contact,
+        mode=surface.mode,
+        voltage_v=tiled("voltage_v"),
+        frequency_hz=drives[0][drive],
+        damping_ratio=drives[1][drive],
+    )
+    terms = drive_terms(batch, drives, drive, _FINENESS)
+    shaped = {name: value.reshape(size, -1)[row] for name, value in vars(terms).items()}
     leftward = np.array([one.direction == "left" for one in settings])[places.of]
     right, left = shaped["same_direction"], shaped["opposing"]
     shaped["same_direction"] = np.where(leftward, left, right)
@@ -340,12 +383,15 @@ _STEPS = {"damping_ratio": 0.01, "resonance_hz": 1e-5, PATCHES: PATCH_STEP_M}
 _PLAIN_STEP = 1e-4
 
 
-def slopes(places: Places, found: FloatArray, names: Sequence[str]) -> FloatArray:
+def slopes(
+    places: Places, found: FloatArray, names: Sequence[str], surface: BeamSurface = PAPERS
+) -> FloatArray:
     """Return the derivatives of μ' by some coordinates, shape (places, names)."""
     step = {name: _STEPS.get(name, _PLAIN_STEP) for name in names}
     unit = dict(zip(PROPERTIES, np.eye(len(PROPERTIES)), strict=True))
     rigs = {
-        name: [rig_at(found + sign * step[name] * unit[name]) for sign in (1, -1)] for name in names
+        name: [rig_at(found + sign * step[name] * unit[name], surface) for sign in (1, -1)]
+        for name in names
     }
     # Rigs whose patches lie elsewhere share no modes with others.
     along = {PATCHES: [friction_along(places, [rig])[0] for rig in rigs.pop(PATCHES, [])]}

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from itertools import chain
 from math import isfinite
 from typing import Any
@@ -17,8 +17,8 @@ from analysis.loading.study_data import StudyData
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
 from analysis.sensitivity.two_stage_model import AnsweredTrials
-from device.beam.beam import Beam
-from device.friction import laws, rungs
+from device.friction import laws
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import (
     AT_A_PLACE,
     CONDITIONS,
@@ -29,7 +29,7 @@ from device.friction.changes import (
     predicted_contrast,
     trial_change,
 )
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.surfaces import MeasuredSurface, length_of
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS, Question
 from protocol.study.touch import Touch
@@ -41,7 +41,6 @@ FREQUENCY_DIGITS = 4
 """Measured force counts in steps of a twentieth of the planned one, a place in half millimetres
 from it, a frequency in ten-thousandths of the resonance: no finger is steadier, a resonance is a
 hundred times as wide, and a sensor's noise makes no new touch and no new solution of the beam."""
-_BEAM_M = Beam().length_m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +73,11 @@ def trial_contrasts(
     no calibration was in force.
     """
     changes = trial_changes(study, trials, touches)
-    rigs = [own if isinstance(own, Calibration) else rig for own in trials["rig"]]
+    if isinstance(rig.surface, MeasuredSurface):
+        # What was felt under another table of friction is not what this one says.
+        there = map(partial(_has_table, study, rig.surface.table.digest), trials["study_text"])
+        changes = [change if same else None for change, same in zip(changes, there, strict=True)]
+    rigs = [own.on(rig.surface) if isinstance(own, Calibration) else rig for own in trials["rig"]]
     # Trials whose touches were alike share a prediction.
     felt = list(zip(changes, rigs, strict=True))
     number_of: dict[tuple[Change | None, Calibration], int] = {}
@@ -85,6 +88,19 @@ def trial_contrasts(
         by_law={law: values[numbers] for law, values in by_law.items()},
         measured=trials.index.isin(measured),
     )
+
+
+def _has_table(study: Study, digest: str, text: object) -> bool:
+    """Return whether the study in force had the table of that digest, as far as it is known."""
+    return not isinstance(text, str) or _tables(text).get(study.surface.table or "") == digest
+
+
+@lru_cache(maxsize=64)
+def _tables(text: str) -> Mapping[str, str]:
+    try:
+        return parsed_study(text).tables
+    except StudyError:
+        return {}
 
 
 def _predicted(felt: Iterable[tuple[Change | None, Calibration]], law: str) -> FloatArray:
@@ -126,8 +142,9 @@ def trial_changes(
     for touch in touches[_FELT].itertuples():
         made[touch.attempt_id].append(touch)
     asked = trials[_ASKED].astype(object).where(trials[_ASKED].notna(), None)
+    length_m = length_of(study.surface)
     return [
-        _change(trial, own, planned_change, as_felt=as_felt)
+        _change(trial, own, planned_change, length_m, as_felt=as_felt)
         for trial, own in zip(asked.itertuples(), made.values(), strict=True)
     ]
 
@@ -146,6 +163,7 @@ def _change(
     trial: Any,
     touches: Sequence[Any],
     planned_change: Callable[..., Change | None],
+    length_m: float,
     *,
     as_felt: bool,
 ) -> Change | None:
@@ -155,13 +173,16 @@ def _change(
     change = planned_change(trial.study_text, trial.question, trial.expected, planned)
     if change is None or not as_felt:
         return change
-    return felt_change(change, touches, trial.resonance_hz)
+    return felt_change(change, touches, trial.resonance_hz, length_m)
 
 
-def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | None) -> Change:
+def felt_change(
+    change: Change, touches: Sequence[Any], resonance_hz: float | None, length_m: float
+) -> Change:
     """Return the planned change with measured values in place of planned ones.
 
-    `touches` have the columns of touches that the change depends on, as attributes.
+    `touches` have the columns of touches that the change depends on, as attributes; `length_m` is
+    the surface's.
     """
     first, last = touches[0], touches[-1]
     start = first.start_voltage_v, first.start_frequency_hz
@@ -173,8 +194,8 @@ def felt_change(change: Change, touches: Sequence[Any], resonance_hz: float | No
     places_m = change.places_m
     if change.effect == "friction" and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
-        # A sensor may place the finger off the beam, where the model predicts nothing.
-        if 0 <= place_m <= _BEAM_M:
+        # A sensor may place the finger off the surface, where nothing is predicted.
+        if 0 <= place_m <= length_m:
             places_m = (place_m,)
     return _felt(change, before, after, places_m)
 
@@ -310,8 +331,8 @@ def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -
 
 # The range of each condition's contrast over rungs, laws, and what the paper leaves open.
 
-BEAM_MODELS = ("mode", *rungs.SEGMENTED_RUNGS)
-"""The models of the beam; the cheaper rungs approximate the first of them."""
+BEAM_MODELS = ("mode", "own-mode", "beam")
+"""The models of the beam: the paper's, one mode as built, and the whole beam."""
 FACTORS = (0.5, 0.5**0.5, 1.0, 2**0.5, 2.0)
 """Multiples of the damping ratio and of the finger's speed, neither of which the paper gives."""
 

@@ -15,8 +15,8 @@ from analysis.statistics.detection import Detection, detection
 from analysis.thresholds.answer_curve import Curve
 from analysis.thresholds.psychometric import Mixed, Threshold, fitted, mixed
 from analysis.trials import track_readings
+from device.friction.calibration import Calibration
 from device.friction.changes import friction_difference
-from device.friction.scenes import Calibration
 from device.tracks.posterior import estimate, lattice
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, AXIS_UNITS, GUESS_RATE, Track, decibels

@@ -31,8 +31,9 @@ from analysis.trials import contrasts as trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
 from analysis.trials.trial_checks import Discrimination, discrimination
 from analysis.workers import done
-from device.friction.changes import AT_A_PLACE, Change
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import NOMINAL, Calibration
+from device.friction.changes import AT_A_PLACE, LAW, Change
+from device.friction.surfaces import BeamSurface
 from protocol.study.factor import CONDITION
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS
@@ -263,7 +264,9 @@ class TrialStatistics(SensitivityModels):
 
     @cached_property
     def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
-        """How certain the contrast of each condition is."""
+        """How certain the contrast of each condition is, where a beam's model predicts it."""
+        if not isinstance(self.rig.surface, BeamSurface):
+            return ()
         changes = self._changes.items()
         return tuple(trial_contrasts.contrast_range(*each, self.rig) for each in changes)
 
@@ -335,6 +338,8 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def _means(self) -> Mapping[str, "MeanContrasts"]:
         means = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
+        if not isinstance(self.rig.surface, BeamSurface):  # there are no laws to compare
+            return {LAW: means[LAW]}
         ranking = _papers_ranking(self.data)
         return means if ranking is None else {**means, PAPERS_RANKING: ranking}
 

@@ -1,5 +1,5 @@
-"""Mechanics of the vibrating beam: mode shapes, zones, motion and the finger's window.
+"""Mechanics of the vibrating beam: modes, driven motion, and what moves under a finger.
 
-Public face: `beam.Beam`, `modes.mode_shape`, `zones.zones`, `windows.mode_window`,
-`motion.segmented_motion`.
+Public face: `beam.Beam`, `spectral.natural_frequency_hz`, `driven.driven`, `fields.mode_field`,
+`fields.driven_fields`, `pattern.Patterns`, `eq15.Eq15Pattern`.
 """

@@ -5,12 +5,16 @@ With the printed λ = 0.0348 m the pieces of one γ span 0.0200 m while the next
 0.0318 m and 0.0418 m (γ = 0) the printed pieces do not meet.
 """
 
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray, IndexArray
+from device.beam.beam import Beam
+from device.beam.pattern import Window
 from device.errors import OutOfRangeError, one_of
 
 Overlap = Literal["first", "last"]
@@ -92,3 +96,71 @@ def same_direction_ratio(
     # What leaves [0, 1] by rounding alone, as at the end of a piece, is its bound.
     bounded = np.clip(ratio, 0.0, 1.0)
     return np.where(np.abs(ratio - bounded) < _ROUNDING, bounded, ratio)
+
+
+def describes(beam: Beam) -> bool:
+    """Return whether Eq 15 is about a beam of this length and these supports."""
+    return beam.length_m == REACH_M and beam.supports == ("clamped", "free")
+
+
+def require_the_papers(beam: Beam) -> None:
+    """Raise `OutOfRangeError` for a beam that Eq 15 does not describe."""
+    if not describes(beam):
+        rule = f"must be {REACH_M} and the beam clamped at its left end alone on the rung eq15"
+        raise OutOfRangeError("beam length_m", f"{rule}; take beam", beam.length_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Eq15Pattern:
+    """Eq 15's a/u; the magnitude of a mode far from both ends, and for the whole beam its zones.
+
+    There φ ≈ √2 sin(bξ - π/4), with zones of λ/4 from 3λ/8 on, λ = 2πL/b; before that everything
+    moves left.
+    """
+
+    mode: int
+    length_m: float
+    overlap: Overlap = "first"
+
+    @property
+    def _unit_m(self) -> float:
+        """L/b."""
+        return self.length_m / _root(self.mode)
+
+    def _magnitude_m(self, x_m: FloatArray) -> FloatArray:
+        """Return ∫|φ|dx from the clamp; (37) of mathematics/beam."""
+        angle = x_m / self._unit_m - math.pi / 4
+        lobes = np.floor(angle / math.pi)
+        sums = 2 * lobes + 1 - np.cos(angle - lobes * math.pi)
+        return np.asarray(math.sqrt(2.0) * self._unit_m * (sums + 1 - math.sqrt(0.5)))
+
+    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
+        """See `Pattern`; a/u divides by the whole contact at the clamp too, as printed."""
+        ratio = same_direction_ratio(x_m, contact_m, self.overlap)
+        width_m = np.minimum(x_m, contact_m)
+        start, stop = self._magnitude_m(x_m - width_m), self._magnitude_m(x_m)
+        mean = (stop - start) / np.where(width_m > 0, width_m, 1.0)
+        mean = np.where(width_m > 0, mean, 1.0)  # √2 sin(-π/4) at the clamp
+        return Window(right=ratio, left=1.0 - ratio, mean=mean)
+
+    def chosen(self, motion: IndexArray) -> "Eq15Pattern":  # noqa: ARG002 - all are alike
+        """See `Pattern`."""
+        return self
+
+    def whole(self) -> Window:
+        """See `Pattern`."""
+        quarter_m = math.pi / 2 * self._unit_m
+        zones, rest = divmod(self.length_m / quarter_m - 1.5, 1.0)
+        right_m = quarter_m * (zones // 2 + (zones % 2 == 0) * rest + (zones % 2 == 1))
+        right = np.array([right_m / self.length_m])
+        mean = self._magnitude_m(np.array([self.length_m])) / self.length_m
+        return Window(right=right, left=1.0 - right, mean=mean)
+
+
+@lru_cache(maxsize=64)
+def _root(mode: int) -> float:
+    """Return b of cos b cosh b = -1 by Newton's method, from (i - ½)π."""
+    b = (mode - 0.5) * math.pi
+    for _ in range(20):
+        b -= (math.cos(b) + 1 / math.cosh(b)) / (-math.sin(b) - math.tanh(b) / math.cosh(b))
+    return b

@@ -1,89 +1,27 @@
-"""Fields of motion: the size of the motion, and its pattern under a window of the beam."""
+"""Fields of motion: how much a driven beam moves, and its pattern under a window."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
+from device.arrays import ComplexArray, FloatArray, IndexArray
 from device.beam.beam import Beam
-from device.beam.eq15 import Overlap, same_direction_ratio
-from device.beam.modes import FloatArray, modal_displacement_m, mode_constants, natural_frequency_hz
-from device.beam.windows import ModeSums, Pattern, Window, mode_window, window_means, window_width
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModePattern(Pattern):
-    """The exact mode shape of a bare Euler-Bernoulli beam."""
-
-    mode: int
-
-    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        return mode_window(self.mode, self.length_m, x_m, contact_m)
-
-
-@lru_cache(maxsize=256)
-def _sinusoid_sums(mode: int, length_m: float) -> ModeSums:
-    """Return the sums of √2 sin(bξ - π/4), of which |sin| is (10) of mathematics/beam."""
-    unit_m = length_m / mode_constants(mode).root
-    halves = np.arange(2 * mode + 1)  # the first from 0 to λ/8, the others λ/4 long
-    starts_m = np.asarray((0.5 * halves - 0.25) * math.pi * unit_m, dtype=np.float64)
-    # What follows a node moves left, and all before 3λ/8.
-    slope = np.where((halves % 2 == 0) & (halves > 0), 1.0, 0.0)
-    lobe = (halves - 1) // 2
-    complete = np.maximum(lobe, 0) * (math.pi / 2 * unit_m)
-    return ModeSums(
-        order=mode,
-        length_m=length_m,
-        inner_m=starts_m[1:],
-        slope=slope,
-        offset_m=complete - slope * starts_m,
-        size_m=math.sqrt(2.0) * unit_m * np.where(lobe % 2, -1.0, 1.0),
-        lag=np.full(lobe.size, 0.75 * math.pi),
-        rest_m=np.asarray(unit_m * (math.sqrt(2.0) * (2 * lobe + 2) - 1)),  # 0 at the clamp
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SinusoidPattern(Pattern):
-    """φ ≈ √2 sin(bξ - π/4), the mode shape far from both ends.
-
-    Zones of λ/4 begin at 3λ/8, with λ = 2πL/b; before 3λ/8 everything moves left.
-    """
-
-    mode: int
-
-    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        width_m = window_width(x_m, contact_m)
-        sums = _sinusoid_sums(self.mode, self.length_m)
-        right, mean = window_means(sums, x_m, width_m, contact_m, sums.least_m)
-        mean[width_m == 0] = 1.0  # √2 sin(-π/4) at the clamp
-        return Window(right=right, left=1.0 - right, mean=mean)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Eq15Pattern(SinusoidPattern):
-    """Eq 15's a/u; the far field's magnitude, and ratio for the whole beam, which Eq 15 lacks."""
-
-    overlap: Overlap = "first"
-
-    def window(self, x_m: FloatArray, contact_m: FloatArray | float) -> Window:
-        """See `Pattern`; a/u divides by the whole contact at the clamp too, as printed."""
-        ratio = same_direction_ratio(x_m, contact_m, self.overlap)
-        mean = super().window(x_m, contact_m).mean
-        return Window(right=ratio, left=1.0 - ratio, mean=mean)
-
-    def whole(self) -> Window:
-        return super().window(np.array([self.length_m]), self.length_m)
+from device.beam.driven import FINENESS, DrivenMotion, Fineness, driven, moved
+from device.beam.pattern import Pattern
+from device.beam.spectral import natural_frequency_hz, spectrum_with_mode
+from device.errors import OutOfRangeError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Field:
     """The driven beam's motion, as friction needs it.
 
-    The pattern's magnitudes are relative to `displacement_m`, the rms |q| over the beam (of one
-    mode: its modal amplitude). The rotation is √(mean |ψ|²) of the section over the beam; b|q|/L
-    for one mode.
+    The pattern's magnitudes are relative to `displacement_m`, the rms |W| over the beam. The
+    rotation is √(mean |ψ|²) of the section over the beam. Frequency, displacement and rotation have
+    the shape of the scenes, or one that broadcasts.
     """
 
     pattern: Pattern
@@ -91,41 +29,142 @@ class Field:
     displacement_m: FloatArray
     rotation: FloatArray
 
-    @cached_property
-    def angular_frequency_rad_s(self) -> FloatArray:
-        return 2 * math.pi * self.frequency_hz
-
     def scaled(self, factor: FloatArray) -> "Field":
         """Return the field of a drive multiplied by `factor`."""
         return replace(
             self, displacement_m=self.displacement_m * factor, rotation=self.rotation * factor
         )
 
+    def chosen(self, drive: IndexArray) -> "Field":
+        """Return the fields of these drives, one for each scene."""
+        return Field(
+            pattern=self.pattern.chosen(drive),
+            frequency_hz=self.frequency_hz[drive],
+            displacement_m=self.displacement_m[drive],
+            rotation=self.rotation[drive],
+        )
+
+    @property
+    def angular_frequency_rad_s(self) -> FloatArray:
+        return 2 * math.pi * self.frequency_hz
+
     def tip_speed_m_s(self, lever_m: FloatArray | float) -> FloatArray:
         """Return √2 ω · lever · rotation of a body with its tip `lever_m` from the neutral axis."""
         return math.sqrt(2.0) * self.angular_frequency_rad_s * lever_m * self.rotation
 
 
+def require_below_cut_off(beam: Beam, frequency_hz: FloatArray) -> None:
+    """Raise `OutOfRangeError` for a drive at which both waves of the beam travel."""
+    cut_off_hz = beam.frequency_scale * beam.cut_off_hz
+    beyond = np.flatnonzero(frequency_hz > cut_off_hz)
+    if beyond.size:
+        rule = f"must be at most the beam's cut-off, {cut_off_hz:.0f}"
+        raise OutOfRangeError("frequency_hz", rule, float(frequency_hz[beyond[0]]), int(beyond[0]))
+
+
+def driven_fields(
+    beam: Beam, frequency_hz: FloatArray, damping_ratio: FloatArray, fineness: Fineness = FINENESS
+) -> Iterator[tuple[IndexArray, Field]]:
+    """Yield parts of the drives, shape (drives,), with their fields per volt.
+
+    The pattern's `chosen` says which drive of the part a place asks about.
+    """
+    require_below_cut_off(beam, frequency_hz)
+    for which, motion in driven(beam, frequency_hz, damping_ratio, fineness):
+        yield (
+            which,
+            Field(
+                pattern=motion.patterns,
+                frequency_hz=frequency_hz[which],
+                displacement_m=motion.deflection_m_per_v,
+                rotation=motion.rotation_per_v,
+            ),
+        )
+
+
+# One mode alone, of which the pattern is the same at every drive.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Signal:
-    """Voltage and frequency, (n,) or numbers; None: the resonance, and the beam's own damping."""
+class OneMode:
+    """A mode's shape as a motion of weight 1, with the patches' force on it and its 1/μ.
 
-    voltage_v: FloatArray | float
-    frequency_hz: FloatArray | float | None
-    damping_ratio: FloatArray | float | None = None
+    `peak_ratio` is the largest |W| over its rms; `wave_number_per_m` that of the bare beam without
+    shear at its frequency, the paper's b/L.
+    """
+
+    shape: DrivenMotion
+    peak_ratio: float
+    frequency_hz: float
+    force: float
+    wave_number_per_m: float
+
+    def amplitude_m_per_v(
+        self, frequency_hz: FloatArray, damping_ratio: FloatArray, *, viscous: bool
+    ) -> FloatArray:
+        """Return the rms |W| per volt; damping is `viscous`, as the paper's, or structural."""
+        own_hz = self.frequency_hz
+        real = (own_hz - frequency_hz) * (own_hz + frequency_hz) / own_hz**2
+        imaginary = 2 * damping_ratio * (frequency_hz / own_hz if viscous else 1.0)
+        force = abs(self.force)
+        return np.asarray(force * self.shape.deflection_m_per_v / np.hypot(real, imaginary))
 
 
-def modal_field(beam: Beam, mode: int, pattern: Pattern, signal: Signal) -> Field:
-    """Return the field of one mode of the bare Euler-Bernoulli beam."""
-    frequency_hz = signal.frequency_hz
-    if frequency_hz is None:
-        frequency_hz = natural_frequency_hz(beam, mode)
-    displacement_m = modal_displacement_m(
-        beam, mode, signal.voltage_v, frequency_hz, signal.damping_ratio
+@lru_cache(maxsize=64)
+def _one_mode(beam: Beam, mode: int, fineness: Fineness, *, built: bool) -> OneMode:
+    modes = spectrum_with_mode(beam, mode, fineness.mesh, patched=built, shear=built)
+    place = beam.rigid_modes + mode - 1
+    weights: ComplexArray = np.zeros((1, modes.values.size + 1), dtype=np.complex128)
+    weights[0, place] = 1.0
+    bare = beam.bare
+    own_hz = modes.mode_hz(beam.rigid_modes, mode)
+    wave_number = bare.wave_number_per_m(own_hz, shear=False)
+    shape = moved(modes, weights, fineness)
+    return OneMode(
+        shape=shape,
+        peak_ratio=float(shape.largest_m_per_v[0] / shape.deflection_m_per_v[0]),
+        frequency_hz=own_hz,
+        force=float(modes.forces[place]) / (modes.values[place] * (2 * math.pi * own_hz) ** 2),
+        wave_number_per_m=wave_number,
     )
+
+
+def one_mode(beam: Beam, mode: int, fineness: Fineness = FINENESS, *, built: bool) -> OneMode:
+    """Return a mode of the beam as `built`, or of the bare Euler-Bernoulli beam, without scale."""
+    return _one_mode(beam.undamped, mode, fineness, built=built)
+
+
+def mode_field(
+    beam: Beam,
+    mode: int,
+    frequency_hz: FloatArray,
+    damping_ratio: FloatArray,
+    *,
+    built: bool,
+) -> Field:
+    """Return the field per volt of one mode; see `one_mode`. Drives have any one shape."""
+    shape, scale = one_mode(beam, mode, built=built), beam.frequency_scale
+    own_hz = frequency_hz / scale
+    displacement_m = shape.amplitude_m_per_v(own_hz, damping_ratio, viscous=not built) / scale**2
+    per_m = float(shape.shape.rotation_per_v[0] / shape.shape.deflection_m_per_v[0])
     return Field(
-        pattern=pattern,
-        frequency_hz=np.asarray(frequency_hz, dtype=np.float64),
+        pattern=shape.shape.patterns,
+        frequency_hz=frequency_hz,
         displacement_m=displacement_m,
-        rotation=displacement_m * (mode_constants(mode).root / beam.length_m),
+        # The paper's b/L neglects the ends' share.
+        rotation=displacement_m * (per_m if built else shape.wave_number_per_m),
     )
+
+
+def peak_ratio(beam: Beam, mode: int) -> float:
+    """Return the largest |W| of a bare beam's mode over its rms; 2 at a cantilever's tip."""
+    return one_mode(beam, mode, built=False).peak_ratio
+
+
+def mode_share(beam: Beam, mode: int) -> float:
+    """Return the rms |W| of a mode over that of all, driven at the mode's resonance."""
+    frequency_hz = np.array([natural_frequency_hz(beam, mode)])
+    damping_ratio = np.array([beam.damping_ratio])
+    alone = mode_field(beam, mode, frequency_hz, damping_ratio, built=True)
+    ((_, field),) = driven_fields(beam, frequency_hz, damping_ratio)
+    return float(alone.displacement_m[0] / field.displacement_m[0])

@@ -1,5 +1,6 @@
 """Changes under the finger, in a trial or one of the paper's conditions, and their contrasts."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -8,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from device.beam.beam import Beam
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
 from device.friction import scenes
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
+from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface, beam_surface
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS, Effect, Question
 from protocol.study.touch import Coverage, Direction, Place, Touch, TouchDefaults
@@ -23,6 +25,8 @@ class Moment:
     """The drive and the touch at one moment; `frequency` is relative to the resonance.
 
     `has_bodies` says whether the beam carries ciliary bodies; no law here depends on their spacing.
+    `beam` is the name of the one that is mounted, on which a table may depend; `friction` what a
+    touch states.
     """
 
     voltage_v: float
@@ -33,6 +37,8 @@ class Moment:
     contact_m: float
     sliding_speed_m_s: float
     has_bodies: bool
+    beam: str | None = None
+    friction: float | None = None
 
 
 Kind = Literal["at a place", "over a path", "growth of a swing"]
@@ -66,6 +72,8 @@ class Change:
 
 _PLACES = 143
 """Along the path: every half millimetre of the paper's."""
+_PER_HALF_WAVE = 36
+"""The same on another beam."""
 
 
 def trial_change(
@@ -78,7 +86,7 @@ def trial_change(
     """
     first, last = touches[0], touches[-1]
     if len(touches) == 1 and first.programme == "hold":
-        first = first.model_copy(update={"voltage_v": 0.0})
+        first = first.model_copy(update={"voltage_v": 0.0, "friction": None})
     effect = QUESTIONS[question].effect
     if effect == "depth" and last.place != "path":
         effect = "friction"
@@ -87,15 +95,16 @@ def trial_change(
         contrary=expected is not None and expected == QUESTIONS[question].less,
         before=_moment(study, first, first.voltage_v, first.frequency),
         after=_moment(study, last, last.end_voltage_v, last.end_frequency),
-        places_m=_places_m(study.touch, effect, last.place),
+        places_m=_places_m(study, effect, last.place),
     )
 
 
 def friction_difference(
-    study: Study, standard: Touch, comparison: Touch, rig: scenes.Calibration
+    study: Study, standard: Touch, comparison: Touch, rig: Calibration
 ) -> float:
     """Return how much smoother `comparison` is than `standard`: the mean of ln(mu / mu')."""
-    if comparison.own_place_m != standard.own_place_m:
+    stated = isinstance(rig.surface, GivenSurface)
+    if comparison.own_place_m != standard.own_place_m and not stated:
         # At two places each is compared with the beam at rest, which is alike everywhere.
         rests = (touch.model_copy(update={"voltage_v": 0.0}) for touch in (standard, comparison))
         standard_by, comparison_by = (
@@ -109,19 +118,26 @@ def friction_difference(
         contrary=False,
         before=_moment(study, standard, standard.voltage_v, standard.frequency),
         after=_moment(study, comparison, comparison.voltage_v, comparison.frequency),
-        places_m=_places_m(study.touch, "friction", comparison.place)
-        if own_m is None
-        else (own_m,),
+        places_m=_places_m(study, "friction", comparison.place) if own_m is None else (own_m,),
     )
     return predicted_contrast(change, rig=rig)
 
 
-def _places_m(finger: TouchDefaults, effect: Effect, place: Place) -> tuple[float, ...]:
+def _places_m(study: Study, effect: Effect, place: Place) -> tuple[float, ...]:
+    finger = study.touch
     if effect == "friction" and place == "smooth":
         return (finger.smooth_place_m,)
     left_m, right_m = finger.path_m
-    step_m = (right_m - left_m) / (_PLACES - 1)
-    return tuple(left_m + number * step_m for number in range(_PLACES))
+    places = _PLACES
+    if study.surface.is_own_beam:
+        half_wave_m = beam_surface(study.surface).half_wave_m
+        places = 1 + max(2, math.ceil(_PER_HALF_WAVE * (right_m - left_m) / half_wave_m))
+    return _along(left_m, right_m, places)
+
+
+def _along(left_m: float, right_m: float, places: int) -> tuple[float, ...]:
+    step_m = (right_m - left_m) / (places - 1)
+    return tuple(left_m + number * step_m for number in range(places))
 
 
 def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> Moment:
@@ -135,6 +151,8 @@ def _moment(study: Study, touch: Touch, voltage_v: float, frequency: float) -> M
         contact_m=study.touch.contact_m,
         sliding_speed_m_s=touch.sliding_speed_m_s or study.touch.sliding_speed_m_s,
         has_bodies=beam is None or study.beams[beam] > 0,
+        beam=beam,
+        friction=touch.friction,
     )
 
 
@@ -158,7 +176,9 @@ def _condition(effect: Effect, before: Moment = REFERENCE, after: Moment = REFER
         contrary=False,
         before=before,
         after=after,
-        places_m=_places_m(_FINGER, effect, "smooth"),
+        places_m=(_FINGER.smooth_place_m,)
+        if effect == "friction"
+        else _along(*_FINGER.path_m, _PLACES),
     )
 
 
@@ -183,7 +203,7 @@ limits, and no rung errs less than the top one, which a few contrasts can afford
 
 
 def predicted_contrast(
-    change: Change, law: str = LAW, rung: str = RUNG, rig: scenes.Calibration = scenes.NOMINAL
+    change: Change, law: str = LAW, rung: str = RUNG, rig: Calibration = NOMINAL
 ) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
@@ -198,17 +218,24 @@ def predicted_contrast(
         friction_at(moment, change.places_m, law, rung, rig)
         for moment in (change.before, change.after)
     )
-    if min(before.min(), after.min()) <= 0:
+    if not (min(before.min(), after.min()) > 0):
         return np.nan
     # (10) and (11), mathematics/friction
     if change.effect == "places":
         return _rms(np.log(after / before))
-    if change.effect == "depth":
-        resting = scenes.Structure().friction_coefficient
+    if change.effect == "depth" and not isinstance(rig.surface, GivenSurface):
+        resting = _resting(change, law, rung, rig)
         size = _rms(np.log(after / resting)) - _rms(np.log(before / resting))
     else:
         size = float(np.log(before / after).mean())
     return -size if change.contrary else size
+
+
+def _resting(change: Change, law: str, rung: str, rig: Calibration) -> FloatArray | float:
+    """Return the friction with the drive off."""
+    if isinstance(rig.surface, BeamSurface):
+        return rig.structure.friction_coefficient
+    return friction_at(replace(change.before, voltage_v=0.0), change.places_m, law, rung, rig)
 
 
 def _rms(values: FloatArray) -> float:
@@ -221,20 +248,37 @@ def friction_at(
     places_m: tuple[float, ...],
     law: str = LAW,
     rung: str = RUNG,
-    rig: scenes.Calibration = scenes.NOMINAL,
+    rig: Calibration = NOMINAL,
 ) -> FloatArray:
-    """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,)."""
-    beam = Beam(damping_ratio=rig.damping_ratio)
-    drive = scenes.Drive(voltage_v=rig.gain * moment.voltage_v)
+    """Return the friction coefficient of `moment` at each place (right edge, m), shape (n,).
+
+    NaN where a table was not measured or a touch states none; law and rung are for beams.
+    """
+    surface = rig.surface
+    if isinstance(surface, GivenSurface):
+        return np.full(len(places_m), np.nan if moment.friction is None else moment.friction)
+    if isinstance(surface, MeasuredSurface):
+        return surface.table.friction(
+            {
+                "voltage_v": np.array(rig.gain * moment.voltage_v),
+                "frequency": np.array(moment.frequency),
+                "place_m": np.array(places_m),
+                "direction": moment.direction,
+                "force_n": np.array(moment.force_n),
+                "speed_m_s": np.array(moment.sliding_speed_m_s),
+                "beam": moment.beam or "",
+            }
+        ) * np.ones(len(places_m))
+    structure = rig.structure
+    drive = scenes.Drive(voltage_v=rig.gain * moment.voltage_v, mode=rig.mode)
     if moment.frequency != 1:
-        resonance_hz = rung_resonance_hz(rung, beam, drive.mode)
+        resonance_hz = rung_resonance_hz(rung, structure.beam, drive.mode)
         drive = replace(drive, frequency_hz=moment.frequency * resonance_hz)
     scene = scenes.Scene(
-        structure=scenes.Structure(
-            beam=beam, body_height_m=rig.body_height_m if moment.has_bodies else 0.0
-        ),
+        structure=structure if moment.has_bodies else replace(structure, body_height_m=0.0),
         drive=drive,
         touch=scenes.FingerContact(
+            x_m=0.0,
             contact_m=moment.contact_m,
             finger_load_n=moment.force_n,
             sliding_speed_m_s=moment.sliding_speed_m_s,

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from device.arrays import FloatArray, IndexArray
 from device.beam.beam import Beam
 from device.beam.eq15 import Overlap, same_direction_ratio
 from device.beam.fields import Field
-from device.beam.modes import FloatArray, IndexArray
-from device.beam.windows import Window, window_width
+from device.beam.pattern import Window
 from device.friction.laws import ContactTerms
 from device.friction.scenes import REFERENCE_SPEED_M_S, Coverage, Direction, Scene
 
@@ -43,7 +43,7 @@ class Contact:
     def covered_m(self) -> Number:
         """The length of beam under the finger, or under the hand that covers all of it."""
         full = self.coverage == "full"
-        return self.beam.length_m if full else window_width(self.x_m, self.contact_m)
+        return self.beam.length_m if full else np.minimum(self.x_m, self.contact_m)
 
     @property
     def lever_m(self) -> Number:
@@ -109,7 +109,7 @@ def with_eq15_ratio(terms: ContactTerms, contact: Contact, overlap: Overlap) -> 
     return replace(terms, same_direction=np.asarray(same_direction), opposing=np.asarray(opposing))
 
 
-def contact_window(contact: Contact, field: Field) -> Window:
+def _window(contact: Contact, field: Field) -> Window:
     """Return the motion under the finger, or under the hand that covers the whole beam."""
     if contact.coverage == "full":
         return field.pattern.whole()
@@ -120,11 +120,10 @@ def contact_terms(
     contact: Contact,
     field: Field,
     reference_tip_speed_m_s: float,
-    window: Window | None = None,
     *,
     whole: bool = True,
 ) -> ContactTerms:
-    """Return the terms of a contact in a field; `window` is its own, if known already.
+    """Return the terms of a contact in a field.
 
     Unless they are to be `whole`, f_p and its ratio are nan: no repaired law needs them.
 
@@ -132,7 +131,7 @@ def contact_terms(
     9's over the whole beam) with the body mass m read as kg per metre. The reference tip speed is
     the rung's in the paper's scene.
     """
-    window = window or contact_window(contact, field)
+    window = _window(contact, field)
     # (1) to (5), mathematics/friction
     omega = field.angular_frequency_rad_s
     acceleration = omega * omega * field.displacement_m * contact.body_mass_kg / math.pi

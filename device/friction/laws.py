@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
 from device.errors import one_of
 
 _LN3 = math.log(3.0)
@@ -86,15 +86,11 @@ class Law:
 
     Attributes:
         meaning: what it is, in a few words, for tables that name laws.
-        extremes_at_corners: it falls with r, rises with p and f_p/(uf), and is monotonic in s at
-            fixed r, so that ranges of the terms bound μ' by their corners. `auto` takes the top
-            rung for a law of which this is not known.
         as_printed: it takes the paper's own quantities: a/u of Eq 15, η = ½ and f_p/(uf).
     """
 
     meaning: str
     formula: Callable[[ContactTerms], FloatArray]
-    extremes_at_corners: bool = False
     as_printed: bool = False
 
     def __call__(self, terms: ContactTerms) -> FloatArray:
@@ -106,17 +102,13 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         "printed": Law(
             meaning="as the paper prints it",
             formula=printed,
-            extremes_at_corners=True,
             as_printed=True,
         ),
         "consistent": Law(
             meaning="its smallest repair, which the report's gains rest on",
             formula=consistent,
-            extremes_at_corners=True,
         ),
-        "coulomb": Law(
-            meaning="a bound by Coulomb's law", formula=coulomb, extremes_at_corners=True
-        ),
+        "coulomb": Law(meaning="a bound by Coulomb's law", formula=coulomb),
     }
 )
 """A new law is an entry here: commands, reports and exports take what this lists."""

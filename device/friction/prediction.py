@@ -1,21 +1,22 @@
 """Predictions for many scenes at once, with all the numbers of each."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 
+from device.arrays import FloatArray, IndexArray
 from device.beam.beam import Beam
-from device.beam.eq15 import Overlap
-from device.beam.fields import Field, Signal
-from device.beam.modes import FloatArray, IndexArray, natural_frequency_hz
-from device.beam.windows import Window
+from device.beam.driven import Fineness
+from device.beam.eq15 import Overlap, describes
+from device.beam.fields import Field
 from device.errors import OutOfRangeError, one_of
 from device.friction import rungs
 from device.friction.contact import Contact, contact_terms, with_eq15_ratio
+from device.friction.fineness import DEFAULT
 from device.friction.laws import ContactTerms, Law, anisotropy, law_by_name
-from device.friction.scenes import Drive
 
 Ratio = Literal["eq15", "mode"]
 
@@ -39,6 +40,10 @@ class LawChoice:
     @cached_property
     def law(self) -> Law:
         return law_by_name(self.name)
+
+    def on(self, beam: Beam) -> "LawChoice":
+        """Return the choice for a beam: Eq 15 is about the paper's, others have their own a/u."""
+        return self if describes(beam) else replace(self, ratio="mode")
 
     @property
     def takes_eq15(self) -> bool:
@@ -90,8 +95,8 @@ class Batch:
         if frequency_hz.size == self.damping_ratio.size == 1:
             return frequency_hz, self.damping_ratio, np.zeros(1, dtype=np.intp)
         # As complex numbers, because those sort 20 times faster than pairs.
-        found, drive = np.unique(frequency_hz + 1j * self.damping_ratio, return_inverse=True)
-        return found.real, found.imag, drive
+        pairs, drive = np.unique(frequency_hz + 1j * self.damping_ratio, return_inverse=True)
+        return pairs.real, pairs.imag, drive
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,7 +130,6 @@ def law_terms(
     field: Field,
     rung: str,
     choice: LawChoice,
-    window: Window | None = None,
     *,
     whole: bool = True,
 ) -> ContactTerms:
@@ -134,7 +138,7 @@ def law_terms(
     Raise `OutOfRangeError` if a repaired law would take an a/u of Eq 15 outside [0, 1].
     """
     reference = rungs.reference_tip_speed_m_s(rung)
-    terms = contact_terms(contact, field, reference, window, whole=whole or choice.law.as_printed)
+    terms = contact_terms(contact, field, reference, whole=whole or choice.law.as_printed)
     if choice.takes_eq15:
         return with_eq15_ratio(terms, contact, choice.overlap)
     if rung == "eq15" and not choice.law.as_printed:
@@ -191,58 +195,58 @@ def joined(parts: list[tuple[IndexArray, Prediction]], size: int) -> Prediction:
     return Prediction(**columns)
 
 
-def _solved_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """Return the prediction of a rung that is set up once per drive frequency and damping ratio."""
-    frequencies_hz, damping_ratios, group = batch.drives()
-    parts = []
-    pairs = zip(frequencies_hz, damping_ratios, strict=True)
-    for index, (frequency_hz, damping_ratio) in enumerate(pairs):
-        which = np.flatnonzero(np.broadcast_to(group == index, batch.size))
-        rows = batch if which.size == batch.size else batch.rows(which)
-        drive = Drive(
-            voltage_v=1.0,
-            frequency_hz="resonance" if frequency_hz < 0 else float(frequency_hz),
-            mode=batch.mode,
+def rung_prediction(
+    batch: Batch, rung: str, choice: LawChoice, fineness: Fineness = DEFAULT
+) -> Prediction:
+    """Return a rung's prediction; raise `OutOfRangeError` as `rungs.rung_fields`.
+
+    Drives that several scenes share are solved once.
+    """
+    frequency_hz, damping_ratio, drive = batch.drives()
+    frequency_hz = np.where(frequency_hz < 0, np.nan, frequency_hz)
+    parts = [
+        (scenes, field_prediction(batch.rows(scenes).contact, field, rung, choice))
+        for scenes, field in _fields_of_scenes(
+            batch, rung, (frequency_hz, damping_ratio), drive, choice.overlap, fineness
         )
-        beam = replace(batch.beam, damping_ratio=float(damping_ratio))
-        field = rungs.rung_field(rung, beam, drive).scaled(rows.voltage_v)
-        parts.append((which, field_prediction(rows.contact, field, rung, choice)))
+    ]
     return joined(parts, batch.size)
 
 
-def reduced_field(batch: Batch, direction_error: FloatArray | float = 0.0) -> Field:
-    """Return `timoshenko-modes`' field of all scenes; `direction_error` is one or one for each."""
-    at_drive = replace(batch, frequency_hz=reduced_frequency_hz(batch))
-    frequency_hz, damping_ratio, drive = at_drive.drives()
-    errors = np.zeros(frequency_hz.size)
-    # Scenes with one drive have one error, because the table of errors goes by the frequency.
-    errors[drive] = direction_error
-    return rungs.modal_sum_field(batch.beam, drive, frequency_hz, damping_ratio, errors).scaled(
-        batch.voltage_v
-    )
+def _fields_of_scenes(
+    batch: Batch,
+    rung: str,
+    drives: tuple[FloatArray, FloatArray],
+    drive: IndexArray,
+    overlap: Overlap,
+    fineness: Fineness,
+) -> Iterator[tuple[IndexArray, Field]]:
+    """Yield scenes, which have the drives of that number, with the field of each."""
+    for which, field in rungs.rung_fields(
+        rung, batch.beam, batch.mode, *drives, overlap=overlap, fineness=fineness
+    ):
+        number = np.full(drives[0].size, -1)
+        number[which] = np.arange(which.size)
+        own = np.broadcast_to(number[drive], batch.size)
+        scenes = np.flatnonzero(own >= 0)
+        voltage_v = batch.rows(scenes).voltage_v
+        if drives[0].size > 1:
+            field = field.chosen(own[scenes])  # noqa: PLW2901 - the same, of each scene
+        yield scenes, field.scaled(voltage_v)
 
 
-def reduced_frequency_hz(batch: Batch) -> FloatArray:
-    """Return the frequencies, where none is given the resonance of `timoshenko-modes`."""
-    resonant = np.isnan(batch.frequency_hz)
-    if not resonant.any():
-        return batch.frequency_hz
-    own_hz = rungs.rung_resonance_hz(rungs.REDUCED_RUNG, batch.beam, batch.mode)
-    return np.where(resonant, own_hz, batch.frequency_hz)
+def drive_terms(
+    batch: Batch, drives: tuple[FloatArray, FloatArray], drive: IndexArray, fineness: Fineness
+) -> ContactTerms:
+    """Return the terms on the top rung of scenes whose drives are numbered; shape (n,) each.
 
-
-def rung_prediction(batch: Batch, rung: str, choice: LawChoice) -> Prediction:
-    """Return a rung's prediction; raise `OutOfRangeError` for an unknown rung or mode."""
-    rungs.require_rung(rung)
-    if rung == rungs.REDUCED_RUNG:
-        return field_prediction(batch.contact, reduced_field(batch), rung, choice)
-    if rung not in rungs.MODAL_RUNGS:
-        return _solved_prediction(batch, rung, choice)
-    resonance_hz = natural_frequency_hz(batch.beam, batch.mode)
-    signal = Signal(
-        voltage_v=batch.voltage_v,
-        frequency_hz=np.where(np.isnan(batch.frequency_hz), resonance_hz, batch.frequency_hz),
-        damping_ratio=batch.damping_ratio,
-    )
-    field = rungs.modal_rung_field(rung, batch.beam, batch.mode, signal, choice.overlap)
-    return field_prediction(batch.contact, field, rung, choice)
+    `drives` are frequencies, Hz, and damping ratios, which may repeat.
+    """
+    rung = rungs.TOP_RUNG
+    reference = rungs.reference_tip_speed_m_s(rung)
+    terms = {entry.name: np.empty(batch.size) for entry in fields(ContactTerms)}
+    for scenes, field in _fields_of_scenes(batch, rung, drives, drive, "first", fineness):
+        part = contact_terms(batch.rows(scenes).contact, field, reference)
+        for name, values in terms.items():
+            values[scenes] = getattr(part, name)
+    return ContactTerms(**terms)

@@ -1,177 +1,123 @@
-"""The ladder's rungs, from the paper's piecewise-linear pattern up: each gives a field of the beam.
+"""The ladder's rungs: fields of motion from the paper's piecewise-linear pattern to the whole beam.
 
-Only the rungs that need it load the solver of the segmented beam: most predictions use one mode.
+| rung | the beam's motion |
+|---|---|
+| `eq15` | the paper's pattern under the finger, on its own beam alone |
+| `mode` | one mode of the bare Euler-Bernoulli beam, as the paper has it |
+| `own-mode` | one mode of the beam as it is built, with patches and shear |
+| `beam` | all of them |
 """
 
-import re
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from device.arrays import FloatArray, IndexArray
 from device.beam.beam import Beam
-from device.beam.eq15 import Overlap
-from device.beam.fields import Eq15Pattern, Field, ModePattern, Signal, SinusoidPattern, modal_field
-from device.beam.modes import FloatArray, IndexArray, natural_frequency_hz
-from device.beam.windows import Pattern
+from device.beam.driven import Fineness
+from device.beam.eq15 import Eq15Pattern, Overlap, require_the_papers
+from device.beam.fields import Field, driven_fields, mode_field, mode_share
+from device.beam.spectral import natural_frequency_hz
 from device.errors import OutOfRangeError
-from device.friction.scenes import Drive
+from device.friction.fineness import DEFAULT
+from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Drive
 
-if TYPE_CHECKING:
-    from device.beam.motion import MotionPattern
-
-TOP_RUNG = "timoshenko-patched"
-REDUCED_RUNG = "timoshenko-modes"
-"""The top rung's own modes: cheap where many drives differ."""
-MODAL_RUNGS = ("eq15", "far-field", "mode")
-SEGMENTED_RUNGS: Mapping[str, tuple[bool, bool]] = MappingProxyType(
-    {
-        "euler-patched": (True, False),
-        "timoshenko": (False, True),
-        REDUCED_RUNG: (True, True),
-        TOP_RUNG: (True, True),
-    }
+RUNG_NAMES = ("eq15", "mode", "own-mode", "beam")
+TOP_RUNG = "beam"
+_AS_PRINTED = ("eq15", "mode")
+"""The rungs without patches and shear, as the paper has them."""
+_FORMER: Mapping[str, str] = MappingProxyType(
+    {"timoshenko-patched": "beam", "timoshenko-modes": "beam", "auto": "beam"}
 )
-"""The rungs of the segmented beam: whether its patches' stiffness and mass count, and shear."""
-HIGHEST_MODE = 999
-"""The highest mode that `modes:N` can add up: N has at most three digits."""
-_LOWEST_SUM = Drive().mode
-"""The reference scene's mode: a sum without it has no reference tip speed."""
-RUNG_NAMES = (*MODAL_RUNGS, "modes:N", *SEGMENTED_RUNGS)
+"""Names of version 1, which older studies and scripts have."""
+_LEFT: Mapping[str, str] = MappingProxyType(
+    {"far-field": "mode", "euler-patched": "beam", "timoshenko": "beam"}
+)
+
+REFERENCE_RATIO = 0.98292153
+"""Tip speed over sliding speed at which η is ½ on `own-mode` and `beam`: a constant of the skin, so
+the same for every beam. It follows from the paper's scene."""
+LEAST_SHARE = 0.9
+"""A mode with a smaller share of the motion does not stand for all of it."""
 
 
-def require_rung(name: str) -> None:
-    """Raise `OutOfRangeError` unless it is one of `RUNG_NAMES` (`modes:12`: a sum of twelve)."""
-    if not (name in MODAL_RUNGS or name in SEGMENTED_RUNGS or _summed(name)):
-        names = ", ".join(RUNG_NAMES).replace(":N", f":N (N from {_LOWEST_SUM} to {HIGHEST_MODE})")
-        raise OutOfRangeError("rung", f"must be one of {names}", repr(name))
-
-
-def _summed(name: str) -> int:
-    """Return how many modes of the bare beam the rung adds up, 0 if it is no such sum."""
-    found = re.fullmatch(r"modes:([1-9]\d{0,2})", name)
-    return int(found[1]) if found and int(found[1]) >= _LOWEST_SUM else 0
+def rung_named(name: str) -> str:
+    """Return the rung of that name, of version 1 too, or raise `OutOfRangeError`."""
+    name = _FORMER.get(name, name)
+    if name in RUNG_NAMES:
+        return name
+    rule = f"must be one of {', '.join(RUNG_NAMES)}"
+    instead = _LEFT.get(name, "beam" if name.startswith("modes:") else "")
+    if instead:
+        rule += f"; take {instead}"
+    raise OutOfRangeError("rung", rule, repr(name))
 
 
 def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:
     """Return the natural frequency of `mode` as the rung of that name computes it, Hz."""
-    require_rung(name)
-    if name not in SEGMENTED_RUNGS:
-        return natural_frequency_hz(beam, mode)
-    from device.beam.timoshenko import segmented_natural_frequency_hz
-
-    patched, shear = SEGMENTED_RUNGS[name]
-    return segmented_natural_frequency_hz(beam, mode, patched=patched, shear=shear)
+    built = rung_named(name) not in _AS_PRINTED
+    return natural_frequency_hz(beam, mode, patched=built, shear=built)
 
 
-@lru_cache(maxsize=64)
-def rung_field(name: str, beam: Beam, drive: Drive, overlap: Overlap = "first") -> Field:
-    """Return the driven beam's motion as the rung of that name computes it.
-
-    A drive at `resonance` is at the rung's own; `overlap` is for `eq15`. Raise `OutOfRangeError`
-    for no such rung, or a mode beyond its cut-off or its sum.
-    """
-    require_rung(name)
-    frequency_hz = None if isinstance(drive.frequency_hz, str) else drive.frequency_hz
-    if name in MODAL_RUNGS:
-        signal = Signal(voltage_v=drive.voltage_v, frequency_hz=frequency_hz)
-        return modal_rung_field(name, beam, drive.mode, signal, overlap)
-    if 0 < (count := _summed(name)) < drive.mode:
-        rule = f"must be at most {count} on the rung modes:{count}; take modes:{drive.mode}"
-        raise OutOfRangeError("mode", rule, drive.mode)
-    frequency_hz = frequency_hz or rung_resonance_hz(name, beam, drive.mode)
-    return _solved_field(name, beam, frequency_hz).scaled(np.asarray(drive.voltage_v))
-
-
-def modal_rung_field(
-    name: str, beam: Beam, mode: int, signal: Signal, overlap: Overlap = "first"
-) -> Field:
-    """Return the field of `eq15`, `far-field` or `mode`, for one signal or an array of them."""
-    length_m = beam.length_m
-    patterns: Mapping[str, Pattern] = {
-        "eq15": Eq15Pattern(mode=mode, length_m=length_m, overlap=overlap),
-        "far-field": SinusoidPattern(mode=mode, length_m=length_m),
-        "mode": ModePattern(mode=mode, length_m=length_m),
-    }
-    return modal_field(beam, mode, patterns[name], signal)
-
-
-def _solved_field(name: str, beam: Beam, frequency_hz: float) -> Field:
-    """Return the field per volt of a rung that solves the beam or adds up many modes."""
-    if name == REDUCED_RUNG:
-        all_places, damping = np.zeros(1, dtype=np.intp), np.array([beam.damping_ratio])
-        field = modal_sum_field(beam, all_places, np.array([frequency_hz]), damping)
-        rms, rotation = field.displacement_m[0], field.rotation[0]
-        return replace(
-            field, frequency_hz=np.asarray(frequency_hz), displacement_m=rms, rotation=rotation
-        )
-    if count := _summed(name):
-        pattern = _modal_pattern(beam, frequency_hz, count)
-    else:
-        patched, shear = SEGMENTED_RUNGS[name]
-        pattern = _segmented_pattern(beam, frequency_hz, patched=patched, shear=shear)
-    return Field(
-        pattern=pattern,
-        frequency_hz=np.asarray(frequency_hz),
-        displacement_m=np.asarray(pattern.rms_m_per_v),
-        rotation=np.asarray(pattern.rotation_per_v),
-    )
-
-
-@lru_cache(maxsize=4096)
-def _segmented_pattern(
-    beam: Beam, frequency_hz: float, *, patched: bool, shear: bool
-) -> "MotionPattern":
-    from device.beam.motion import motion_pattern, segmented_motion
-
-    return motion_pattern(segmented_motion(beam, frequency_hz, patched=patched, shear=shear))
+def reference_tip_speed_m_s(name: str) -> float:
+    """Return the tip speed at which η is ½ for a finger at the reference speed."""
+    if rung_named(name) in _AS_PRINTED:
+        return REFERENCE_TIP_SPEED_M_S
+    return REFERENCE_RATIO * REFERENCE_SPEED_M_S
 
 
 @lru_cache(maxsize=256)
-def _modal_pattern(beam: Beam, frequency_hz: float, count: int) -> "MotionPattern":
-    from device.beam.motion import modal_motion, motion_pattern
+def _require_share(beam: Beam, mode: int) -> None:
+    share = mode_share(beam, mode)
+    if share < LEAST_SHARE:
+        rule = (
+            f"must be that of a mode with {LEAST_SHARE:g} or more of the motion on the rung "
+            f"own-mode; mode {mode} has {share:.2g} of it; take beam"
+        )
+        raise OutOfRangeError("rung", rule, "'own-mode'")
 
-    return motion_pattern(modal_motion(beam, frequency_hz, count))
 
-
-def modal_sum_field(
+def rung_fields(
+    name: str,
     beam: Beam,
-    drive: IndexArray,
+    mode: int,
     frequency_hz: FloatArray,
     damping_ratio: FloatArray,
-    direction_error: FloatArray | float = 0.0,
+    *,
+    overlap: Overlap = "first",
+    fineness: Fineness = DEFAULT,
+) -> Iterator[tuple[IndexArray, Field]]:
+    """Yield parts of the drives, both of shape (drives,), with their fields per volt.
+
+    A frequency of NaN is the rung's resonance. `overlap` is for `eq15`, `fineness` for `beam`.
+    Raise `OutOfRangeError` for no such rung, a mode or a drive above the cut-off, and a rung that
+    the beam does not allow.
+    """
+    rung = rung_named(name)
+    resonant = np.isnan(frequency_hz)
+    if resonant.any():
+        frequency_hz = np.where(resonant, rung_resonance_hz(rung, beam, mode), frequency_hz)
+    if rung == "beam":
+        yield from driven_fields(beam, frequency_hz, damping_ratio, fineness)
+        return
+    if rung == "own-mode":
+        _require_share(beam, mode)
+    field = mode_field(beam, mode, frequency_hz, damping_ratio, built=rung == "own-mode")
+    if rung == "eq15":
+        require_the_papers(beam)
+        pattern = Eq15Pattern(mode=mode, length_m=beam.length_m, overlap=overlap)
+        field = Field(**{**vars(field), "pattern": pattern})
+    yield np.arange(frequency_hz.size), field
+
+
+@lru_cache(maxsize=256)
+def rung_field(
+    name: str, beam: Beam, drive: Drive, overlap: Overlap = "first", fineness: Fineness = DEFAULT
 ) -> Field:
-    """Return `device.beam.modal_pattern.modal_sum_field`; `OutOfRangeError` beyond its modes."""
-    from device.beam import modal_pattern
-    from device.beam.timoshenko_modes import modal_basis
-
-    highest_hz = modal_basis(beam).highest_hz * beam.frequency_scale
-    if frequency_hz.max() > highest_hz:
-        rule = f"must be at most {highest_hz:.0f} on the rung {REDUCED_RUNG}; take {TOP_RUNG}"
-        raise OutOfRangeError("frequency_hz", rule, float(frequency_hz.max()))
-    return modal_pattern.modal_sum_field(
-        beam, drive, frequency_hz, damping_ratio, direction_error=direction_error
-    )
-
-
-@lru_cache(maxsize=32)
-def reference_tip_speed_m_s(name: str) -> float:
-    """Return a rung's tip speed of a 1 mm body in the paper's scene at the rung's resonance."""
-    beam = Beam()
-    field = rung_field(name, beam, Drive())
-    return float(field.tip_speed_m_s(beam.thickness_m / 2 + 1e-3))
-
-
-def forget_set_ups() -> None:
-    """Clear all cached set-ups, so that their cost can be measured again."""
-    from device.beam.timoshenko import segmented_natural_frequency_hz
-    from device.beam.timoshenko_modes import modal_basis
-
-    rung_field.cache_clear()
-    _segmented_pattern.cache_clear()
-    _modal_pattern.cache_clear()
-    modal_basis.cache_clear()
-    segmented_natural_frequency_hz.cache_clear()
+    """Return the field of one drive as the rung of that name computes it; see `rung_fields`."""
+    frequency_hz = np.nan if isinstance(drive.frequency_hz, str) else drive.frequency_hz
+    drives = np.array([frequency_hz]), np.array([beam.damping_ratio])
+    ((_, field),) = rung_fields(name, beam, drive.mode, *drives, overlap=overlap, fineness=fineness)
+    return field.scaled(np.array([drive.voltage_v]))

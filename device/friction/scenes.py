@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from device.beam.beam import Beam
-from device.errors import below, not_negative, one_of, positive, whole, within
+from device.errors import not_negative, one_of, positive, whole, within
 
 Coverage = Literal["local", "full"]
 Direction = Literal["right", "left"]
@@ -94,40 +94,3 @@ class Scene:
         within("x_m", self.touch.x_m, 0.0, self.structure.beam.length_m)
         if self.same_direction_fraction is not None:
             within("same_direction_fraction", self.same_direction_fraction, 0.0, 1.0)
-
-
-# The rig's own properties, where a sliding experiment has determined them.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Calibration:
-    """What predictions take of the rig; by default the paper's values and the model's resonance.
-
-    The gain is volts at the beam per volt of the drive. Drives are relative to the resonance
-    wherever a session measured it; `resonance_hz` is for drives in Hz, None for the rung's.
-    `origin` is session and digest of the calibration, empty for the paper's values.
-    """
-
-    damping_ratio: float = Beam().damping_ratio
-    gain: float = 1.0
-    body_height_m: float = Structure().body_height_m
-    resonance_hz: float | None = None
-    origin: str = ""
-
-    def __post_init__(self) -> None:
-        below("damping_ratio", self.damping_ratio, 0.0, 1.0)
-        positive("gain", self.gain)
-        not_negative("body_height_m", self.body_height_m)
-        if self.resonance_hz is not None:
-            positive("resonance_hz", self.resonance_hz)
-
-    def __str__(self) -> str:
-        """Return the values that predictions take, and where they come from."""
-        resonance = "" if self.resonance_hz is None else f", resonance {self.resonance_hz:.0f} Hz"
-        return (
-            f"damping ratio {self.damping_ratio:.3g}, gain {self.gain:.3g}, bodies "
-            f"{1e3 * self.body_height_m:.3g} mm high{resonance} ({self.origin or 'assumed'})"
-        )
-
-
-NOMINAL = Calibration()

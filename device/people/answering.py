@@ -7,12 +7,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from device.beam.beam import Beam
-from device.beam.modes import BoolArray, FloatArray
-from device.people.person import People, normal_quantile
+from device.arrays import BoolArray, FloatArray
+from device.friction.calibration import Calibration
+from device.friction.changes import predicted_contrast, trial_change
+from device.friction.surfaces import GivenSurface, length_of
+from device.people.person import People, World, normal_quantile
+from protocol.plan.trials import Trial
 from protocol.study.rules import PAPERS_SCALE
+from protocol.study.study import Study
 from protocol.study.study_question import ANSWERS, QUESTIONS, Question
-from protocol.study.touch import Mark
+from protocol.study.touch import Mark, Touch
 from protocol.study.track import Find
 
 QUESTION_NUMBERS = 8
@@ -71,7 +75,7 @@ class Answering:
         """Return the answers, `MORE`, `LESS` or `SAME`, and the reaction times, s.
 
         Args:
-            contrast: the change of log friction under the finger.
+            contrast: the change of log friction under the finger; NaN is answered at random.
             beyond: points that this kind of change is scored beyond its size.
             two_sided: whether the question knows the answer `LESS`.
             u: random numbers for this question, shape (people, QUESTION_NUMBERS).
@@ -79,11 +83,11 @@ class Answering:
         who, self._u = self.people, u
         tired = 1 + who.fatigue * self._asked
         self.left |= u[:, _LEAVES] < who.dropout
-        felt = contrast * np.maximum(1 - who.adaptation * np.abs(self._felt), 0.0)
+        lapses = (u[:, _LAPSE] < who.lapse) | np.isnan(contrast)
+        felt = np.nan_to_num(contrast) * np.maximum(1 - who.adaptation * np.abs(self._felt), 0.0)
         felt = felt + who.felt_noise * tired * normal_quantile(u[:, _FELT])
         less = np.where(two_sided & (felt < -who.criterion_less), LESS, SAME)
         answer = np.where(felt > who.criterion, MORE, less)
-        lapses = u[:, _LAPSE] < who.lapse
         # Two answers or three are equally likely at random.
         thirds = np.where(two_sided, u[:, _CHOICE] * 3, u[:, _CHOICE] * 2)
         answer = np.where(lapses, 1 - thirds.astype(np.int64), answer)
@@ -216,6 +220,54 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
     return from_rest if first.mark.slides else np.where(np.abs(within) > _SLIGHT, within, from_rest)
 
 
+def change_worth(
+    points: float, question: Question, expected: str | None, people: People
+) -> FloatArray:
+    """Return the change of log friction that changes people's scores by `points`, shape (people,).
+
+    It is how a change is felt where friction is not known: positive points make the expected answer
+    likely, negative ones the opposite.
+    """
+    towards = LESS if meaning(question, expected) == LESS else MORE
+    gain = np.where(people.gain == 0, np.inf, people.gain)
+    return np.asarray(towards * points / gain)
+
+
+def given_change(study: Study, trial: Trial, world: World, people: People) -> FloatArray:
+    """Return the change of log friction that people feel of a trial on a surface without a model.
+
+    It is what the file of the people says that the condition is to them, else what its touches
+    state, and NaN where neither is known; shape (people,).
+    """
+    assert trial.question is not None, "something is asked about a change"
+    points = world.points(trial.condition, trial.kind, trial.level)
+    if points is not None:
+        return change_worth(points, trial.question, trial.expected, people)
+    return people.skin * stated_change(study, trial.question, trial.expected, trial.touches)
+
+
+def stated_change(
+    study: Study, question: Question, expected: str | None, touches: Sequence[Touch]
+) -> float:
+    """Return the change of log friction that touches state, NaN if they do not.
+
+    Positive is smoother, stronger or swapped, whatever is expected.
+    """
+    change = trial_change(study, question, expected, touches)
+    rig = Calibration.of(GivenSurface(length_m=length_of(study.surface)))
+    size = predicted_contrast(change, rig=rig)
+    return -size if change.contrary else size
+
+
+def is_stated(study: Study) -> bool:
+    """Return whether touches state the friction of every change that is asked about."""
+    return not any(
+        np.isnan(stated_change(study, item.question, item.expected, item.touches))
+        for item in (*study.opening, *study.condition)
+        if item.question is not None
+    )
+
+
 def felt_level(touches: Sequence[Felt], resting: FloatArray) -> FloatArray:
     """Return the log friction of each touch, relative to the beam at rest, (people, touches)."""
     each = [_ends(np.log(touch.friction / resting[:, None]), touch) for touch in touches]
@@ -244,7 +296,6 @@ TOUCH_NUMBERS = 2
 """Random numbers per touch: for force and speed."""
 _LEAST = 0.2
 """Of force and speed, relative to the instructed ones: a finger touches, and moves."""
-_LENGTH_M = Beam().length_m
 
 
 def fractions(mark: Mark) -> FloatArray:
@@ -259,13 +310,15 @@ def fractions(mark: Mark) -> FloatArray:
 class Course:
     """A touch as people make it: force, speed (m/s, 0 without a slide) and way, shape (people,).
 
-    `speed_factor` is relative to the mark's, `offset_m` how far right of it the finger is.
+    `speed_factor` is relative to the mark's, `offset_m` how far right of it the finger is,
+    `length_m` that of the surface.
     """
 
     mark: Mark
     force_n: FloatArray
     speed_factor: FloatArray
     offset_m: FloatArray
+    length_m: float
 
     @property
     def speed_m_s(self) -> FloatArray:
@@ -274,16 +327,16 @@ class Course:
     def places_m(self, parts: FloatArray) -> FloatArray:
         """Return where the finger is at parts of the touch's time, shape (people, parts).
 
-        It stops after the length of the mark's way, and at the ends of the beam.
+        It stops after the length of the mark's way, and at the ends of the surface.
         """
         gone = np.minimum(self.speed_factor[:, None] * parts, 1.0)
         way_m = self.mark.end_m - self.mark.start_m
         places_m = self.mark.start_m + self.offset_m[:, None] + way_m * gone
-        return np.asarray(np.clip(places_m, 0.0, _LENGTH_M))
+        return np.asarray(np.clip(places_m, 0.0, self.length_m))
 
 
-def course(people: People, u: FloatArray, mark: Mark) -> Course:
-    """Return how people make a touch.
+def course(people: People, u: FloatArray, mark: Mark, length_m: float) -> Course:
+    """Return how people make a touch of a surface of that length.
 
     `u` are their random numbers for it, shape (people, TOUCH_NUMBERS).
     """
@@ -294,4 +347,5 @@ def course(people: People, u: FloatArray, mark: Mark) -> Course:
         force_n=mark.force_n * np.maximum(force, _LEAST),
         speed_factor=np.maximum(speed, _LEAST),
         offset_m=people.place_offset_m,
+        length_m=length_m,
     )

@@ -11,6 +11,10 @@
     drift = { low = -0.02, high = 0.02 }
     number_step = { values = [1, 2], shares = [0.9, 0.1] }
 
+`effect` gives points by which conditions change a score, for a surface whose friction is not known:
+
+    effect = { frequency = 2.0, pressure = -1.0 }
+
 A file without `[population]` describes one person. What is given nowhere is as in the default
 population, or, in a file of one person, as in `Person`. `[group.NAME.person]` and
 `[group.NAME.population]` give what is otherwise in a group of the study.
@@ -22,13 +26,31 @@ from dataclasses import replace
 from typing import Any
 
 from device.people import person as people
-from protocol.errors import BadInput, Path, Problem, meant, shown
+from protocol.errors import BadInput, Path, Problem, listed, meant, shown
+from protocol.study.study import Study
 from protocol.study_file.loading import located
 from protocol.study_file.toml import toml_document
 
 _TABLES = ("person", "population")
+_EFFECT = "effect"
+MOST_POINTS = 100.0
 _FORMS = (("mean", "sd"), ("median", "log_sd"), ("low", "high"), ("values", "shares"))
 _FORMS_IN_WORDS = ", ".join(f"{{ {one}, {other} }}" for one, other in _FORMS)
+
+
+EFFECT_EXAMPLE = "effect = { condition = points }"
+
+
+def require_effects(population: people.Population, study: Study) -> None:
+    """Refuse effects of conditions that a study does not have.
+
+    Raises:
+        BadInput: there is one.
+    """
+    known = (*study.conditions, *(item.kind for item in study.opening))
+    for name in population.effect or {}:
+        if name not in known:
+            raise BadInput(f"people file, effect: no condition {name!r}; there are {listed(known)}")
 
 
 class PeopleError(BadInput):
@@ -49,8 +71,10 @@ def people_in(text: str, source: str = "people.toml") -> people.Population:
         raise PeopleError(source, [document])
     if problems := list(_problems(document)):
         raise PeopleError(source, located(text, problems))
+    effect = document.get(_EFFECT)
     return replace(
         _population(document),
+        effect=None if effect is None else {name: float(it) for name, it in effect.items()},
         groups={
             name: _population(_with_group(document, own))
             for name, own in document.get("group", {}).items()
@@ -81,7 +105,7 @@ def _population(document: Mapping[str, Any]) -> people.Population:
 
 
 def _problems(document: Mapping[str, Any], within: Path = ()) -> Iterator[Problem]:
-    known = _TABLES if within else (*_TABLES, "group")
+    known = _TABLES if within else (*_TABLES, _EFFECT, "group")
     for table, entries in document.items():
         path = (*within, table)
         if table not in known:
@@ -103,7 +127,9 @@ def _problems(document: Mapping[str, Any], within: Path = ()) -> Iterator[Proble
 
 def _entry_problems(path: Path, value: Any) -> Iterator[Problem]:
     limits = people.PARAMETERS.get(str(path[-1]))
-    if limits is None:
+    if path[-2] == _EFFECT:
+        yield from _number_problems(path, value, -MOST_POINTS, MOST_POINTS)
+    elif limits is None:
         yield _unknown(path, people.PARAMETERS)
     elif path[-2] == "person":
         yield from _number_problems(path, value, limits.low, limits.high)

@@ -9,13 +9,20 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from device.beam.beam import Beam
-from device.beam.modes import FloatArray, IndexArray
+from device.arrays import FloatArray, IndexArray
 from device.friction.changes import LAW, RUNG
 from device.friction.contact import Number, contact_of
 from device.friction.prediction import LawChoice, law_terms
 from device.friction.rungs import rung_field, rung_resonance_hz
-from device.friction.scenes import Direction, Drive, Scene, Structure
+from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
+from device.friction.surfaces import (
+    PAPERS,
+    AnySurface,
+    BeamSurface,
+    FrictionTable,
+    GivenSurface,
+    MeasuredSurface,
+)
 from protocol.journal.records import VirtualTruth
 
 TABLE_4 = "the paper's Table 4"
@@ -195,32 +202,47 @@ def normal_quantile(u: FloatArray) -> FloatArray:
     return np.asarray(ndtri(u))
 
 
-MODE = 6
-BODY_HEIGHT_M = 1e-3
-
-
 @dataclass(frozen=True, kw_only=True)
 class World:
     """What a simulated beam obeys, which need not be what the analysis assumes.
 
     `gain` is how much of the amplitude reaches the beam. The beam's resonance is not among it:
-    drives are relative to it.
+    drives are relative to it. Of a surface whose friction is not known, `effect` says by how many
+    points each condition changes a score (see `answering.change_worth`).
     """
 
     law: str = LAW
     rung: str = RUNG
-    damping_ratio: float = field(default_factory=lambda: Beam().damping_ratio)
+    damping_ratio: float = PAPERS.structure.beam.damping_ratio
     gain: float = 1.0
+    surface: AnySurface = PAPERS
+    effect: Mapping[str, float] | None = None
 
     @cached_property
-    def beam(self) -> Beam:
-        """The paper's beam with this damping."""
-        return Beam(damping_ratio=self.damping_ratio)
+    def structure(self) -> Structure:
+        """The beam with this damping; the paper's where friction does not come from a model."""
+        own = self._beam_surface.structure
+        return replace(own, beam=replace(own.beam, damping_ratio=self.damping_ratio))
 
     @property
+    def mode(self) -> int:
+        return self._beam_surface.mode
+
+    @cached_property
     def resonance_hz(self) -> float:
-        """The resonance of the paper's beam on this rung."""
-        return rung_resonance_hz(self.rung, Beam(), MODE)
+        """The resonance of the beam on this rung."""
+        return rung_resonance_hz(self.rung, self.structure.beam, self.mode)
+
+    def points(self, condition: str | None, kind: str, level: float) -> float | None:
+        """Return by how many points a trial changes a score; None where people are told nothing.
+
+        A trial without a condition has that of its kind, such as `signal`.
+        """
+        return None if self.effect is None else level * self.effect.get(condition or kind, 0.0)
+
+    @property
+    def _beam_surface(self) -> BeamSurface:
+        return self.surface if isinstance(self.surface, BeamSurface) else PAPERS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,6 +259,8 @@ class Fingers:
     body_height_m: Number
     skin: Number
     mu0: Number
+    beam: str = ""
+    """The name of the mounted one, on which a table may depend."""
 
 
 def felt_friction(
@@ -244,25 +268,52 @@ def felt_friction(
 ) -> FloatArray:
     """Return the friction coefficient `mu0 · μ · (μ'/μ)^skin` that each finger feels, shape (n,).
 
-    `model_hz` is the frequency of the drive where `world.resonance_hz` is that of the beam.
+    `model_hz` is the frequency of the drive where `world.resonance_hz` is that of the beam. Without
+    a model a finger feels what was measured, at the nearest place, force and speed that were; and
+    nothing of the drive on a surface that has neither.
     """
-    choice, structure = LawChoice(name=world.law), Structure(beam=world.beam)
+    if isinstance(world.surface, MeasuredSurface):
+        measured = _measured(world.surface.table, world, fingers, model_hz, direction)
+        off = replace(fingers, voltage_v=0.0 * fingers.voltage_v)
+        untouched = _measured(world.surface.table, world, off, model_hz, direction)
+        return np.asarray(fingers.mu0 * untouched * (measured / untouched) ** fingers.skin)
+    structure = world.structure
+    choice = LawChoice(name=world.law).on(structure.beam)
     resting = structure.friction_coefficient
-    if not (fingers.voltage_v.any() or choice.law.as_printed):  # at rest no rung need be set up
+    at_rest = isinstance(world.surface, GivenSurface) or not fingers.voltage_v.any()
+    if at_rest and not choice.law.as_printed:  # no rung need be set up
         return np.asarray(fingers.mu0 * resting * np.ones(fingers.place_m.shape))
     # The field is computed for 1 V and scaled, because it is linear in the amplitude.
-    drive = Drive(voltage_v=world.gain, frequency_hz=model_hz, mode=MODE)
+    drive = Drive(voltage_v=world.gain, frequency_hz=model_hz, mode=world.mode)
     contact = replace(
-        contact_of(Scene(structure=structure, direction=direction), fingers.place_m),
+        contact_of(
+            Scene(structure=structure, touch=FingerContact(x_m=0.0), direction=direction),
+            fingers.place_m,
+        ),
         finger_load_n=fingers.force_n,
         body_height_m=fingers.body_height_m,
         sliding_speed_m_s=fingers.speed_m_s,
     )
-    field = rung_field(world.rung, world.beam, drive).scaled(fingers.voltage_v)
+    field = rung_field(world.rung, structure.beam, drive).scaled(fingers.voltage_v)
     driven = choice.law(law_terms(contact, field, world.rung, choice))
     # The sign is kept apart: the printed law can give friction below 0, which has no such power.
     size = np.abs(driven / resting) ** fingers.skin
     return np.asarray(fingers.mu0 * resting * np.copysign(size, driven))
+
+
+def _measured(
+    table: FrictionTable, world: World, fingers: Fingers, model_hz: float, direction: Direction
+) -> FloatArray:
+    at = {
+        "voltage_v": world.gain * fingers.voltage_v,
+        "frequency": np.array(model_hz / world.resonance_hz),
+        "place_m": fingers.place_m,
+        "direction": direction,
+        "force_n": np.asarray(fingers.force_n),
+        "speed_m_s": np.asarray(fingers.speed_m_s),
+        "beam": fingers.beam,
+    }
+    return table.friction(at, nearest=True) * np.ones(fingers.place_m.shape)
 
 
 class Distribution(Protocol):
@@ -330,12 +381,14 @@ class OneOf:
 class Population:
     """Persons to draw: a typical one, and the distributions of what differs between them.
 
-    Those of some of a study's `groups` may be drawn from populations of their own.
+    Those of some of a study's `groups` may be drawn from populations of their own. `effect` is what
+    conditions are to all of them where friction is not known: see `World`.
     """
 
     typical: Person = field(default_factory=Person)
     varied: Mapping[str, Distribution] = field(default_factory=dict)
     groups: Mapping[str, "Population"] = field(default_factory=dict)
+    effect: Mapping[str, float] | None = None
 
     def of_group(self, name: str | None) -> "Population":
         """Return the population of a group: this one unless it has one of its own."""
@@ -383,6 +436,7 @@ def truth_of(person: Person, world: World) -> VirtualTruth:
         rung=world.rung,
         damping_ratio=world.damping_ratio,
         beam_gain=world.gain,
+        effect=world.effect,
     )
 
 

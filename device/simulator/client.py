@@ -10,9 +10,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 from device.errors import DeviceError
+
+if TYPE_CHECKING:
+    from device.friction.surfaces import AnySurface
 
 _ANSWER_TIMEOUT_S = 5.0
 _END_S = 5.0
@@ -129,6 +132,17 @@ class Friction(TypedDict, total=False):
     damping: float | None
 
 
+class SimulatedSurface(TypedDict, total=False):
+    """The surface, by default the paper's beam, and about where it resonates, Hz."""
+
+    surface: "AnySurface"
+    nominal_hz: float | None
+
+
+class Touched(Friction, SimulatedSurface, total=False):
+    """All that a simulated device is told of its surface."""
+
+
 @contextmanager
 def simulator_process(
     touchbeam: Sequence[str],
@@ -137,11 +151,13 @@ def simulator_process(
     dialect: str = "board",
     wire: str | None = None,
     keep: bool = False,
+    study: Path | None = None,
     **friction: Unpack[Friction],
 ) -> Iterator[Endpoints]:
     """Start `touchbeam simulate-device`, and end it on the way out.
 
-    `touchbeam` is the command; the others are as in `server.simulate`. The wire is by default a
+    `touchbeam` is the command, `study` a folder whose surface is simulated; the others are as in
+    `server.simulate`. The wire is by default a
     pseudo-terminal, where the system has them, else a loopback port; a gauge has one of its own.
     Raise `DeviceError` if it did not get ready.
     """
@@ -152,6 +168,7 @@ def simulator_process(
         options = ["--control", str(control), "--seed", str(seed), "--dialect", dialect]
         options += ["--gauge", str(Path(folder, "gauge")) if wire == "pty" else "0"]
         given = {name: str(value) for name, value in friction.items() if value is not None}
+        given |= {} if study is None else {"study": str(study)}
         options += [word for name in given for word in (f"--{name}", given[name])]
         complaints = Path(folder, "complaints")
         with (

@@ -9,7 +9,7 @@ from typing import Unpack
 from device.drivers.driver import defined_in
 from device.errors import DeviceError
 from device.link.codec import text
-from device.simulator.client import Friction
+from device.simulator.client import Touched
 from device.simulator.faults import ERROR, NAMES, Broken
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import DeviceClock, Instrument
@@ -121,7 +121,7 @@ class SimulatedDevice:
         seed: int,
         wall_s: Callable[[], float] = time.monotonic,
         dialect: str = "board",
-        **friction: Unpack[Friction],
+        **friction: Unpack[Touched],
     ) -> None:
         self.instrument, self.beam = Instrument(), SimulatedBeam(seed, **friction)
         self.clock = DeviceClock(wall_s)

@@ -20,7 +20,7 @@ from device.link.link import Link
 from device.link.port import WRITE_TIMEOUT_S
 from device.resonance import Resonance
 from device.rig import Rig
-from device.simulator.client import BeamControl, Friction
+from device.simulator.client import BeamControl, Touched
 from device.simulator.device import SimulatedDevice
 from device.simulator.server import GaugeLine, Server
 
@@ -51,7 +51,7 @@ class InProcessDevice(BeamControl):
         delay_s: Callable[[], float] = lambda: DELAY_S,
         cuts: Callable[[int], Sequence[int]] = lambda _: (),
         work_s: Callable[[], float] = lambda: 0.0,
-        **friction: Unpack[Friction],
+        **friction: Unpack[Touched],
     ) -> None:
         self._now_s = 0.0
         self.unbroken: Unbroken = nullcontext

@@ -1,9 +1,10 @@
 """The axis of contrast: the voltage at which the predicted friction differs so much."""
 
 from collections.abc import Callable
+from math import isnan
 
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL, Calibration
 from protocol.errors import Problem
 from protocol.study.study import Study
 from protocol.study_file.limits import level_problems
@@ -27,6 +28,10 @@ def voltages(
     first_v = standard.voltage_v
     probed = [first_v + (limit_v - first_v) * probe / _PROBES for probe in range(_PROBES + 1)]
     signed = [friction_difference(study, standard, track.at(0, probe), rig) for probe in probed]
+    if isnan(signed[0]):
+        where, path = f"track {track.name}, axis", ("track", number, "axis")
+        hint = 'take axis = "voltage"'
+        return (), [Problem(where, "needs friction, also of the standard", "none", hint, path)]
     side = -1 if signed[1] < signed[0] else 1
     found = [side * value for value in signed]
     # Without a friction above 0 the law gives nan, which rises to nothing.

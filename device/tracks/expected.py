@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from device.beam.modes import BoolArray, FloatArray
+from device.arrays import BoolArray, FloatArray
 from device.tracks.posterior import choices, correct_share, lattice, slopes
 from protocol.study.track import Track
 from protocol.tracks.procedure import TrackPlace, constant_order, moved, start

@@ -15,7 +15,7 @@ from math import log
 
 import numpy as np
 
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
 from protocol.study.track import GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import Answer
 

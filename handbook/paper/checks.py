@@ -7,12 +7,21 @@ import numpy as np
 
 from analysis.estimates import LEVEL, FloatArray
 from device.beam.eq15 import same_direction_ratio
-from device.beam.modes import mode_shape
 from device.friction.rungs import rung_resonance_hz
 from handbook.paper import people, scenes
 from handbook.paper.claim import Outcome, judged
 from handbook.paper.people import MEANS, SCORES, contrasts
-from handbook.paper.scenes import BEAM, CONTACT_M, MU, RESONANCE_HZ, mu, periodic, term, whole_hand
+from handbook.paper.scenes import (
+    BEAM,
+    CONTACT_M,
+    MU,
+    RESONANCE_HZ,
+    mode_shape,
+    mu,
+    periodic,
+    term,
+    whole_hand,
+)
 
 BELOW = RESONANCE_HZ * np.array([0.95, 0.97, 0.99, 1.0])
 ABOVE = RESONANCE_HZ * np.array([1.0, 1.01, 1.03, 1.05])
@@ -59,7 +68,7 @@ def inertial_loads() -> Outcome:
     """Return f_p by Eq 8, as sum and as average over 20 bodies, and by Eq 9 read literally."""
     # The mean of a rectified sine over its period is 2/π of its peak; η_p halves it (Eq 8).
     peak = 0.01 * (2 * math.pi * RESONANCE_HZ) ** 2 * term("displacement_m")[0] / math.pi
-    bodies = peak * np.abs(mode_shape(6, (np.arange(20) + 0.5) / 20))
+    bodies = peak * np.abs(mode_shape(np.linspace(0.0025, 0.0975, 20)))
     total, mean, eq9 = bodies.sum(), bodies.mean(), term("inertial_load_n", coverage="full")[0]
     equal = any(abs(eq9 / load - 1) < 0.1 for load in (total, mean))
     return judged(equal, eq8_sum_n=total, eq8_average_n=mean, eq9_n_m=eq9)

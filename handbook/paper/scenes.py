@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 import touchbeam
 from analysis.estimates import FloatArray
 from device.beam.beam import Beam
-from device.beam.zones import zones
+from device.beam.spectral import spectrum_with_mode
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
 from protocol.study.touch import TouchDefaults
 
@@ -32,9 +33,30 @@ PATH_M = np.linspace(*TouchDefaults().path_m, 711)
 """The path of a study's conditions, every 0.1 mm."""
 BEAM = Beam()
 RESONANCE_HZ = rung_resonance_hz(MODE, BEAM, 6)
-EDGES_M = zones(6, BEAM.length_m).edges_m[1:-1]
-PEAKS_M = EDGES_M[::2]
-"""Of mode 6: where the bodies' direction changes, and the peaks of the vibration."""
+
+
+_EVEN_M = np.linspace(0.0, 0.1, 4001)[1:] - 1.25e-5
+
+
+def mode_shape(x_m: FloatArray) -> FloatArray:
+    """Return mode 6 of the bare beam at places, over its rms."""
+    modes = spectrum_with_mode(BEAM, 6, patched=False, shear=False)
+    places = (np.asarray(x_m, dtype=np.float64), _EVEN_M)
+    shape, even = (modes.elements.deflection_at(modes.shapes[:, 5], at) for at in places)
+    return np.asarray(shape / np.sqrt(np.mean(even**2)))
+
+
+def _turns_m() -> tuple[FloatArray, FloatArray]:
+    """Return the peaks and the nodes of mode 6 between the clamp and the tip."""
+    shape = CubicSpline(_EVEN_M, mode_shape(_EVEN_M))
+    peaks_m, nodes_m = shape.derivative().roots(), shape.roots()
+    peaks_m, nodes_m = (at[(at > 1e-3) & (at < 0.0999)] for at in (peaks_m, nodes_m))
+    return np.asarray(peaks_m), np.asarray(nodes_m)
+
+
+PEAKS_M, _NODES_M = _turns_m()
+EDGES_M = np.sort(np.concatenate([PEAKS_M, _NODES_M]))
+"""Of mode 6: the peaks of the vibration, and all places where the bodies' direction changes."""
 
 
 def mu(law: str, rung: str = MODE, **scene: Any) -> FloatArray:

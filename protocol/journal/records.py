@@ -88,6 +88,9 @@ class VirtualTruth(JsonRecord):
     reaction_median_s: float | None = absent(None)
     reaction_spread: float | None = absent(None)
     dropout: float = absent(0.0)
+    effect: Mapping[str, float] | None = sparse(
+        "points by which each condition changes a score, where friction is not known"
+    )
 
     @property
     def sensitivity(self) -> float:

@@ -270,15 +270,31 @@ def _williams_cycle(
 
 
 def scaled(touch: Touch, level: float) -> Touch:
-    """Return `touch` with its amplitudes multiplied by `level`."""
+    """Return `touch` with its amplitudes multiplied by `level`.
+
+    The friction that it states is that of its own amplitude: of another one it is not known.
+    """
     ramp_to_v = None if touch.ramp_to_v is None else touch.ramp_to_v * level
-    return touch.model_copy(update={"voltage_v": touch.voltage_v * level, "ramp_to_v": ramp_to_v})
+    update = {"voltage_v": touch.voltage_v * level, "ramp_to_v": ramp_to_v}
+    if touch.friction is not None and not _rests(touch):
+        update["friction"] = None
+    return touch.model_copy(update=update)
+
+
+def _rests(touch: Touch) -> bool:
+    return not touch.voltage_v and not touch.ramp_to_v
 
 
 @lru_cache(maxsize=4096)
 def at_level(touches: tuple[Touch, ...], level: float) -> tuple[Touch, ...]:
     """Return the touches with every amplitude multiplied by `level`; at 0 it is a catch trial."""
-    return touches if level == 1 else tuple(scaled(touch, level) for touch in touches)
+    if level == 1:
+        return touches
+    made = tuple(scaled(touch, level) for touch in touches)
+    stated = [touch.friction for touch in touches if _rests(touch) and touch.friction is not None]
+    if level == 0 and stated:  # all touches are at rest
+        made = tuple(touch.model_copy(update={"friction": stated[0]}) for touch in made)
+    return made
 
 
 @lru_cache(maxsize=4096)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count, groupby, islice, pairwise, product
 from math import gcd
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from protocol.plan import orders
 from protocol.plan.track_trials import track_trials
@@ -241,19 +241,34 @@ def slide_study(study: Study) -> Study:
     Forces are always recorded, at `DEFAULT_RATE_HZ` unless the study says otherwise. A study that
     was made so stays as it is.
     """
-    rate_hz = study.force_channel.rate_hz or DEFAULT_RATE_HZ
+    rate_hz, slide = study.force_channel.rate_hz or DEFAULT_RATE_HZ, _slide_of(study)
     # There is no participant who could be told to do it again.
     rules = study.as_instructed.model_copy(update={"retries": 0, "feedback": "never"})
     return study.model_copy(
         update={
-            "slide": study.slide,
-            "touch": study.slide.finger(study.touch),
+            "slide": slide,
+            "touch": slide.finger(study.touch),
             "force_channel": study.force_channel.model_copy(update={"rate_hz": rate_hz}),
             "as_instructed": rules,
             "session": study.session.model_copy(update={"blind_operator": False}),
             **dict.fromkeys(("question", "page", "opening", "condition"), ()),
         }
     )
+
+
+def _slide_of(study: Study) -> Slide:
+    """Return what is drawn; on a surface of the study's own by default along its own path.
+
+    The paper's fixed frequency means nothing there.
+    """
+    slide = study.slide
+    if study.surface.length_m is None:
+        return slide
+    usual: dict[str, Any] = {"paths_m": (study.touch.path_m,)}
+    if slide.frequencies:
+        usual["frequencies_hz"] = ()
+    given = slide.model_fields_set
+    return slide.model_copy(update={key: usual[key] for key in usual if key not in given})
 
 
 def slide_plan(study: Study, session: int = 1) -> Plan:

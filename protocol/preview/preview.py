@@ -26,12 +26,16 @@ _SAMPLE_BYTES = {"board": BYTES_PER_COUNT * len(CHANNELS), "gauge": 22}
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """A model's predictions: `contrast` is None of no question, `rig` '' if not calibrated."""
+    """Predictions: `contrast` is None of no question, `rig` '' if not calibrated.
+
+    `source` says where friction comes from, if not from the model under this law on this rung.
+    """
 
     law: str
     rung: str
     contrast: Callable[[Trial], float | None]
     rig: str = ""
+    source: str = ""
 
 
 Resonance = Literal["measured", "kept", "missing"]

@@ -26,7 +26,7 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield "Peak V: amplitude. Drive: relative to the resonance, or in Hz. 0.98/1: a change between"
     yield "touches; 0>200: a change during a touch."
     yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
-    yield f"friction law {model.law}, rung {model.rung}."
+    yield f"{model.source or f'friction law {model.law}, rung {model.rung}'}."
     if model.rig:
         yield from wrap(f"Rig: {model.rig}.", 80)
     yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."

@@ -33,6 +33,11 @@ _OLDER: Mapping[str, str] = {
     "hint.change.two": "hint.change",
     "touch.soon": "wait",
     "touch.soon.full": "wait",
+    # Where nothing is marked; an older text may speak of a mark, that of waiting does not.
+    "touch.smooth.unmarked": "touch.smooth",
+    "touch.smooth.harder.unmarked": "touch.smooth.harder",
+    "touch.soon.unmarked": "wait",
+    "touch.soon.full.unmarked": "wait",
     "wait.beam": "wait",
     "wait.touch": "wait",
 }

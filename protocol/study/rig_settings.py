@@ -30,12 +30,12 @@ class Rig(Record):
     """the commands that the device understands: `board`, or those of a generator: `keysight`,
     `rigol`, `siglent`"""
     voltages_are: Literal["peak"] = setting("peak", "every voltage is an amplitude (peak)")
-    # A beam that sounds below 1 kHz is no ultrasonic device: the number is in kHz.
-    nominal_resonance_hz: Positive = setting(24_221.0, ge=1_000, le=100_000)
+    # From a shaker to what a generator still drives a piezo at.
+    nominal_resonance_hz: Positive = setting(24_221.0, ge=20, le=100_000)
     """where the session looks for the rig's own resonance (paper, Table 3)"""
     # A board keeps 200 V itself, and no study file may ask more of any device.
     max_voltage_v: Positive = setting(200.0, "largest amplitude (peak) at the beam", le=200)
-    max_frequency_hz: Positive = setting(40_000.0, ge=1_000, le=100_000)
+    max_frequency_hz: Positive = setting(40_000.0, ge=20, le=100_000)
     """highest frequency of a drive"""
     # At 1 V/s the soft start to 200 V takes more than 3 minutes.
     ramp_v_per_s: Positive = setting(400.0, ge=1, le=2_000)

@@ -18,6 +18,7 @@ from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Who
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
 from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
+from protocol.study.surface import Surface
 from protocol.study.touch import Slide, Touch, TouchDefaults
 from protocol.study.track import Track
 
@@ -98,6 +99,7 @@ class Study(Record):
     study: Annotated[Header, Field(description="Which study this is.")]
     # Records are frozen, so that a default can be one record that all studies share.
     rig: Rig = setting(Rig(), "The device, and limits that no trial may exceed.")
+    surface: Surface = setting(Surface(), "What is touched, and where its friction comes from.")
     force_channel: ForceChannel = ForceChannel()
     """Forces and position, recorded at a high rate during each touch."""
     touch: TouchDefaults = TouchDefaults()
@@ -135,6 +137,8 @@ class Study(Record):
     pictures: dict[str, Line] = Field(default_factory=dict)
     """Digests of the pictures (SHA-256), by name: `touchbeam` reads the files and adds them to the
     study, so that a changed picture is a changed study."""
+    tables: dict[str, Line] = Field(default_factory=dict)
+    """Digests of tables of friction (SHA-256), by name, likewise."""
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
     group: tuple[Group, ...] = setting((), max_length=12)
     """Groups of participants, between whom results are compared."""

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.rig_settings import Rig
+from protocol.study.surface import Friction
 
 Direction = Literal["right", "left"]
 Coverage = Literal["local", "full"]
@@ -28,7 +29,7 @@ Way = Annotated[tuple[OnBeam, OnBeam], AfterValidator(_leads_right)]
 SHORTEST_S, LONGEST_S = 0.1, 600.0
 """Of a touch: nothing is felt in less, and nothing may be driven for longer."""
 TouchTime = Annotated[Positive, Field(ge=SHORTEST_S, le=LONGEST_S)]
-Hertz = Annotated[Positive, Field(ge=1_000, le=100_000)]
+Hertz = Annotated[Positive, Field(ge=20, le=100_000)]
 """Of a drive that does not follow the resonance."""
 # Fingers explore at 10 to 200 mm/s; at 1 mm/s nobody slides, at 1 m/s nobody feels.
 SlidingSpeed = Annotated[Positive, Field(ge=0.001, le=1)]
@@ -83,6 +84,9 @@ class Touch(Record):
     """instead of `touch.hold_s` or the time the path takes"""
     sliding_speed_m_s: SlidingSpeed | None = None
     """of a slide, instead of `touch.sliding_speed_m_s`"""
+    friction: Friction | None = None
+    """what a touch of a surface of kind `given` states: its coefficient, from which predictions
+    follow"""
     instruction: Name | None = None
     """key of the text that replaces the built-in instruction"""
 
@@ -246,7 +250,7 @@ class Slide(Record):
     frequencies: tuple[Relative, ...] = setting(_AROUND_RESONANCE, max_length=50)
     """frequencies of the drives, relative to the measured resonance"""
     frequencies_hz: tuple[Hertz, ...] = setting((23_200.0,), max_length=50)
-    """fixed frequencies of further drives, in Hz"""
+    """fixed frequencies of further drives, in Hz; by default none on a surface of one's own"""
     references: Whole = setting(3, le=50)
     """how often the block is drawn without a drive (0 V), spread from first to last"""
     repeats: Count = setting(1, le=20)
@@ -258,7 +262,7 @@ class Slide(Record):
     )
     paths_m: tuple[Way, ...] = setting(((0.010, 0.081),), min_length=1, max_length=20)
     """where the block is drawn (its right edge, clamp at 0): the whole way, or parts around places
-    of interest"""
+    of interest; by default `touch.path_m` on a surface of one's own"""
     beam: Name | None = setting(None, "one of `[beams]`, instead of `touch.beam`")
 
     @model_validator(mode="after")

@@ -16,11 +16,12 @@ from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, com
 from protocol.study.study import Condition, Item, Study
 from protocol.study.study_question import StudyQuestion
 from protocol.study.touch import SlidePass, Touch, current_ma, driven_s, slew_v_per_us, touch_s
-from protocol.study.track import AXIS_KEY, Track
+from protocol.study.track import AXIS_KEY, Track, TrackTouch
 from protocol.study_file.text_checks import (
     instruction_problem,
     page_problems,
     question_problems,
+    surface_problems,
     text_problems,
     unanswerable,
 )
@@ -91,6 +92,19 @@ def _factor_problems(study: Study) -> Iterator[Problem]:
             where = f"condition{f' {named}' * bool(named)}, touch {number + 1}"
             hint = "leave it out here, or the factor"
             yield Problem(where, f"must not give {key}, which a factor sets", "both", hint, place)
+        yield from _stated_and_varied(study, condition)
+
+
+def _stated_and_varied(study: Study, condition: Condition) -> Iterator[Problem]:
+    """Yield touches whose friction is stated, although a factor changes what it depends on."""
+    for factor in study.factor:
+        for number in factor.numbers(len(condition.touches)):
+            if condition.cell and condition.touches[number].friction is not None:
+                path = ("condition", condition.written, "touches", number, "friction")
+                hint = "leave it out, or write a [[condition]] for each value"
+                rule = f"must not be stated where the factor {factor.name} varies {factor.varies}"
+                where = f"condition {condition.name}, touch {number + 1}, friction"
+                yield Problem(where, rule, f"{condition.touches[number].friction:g}", hint, path)
 
 
 def _both_set(study: Study, one: Factor, other: Factor) -> bool:
@@ -221,8 +235,26 @@ def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
     return [*limit_problems(study), *further] or design_problems(study)
 
 
+_ULTRASONIC_HZ = 1_000
+
+
+def _in_khz(study: Study) -> Iterator[Problem]:
+    """Yield frequencies of the paper's beam that must be in kHz; other surfaces may be slow."""
+    if "surface" not in study.model_fields_set:
+        for key in ("nominal_resonance_hz", "max_frequency_hz"):
+            hz, path = getattr(study.rig, key), ("rig", key)
+            if hz < _ULTRASONIC_HZ:
+                hint = unit_hint(path, hz, too_large=False)
+                yield Problem.of_key(path, f"must be at least {_ULTRASONIC_HZ}", f"{hz:g}", hint)
+
+
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
+    # Whatever else is said would follow from the wrong unit.
+    return list(_in_khz(study)) or _broken_limits(study)
+
+
+def _broken_limits(study: Study) -> list[Problem]:
     broken = [
         *_name_problems(study),
         *_factor_problems(study),
@@ -255,6 +287,7 @@ def limit_problems(study: Study) -> list[Problem]:
     if "slide" in study.model_fields_set:  # a study that says nothing of it need not allow it
         broken += slide_problems(study)
     broken += [*_opening_problems(study), *_key_problems(study)]
+    broken += surface_problems(study)
     return [*broken, *text_problems(study), *question_problems(study), *page_problems(study)]
 
 
@@ -370,6 +403,16 @@ def _finger(study: Study, touch: Touch) -> Iterator[_Broken]:
         elif touch.duration_s is not None:
             hint = "each follows from the other and the path: leave one out"
             yield "must not be given beside duration_s", value, hint, "sliding_speed_m_s"
+
+    if touch.friction is not None and study.surface.kind != "given":
+        hint = "leave it out: the friction of this surface is predicted or measured"
+        yield 'is for [surface] kind = "given"', f"{touch.friction:g}", hint, "friction"
+    elif touch.friction is not None and isinstance(touch, TrackTouch):
+        hint = "leave it out: one number cannot say what friction each level has"
+        yield "is for a touch of a condition", f"{touch.friction:g}", hint, "friction"
+    elif touch.friction is not None and touch.programme != "hold":
+        hint = "leave it out: one number cannot say how friction changes"
+        yield "is for a touch with one drive", f"{touch.friction:g}", hint, "friction"
 
 
 _LOWER = "lower the amplitude or the frequency"

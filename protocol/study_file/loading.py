@@ -25,9 +25,9 @@ from protocol.study_file.toml import in_toml, key_lines, line_of, toml_document,
 
 # Files beside a study file, languages and pictures: how they go with it, where they are wrong.
 #
-# The text of a study that has any ends with `[languages]`, which holds each file as one string,
-# and `[pictures]`, which holds their digests. So the text has all that participants read, and its
-# own digest tells every change.
+# The text of a study that has any ends with `[languages]`, which holds each file as one string, and
+# with `[pictures]` and `[tables]`, which hold digests. So the text has all that participants read,
+# and its own digest tells every change.
 
 
 def with_languages(text: str, contents: Mapping[str, str]) -> str:
@@ -36,17 +36,30 @@ def with_languages(text: str, contents: Mapping[str, str]) -> str:
 
 
 def picture_names(text: str) -> list[str]:
-    """Return the names of the pictures on the pages of a study, as far as they can be read."""
+    """Return the names of the pictures on a study's pages and of its surface, if they can be read.
+
+    A surface without a picture says `none`, which names no file.
+    """
     document = toml_document(text)
-    pages = [] if isinstance(document, Problem) else document.get("page", [])
-    tables = [page for page in pages if isinstance(page, dict)] if isinstance(pages, list) else []
-    names = (page.get("picture") for page in tables)
+    if isinstance(document, Problem):
+        return []
+    pages = document.get("page", [])
+    tables = [*(pages if isinstance(pages, list) else []), document.get("surface")]
+    names = (table.get("picture") for table in tables if isinstance(table, dict))
     return list(dict.fromkeys(name for name in names if isinstance(name, str)))
 
 
-def with_pictures(text: str, digests: Mapping[str, str]) -> str:
-    """Return the text of a study together with the digests of its pictures, by name."""
-    return _with_table(text, "pictures", {in_toml(name): it for name, it in digests.items()})
+def table_name(text: str) -> str | None:
+    """Return the name of the file of a surface's friction, if there is one that can be read."""
+    document = toml_document(text)
+    surface = None if isinstance(document, Problem) else document.get("surface")
+    name = surface.get("table") if isinstance(surface, dict) else None
+    return name if isinstance(name, str) else None
+
+
+def with_digests(text: str, table: str, digests: Mapping[str, str]) -> str:
+    """Return the text of a study together with digests of files, by name: `pictures`, `tables`."""
+    return _with_table(text, table, {in_toml(name): it for name, it in digests.items()})
 
 
 def _with_table(text: str, name: str, entries: Mapping[str, str]) -> str:
@@ -282,6 +295,20 @@ _OF_THE_DESIGN = frozenset({"touch", "beams", "design", "timing", "opening", "co
 _ROUNDS = 8
 
 
+_OF_THE_SURFACE = frozenset(
+    {
+        "surface",
+        "path_m",
+        "paths_m",
+        "smooth_place_m",
+        "contact_m",
+        "friction",
+        "levels",
+        "standard",
+    }
+)
+
+
 def semantic_problems(
     document: dict[str, Any],
     error: ValidationError,
@@ -298,6 +325,9 @@ def semantic_problems(
         return broken
     unknown = [unreadable(problem) for problem in broken]
     others = [*limit_problems(study), *further(study)]
+    if any(path[:1] == ("surface",) for path in unknown):
+        # Places and friction are judged by the surface.
+        others = [problem for problem in others if not _OF_THE_SURFACE.intersection(problem.path)]
     # A design is counted from these: with one of them replaced, its problems would be made up.
     if not others and _OF_THE_DESIGN.isdisjoint(path[0] for path in unknown if path):
         others = design_problems(study)
@@ -377,7 +407,7 @@ def _fill(document: dict[str, Any]) -> None:
             item.update(wanted | item)
 
 
-TEMPLATES = ("paper", "extended", "threshold")
+TEMPLATES = ("paper", "extended", "threshold", "plate")
 GONE = MappingProxyType({"forecast": "touchbeam power says how wide intervals will be"})
 """Tables of older study files that are ignored, and what there is in their place."""
 Further = Callable[[Study], Iterable[Problem]]
@@ -398,6 +428,12 @@ def template(name: str) -> str:
     if name not in TEMPLATES:
         raise ValueError(f"the template must be one of {', '.join(TEMPLATES)}, got {name!r}")
     return (files("protocol") / "templates" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def template_pictures(name: str) -> dict[str, bytes]:
+    """Return the pictures that the built-in study `name` has beside it, by file name."""
+    folder = files("protocol") / "templates"
+    return {it: (folder / it).read_bytes() for it in picture_names(template(name))}
 
 
 def template_tests() -> str:

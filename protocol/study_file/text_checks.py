@@ -32,6 +32,7 @@ from protocol.study.study_question import (
     StudyQuestion,
     trial_facts,
 )
+from protocol.study.surface import NO_PICTURE
 from protocol.study.touch import Touch
 
 
@@ -194,6 +195,32 @@ def page_problems(study: Study) -> Iterator[Problem]:
         yield from unnamed_problems(study, (*path, "text"), page.text)
         for key, rule, value in _page(study, page):
             yield Problem(f"page {number + 1}, {key}", rule, value, path=(*path, key))
+
+
+def surface_problems(study: Study) -> Iterator[Problem]:
+    """Yield the files of the surface that cannot be read, and friction that no touch may state."""
+    surface = study.surface
+    if surface.table is not None and surface.table not in study.tables:
+        rule = "must name a .csv file in the study's folder that can be read, and no link"
+        yield Problem.of_key("surface.table", rule, repr(surface.table))
+    # Those of the paper's beam would be places on another one.
+    if surface.is_own_beam or surface.kind != "beam":
+        for key in ("path_m", "smooth_place_m"):
+            if key not in study.touch.model_fields_set:
+                rule = "must be given where [surface] is not the paper's beam"
+                yield Problem.of_key(f"touch.{key}", rule, "none")
+    picture = surface.picture
+    if picture not in {None, NO_PICTURE, *study.pictures}:
+        yield Problem.of_key("surface.picture", f"{PICTURE_RULE}, or none", repr(picture))
+    if surface.path_in_picture is not None:
+        begin, end = surface.path_in_picture
+        (left_m, right_m), place_m = study.touch.path_m, study.touch.smooth_place_m
+        part = (place_m - left_m) / (right_m - left_m)
+        if not all(
+            -1e-9 <= a + part * (b - a) <= 1 + 1e-9 for a, b in zip(begin, end, strict=True)
+        ):
+            rule = "must lie in the picture, on the line of surface.path_in_picture"
+            yield Problem.of_key("touch.smooth_place_m", rule, f"{place_m:g}")
 
 
 def _page(study: Study, page: InstructionPage) -> Iterator[tuple[str, str, str]]:

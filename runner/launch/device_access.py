@@ -15,7 +15,13 @@ from device.link.link import HANDSHAKE_S, Link, open_link
 from device.link.port import described_ports
 from device.resonance import Resonance
 from device.rig import Rig, open_rig
-from device.simulator.client import BeamControl, ControlClient, Friction, simulator_process
+from device.simulator.client import (
+    BeamControl,
+    ControlClient,
+    Friction,
+    SimulatedSurface,
+    simulator_process,
+)
 from device.study_limits import device_limits
 from protocol.address import BAUD, SIMULATED, AddressError
 from protocol.errors import BadInput
@@ -24,6 +30,7 @@ from protocol.study.rig_settings import Rig as RigSettings
 from runner.clock import Clock, SteppedClock, WallClock
 from runner.launch.locks import real_address, rig_lock
 from runner.signals import stops_deferred
+from runner.study.folder import StudyFolder
 
 _SIMULATED_SERIAL = "SIM"
 """The serial number in the answer to `*IDN?` of each simulated device, and of no real one."""
@@ -59,13 +66,15 @@ def stepped_rig(
     seed: int,
     calibration: Resonance | None = None,
     force_channel: ForceChannel | None = None,
+    folder: Path | None = None,
     **friction: Unpack[Friction],
 ) -> Iterator[SessionRig]:
     """Open a simulated device as `session_rig`, in this process; time passes by `control` alone."""
     from device.simulator.in_process import InProcessDevice, InProcessHand, in_process_rig
 
     channel = force_channel or ForceChannel()
-    device = InProcessDevice(seed, settings.dialect, delay_s=lambda: 0.0, **friction)
+    touched = simulated_surface(folder)
+    device = InProcessDevice(seed, settings.dialect, delay_s=lambda: 0.0, **touched, **friction)
     device.unbroken = stops_deferred
     gauge = gauges()[channel.gauge_dialect] if gauge_address(channel, SIMULATED) else None
     rig = in_process_rig(device, device_limits(settings), settings.dialect, calibration, gauge)
@@ -84,12 +93,14 @@ def session_rig(
     seed: int,
     calibration: Resonance | None = None,
     force_channel: ForceChannel | None = None,
+    folder: Path | None = None,
     **friction: Unpack[Friction],
 ) -> Iterator[SessionRig]:
     """Open the device at `url`, or a simulated one for `sim`, and close it after the body.
 
     The driver enforces the limits in `settings`. A simulated device is a process of its own, whose
-    hidden properties follow from `seed` and `friction`. The gauge of `force_channel` is opened,
+    hidden properties follow from `seed` and `friction`, and its surface is that of the study in the
+    `folder`, by default the paper's beam. The gauge of `force_channel` is opened,
     too; a device that cannot measure its resonance has that of the `calibration`. Raise
     `AddressError` for no address of device or gauge, `DeviceError` if no working device answers.
     """
@@ -98,7 +109,9 @@ def session_rig(
         gauge_url = gauge_address(channel, url)
         if url == SIMULATED:
             endpoints = stack.enter_context(
-                simulator_process(touchbeam_command(), seed, dialect=settings.dialect, **friction)
+                simulator_process(
+                    touchbeam_command(), seed, dialect=settings.dialect, study=folder, **friction
+                )
             )
             control = stack.enter_context(ControlClient(endpoints.control))
             url, gauge_url = endpoints.url, gauge_url and endpoints.gauge
@@ -106,6 +119,18 @@ def session_rig(
         device = open_rig(url, device_limits(settings), settings.dialect, calibration, gauge)
         stack.callback(device.close)
         yield SessionRig(device=device, control=control)
+
+
+def simulated_surface(folder: Path | None) -> SimulatedSurface:
+    """Return what a simulated device is told of the surface of a study in a folder."""
+    if folder is None or not (place := StudyFolder(path=folder)).study_file.is_file():
+        return {}
+    study = place.study()
+    if "surface" not in study.model_fields_set:
+        return {}
+    from runner.study.surface import surface_of
+
+    return {"surface": surface_of(folder, study), "nominal_hz": study.rig.nominal_resonance_hz}
 
 
 def require_real(idn: str, url: str) -> None:

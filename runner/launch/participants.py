@@ -12,9 +12,13 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
+from device.arrays import FloatArray
 from device.drivers.driver import Reading
 from device.force_channel.recording import Forces
-from device.people.person import person_of, session_name
+from device.friction.surfaces import length_of
+from device.people.answering import given_change, is_stated
+from device.people.people_file import EFFECT_EXAMPLE
+from device.people.person import People, World, person_of, session_name
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
 from runner.clock import SteppedClock
@@ -54,10 +58,12 @@ def participant_and_operator(
     say: Say,
     window: WindowParticipant | None,
     finger: Finger | None,
+    running: Callable[[], int | None],
 ) -> Iterator[tuple[Participant, Operator]]:
     """Yield the participant and the operator of `session`; restore the terminal afterwards.
 
-    `finger` is what a virtual participant feels with, None if the participant is a person.
+    `finger` is what a virtual participant feels with, None if the participant is a person. It
+    learns which trial is `running` (its index) only where there is no friction to feel.
     """
     swap = _swap(session, rig, finger)
     at_keys = partial(
@@ -91,7 +97,20 @@ def participant_and_operator(
             rig.control.sensor("skin", person.skin)
             rig.control.sensor("mu0", person.mu0)
         name = session_name(session.seed, session.participant, session.number)
-        participant: Participant = VirtualParticipant(finger, rig.clock, person, name)
+        unfelt = session.study.surface.kind == "given"
+        if unfelt and session.virtual.effect is None and not is_stated(session.study):
+            say(
+                "Touches do not state their friction: where it is missing the virtual participant "
+                f"answers at random. A people file says more: {EFFECT_EXAMPLE}"
+            )
+        participant: Participant = VirtualParticipant(
+            finger,
+            rig.clock,
+            person,
+            name,
+            length_m=length_of(session.study.surface),
+            worth=partial(_worth, session, running) if unfelt else None,
+        )
         # At a real device somebody mounts the beams, unless nobody is there to ask.
         alone = rig.control is not None or not at_terminal(sys.stdin, sys.stdout)
         with at_keys(alone=alone) as operator:
@@ -107,6 +126,15 @@ def participant_and_operator(
         lines = TypedLines(sys.stdin)
         reader = ConsoleParticipant(lines, say, study_wording(session.study, session.language))
         yield reader, _operator_by_lines(lines, PlainDisplay(say, shared=True), swap)
+
+
+def _worth(session: Session, running: Callable[[], int | None]) -> FloatArray:
+    """Return the change that the running trial is to the virtual participant, shape (1,)."""
+    index, virtual = running(), session.virtual
+    assert index is not None, "a question belongs to a trial"
+    assert virtual is not None, "a virtual participant has parameters"
+    world, person = World(effect=virtual.effect), People.of([person_of(virtual)])
+    return given_change(session.study, session.plan.trials[index], world, person)
 
 
 def _swap(session: Session, rig: SessionRig, finger: Finger | None) -> Callable[[str], None]:

@@ -3,14 +3,15 @@
 What the journal already knows of a session that is resumed comes from there: its person, its beam.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from device.people import person as people
+from device.people.people_file import require_effects
 from device.simulator.client import Friction
 from protocol.address import SIMULATED
 from protocol.errors import BadInput, Problem, WorkFailed
@@ -131,7 +132,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
     # Asked once the session runs, and measures it.
     finger = _finger(request, rig, say, resonance_hz=lambda: context.resonance_hz)
     participant, operator = stack.enter_context(
-        participant_and_operator(session, rig, say, window, finger)
+        participant_and_operator(session, rig, say, window, finger, lambda: log.state.trial)
     )
     operator.recall(recalled(before))
     stack.enter_context(checkpointed(journal))
@@ -139,6 +140,7 @@ def _context(request: Request, say: Say, stack: ExitStack) -> SessionContext:
         session=session,
         device=rig.device,
         address=request.url,
+        study_folder=options.folder.path,
         participant=participant,
         operator=operator,
         clock=clock,
@@ -154,7 +156,8 @@ def _rig(request: Request) -> AbstractContextManager[device_access.SessionRig]:
     friction = Friction(law=options.law, rung=options.rung, damping=options.damping)
     stepped, session = device_access.stepped_rig, partial(device_access.session_rig, request.url)
     opened = stepped if request.pace == "stepped" else session
-    return opened(study.rig, request.seed, calibration, study.force_channel, **friction)
+    folder = options.folder.path
+    return opened(study.rig, request.seed, calibration, study.force_channel, folder, **friction)
 
 
 def _finger(
@@ -166,7 +169,8 @@ def _finger(
     if rig.control is not None:
         return rig.control
     say(f"DRY RUN on {request.url}: the device is driven. Nobody may touch the beam.")
-    return UntouchedBeam(request.study, lambda: rig.device.reading, resonance_hz)
+    calibration = fitted_calibration(request.options.folder.path, request.study)
+    return UntouchedBeam(request.study, calibration, lambda: rig.device.reading, resonance_hz)
 
 
 def _window(request: Request, say: Say) -> AbstractContextManager[WindowParticipant | None]:
@@ -212,7 +216,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             group = who.group(study, options.group)
             study, slot = study.of_group(group), who.slot(group)
         # A sliding experiment predicts nothing, so that no calibration is in force.
-        rig = NOMINAL if options.slides else fitted_calibration(options.folder.path)
+        rig = NOMINAL if options.slides else fitted_calibration(options.folder.path, study)
         session = Session(
             participant=options.participant,
             number=options.number,
@@ -231,7 +235,7 @@ def opened_session(request: Request, journal: Journal, clock: Clock) -> Session:
             told=who.told(study),
             volts=solved_volts(study, rig),
             registration=digest,
-            calibration=RigCalibration(**vars(rig)) if rig.origin else None,
+            calibration=RigCalibration(**rig.values) if rig.origin else None,
         )
         require_resumable(journal, session, sessions.get(chain), clock.utc())
         if chain not in sessions:
@@ -302,11 +306,31 @@ def _virtual_truth(
         return None
     from device.simulator.hardware.beam_and_finger import SimulatedBeam
 
-    person = _person(request, before, group)
+    person, effect = _person(request, before, group), _effect(request, before)
     if request.url != SIMULATED:
-        return replace(people.truth_of(person, people.World()), damping_ratio=None, beam_gain=None)
-    beam = SimulatedBeam(request.seed, options.law, options.rung, options.damping)
-    return people.truth_of(person, beam.world)
+        truth = people.truth_of(person, people.World(effect=effect))
+        return replace(truth, damping_ratio=None, beam_gain=None)
+    touched = device_access.simulated_surface(options.folder.path)
+    beam = SimulatedBeam(request.seed, options.law, options.rung, options.damping, **touched)
+    return people.truth_of(person, replace(beam.world, effect=effect))
+
+
+def _effect(request: Request, before: SessionState | None) -> Mapping[str, float] | None:
+    """Return what conditions are to a virtual participant where no friction is known, if told."""
+    begun, population = before.opened if before else None, request.options.people
+    given = None
+    if request.study.surface.kind == "given" and population is not None:
+        require_effects(population, request.study)
+        given = population.effect
+    if not isinstance(begun, SessionOpened) or begun.virtual is None:
+        return given
+    kept = begun.virtual.effect
+    if population is not None and given != kept:
+        raise BadInput(
+            f"--people gives {request.name} other effects of conditions than it began with; resume "
+            "it without --people, since the journal has them"
+        )
+    return kept
 
 
 def _person(request: Request, before: SessionState | None, group: str | None) -> people.Person:

@@ -141,9 +141,10 @@ class ConsoleParticipant(screens.Participant):
                 number = touch.interval if touch else 0
                 before = [self._texts[f"interval.{number}"]] if number else []
                 beside = [] if picture is None else [f"[{picture}]"]
-                return [*before, self._texts[text], *beside, self._texts["ready"]]
-            case screens.LeadIn(several=several, seconds=seconds):
-                text = self._texts["touch.soon.full" if several else "touch.soon"]
+                said = touch.surface.text(text, self._texts) if touch else self._texts[text]
+                return [*before, said, *beside, self._texts["ready"]]
+            case screens.LeadIn(several=several, seconds=seconds, surface=surface):
+                text = surface.text("touch.soon.full" if several else "touch.soon", self._texts)
                 return [f"{text} ({seconds:.2g} s)"]
             case screens.Pacing(duration_s=duration_s):
                 return [f"{self._texts['touch.now']} ({duration_s:.2g} s)"]

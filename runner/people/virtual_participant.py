@@ -13,9 +13,11 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
 from device.drivers.driver import Reading
+from device.friction.calibration import Calibration
 from device.friction.changes import Moment, friction_at
+from device.friction.surfaces import PAPERS
 from device.people import answering
 from device.people.person import People, Person, uniforms
 from protocol.errors import WorkFailed
@@ -96,7 +98,8 @@ class VirtualParticipant(screens.Participant):
     """A participant who answers at once.
 
     A touch for which `slips` returns True is pressed twice as hard as instructed. `name` determines
-    all random numbers: see `device.people.person.session_name`.
+    all random numbers: see `device.people.person.session_name`. On a surface whose friction is not
+    known `worth` returns the change that the running trial is to this person, NaN for none known.
     """
 
     control: Finger
@@ -104,6 +107,9 @@ class VirtualParticipant(screens.Participant):
     person: Person
     name: str
     slips: Callable[[], bool] = lambda: False
+    length_m: float = PAPERS.length_m
+    """Of the surface, at whose ends a finger stops."""
+    worth: Callable[[], FloatArray] | None = None
     _people: People = field(init=False)
     _answering: answering.Answering = field(init=False)
     _streams: dict[str, random.Random] = field(init=False)
@@ -127,7 +133,7 @@ class VirtualParticipant(screens.Participant):
         if isinstance(screen, screens.Pacing):
             self._pacing_from_s = self.clock.monotonic_s()
             u = self._numbers("touches", answering.TOUCH_NUMBERS)
-            way = answering.course(self._people, u, screen.mark)
+            way = answering.course(self._people, u, screen.mark, self.length_m)
             if self.slips():
                 way = replace(way, force_n=2 * way.force_n)
             tremor = self._tremor if self.person.tremor else None
@@ -215,9 +221,10 @@ class VirtualParticipant(screens.Participant):
         felt = self._taken()
         marks = [touch.mark for touch in felt]
         resting = felt[0].friction[:, 0] if self._resting is None else self._resting
+        beyond = answering.beyond(answering.kind_of_change(question, marks), self._people)
         answer, seconds = self._answering.change(
-            answering.felt_contrast(question, felt, resting),
-            answering.beyond(answering.kind_of_change(question, marks), self._people),
+            self.worth() if self.worth else answering.felt_contrast(question, felt, resting),
+            0 * beyond if self.worth else beyond,
             np.array([study_question.QUESTIONS[question].less is not None]),
             self._numbers("questions", answering.QUESTION_NUMBERS),
         )
@@ -243,6 +250,7 @@ class UntouchedBeam:
     """
 
     study: Study
+    rig: Calibration
     reading: Callable[[], Reading | None]
     resonance_hz: Callable[[], float]
 
@@ -276,8 +284,9 @@ class UntouchedBeam:
             contact_m=finger.contact_m,
             sliding_speed_m_s=finger.sliding_speed_m_s,
             has_bodies=self._beam is None or self.study.beams[self._beam] > 0,
+            beam=self._beam,
         )
-        return float(friction_at(moment, (position_m,))[0])
+        return float(friction_at(moment, (position_m,), rig=self.rig)[0])
 
     def lift(self) -> None:
         """Do nothing: no finger is there."""

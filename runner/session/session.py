@@ -3,7 +3,9 @@
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from importlib.metadata import version
+from pathlib import Path
 from typing import Literal, TypeVar
 
 from protocol.address import SIMULATED
@@ -17,7 +19,15 @@ from protocol.study.study_question import Answer
 from protocol.study_file.loading import text_digest
 from runner.clock import Clock
 from runner.journal.store import SessionLog
-from runner.screens import Device, Operator, Participant, PlanUnit, WindowState
+from runner.screens import (
+    Device,
+    Operator,
+    Participant,
+    PlanUnit,
+    ShownSurface,
+    WindowState,
+    shown_surface,
+)
 
 SessionKind = Literal["participant", "rehearsal", "slide"]
 _Kind = TypeVar("_Kind", SessionOpened, SessionResumed)
@@ -130,7 +140,8 @@ class Zero:
 class SessionContext:
     """A running session with its device, people, clock and log.
 
-    `address` is where the device was reached, `sim` for one that is simulated.
+    `address` is where the device was reached, `sim` for one that is simulated. `study_folder` has
+    the picture of the surface, if participants see one.
     `identity` is the device's answer to `*IDN?` once it is armed.
     `opened_now` is True for a new session and False for a resumed one. `resonance_hz` is 0 until
     it has been measured. `beam_in_doubt` is True while the operator has been asked to mount a beam
@@ -146,6 +157,7 @@ class SessionContext:
     log: SessionLog
     opened_now: bool
     address: str = SIMULATED
+    study_folder: Path | None = None
     identity: str = field(default="", init=False)
     resonance_hz: float = field(default=0.0, init=False)
     pause_wanted: bool = field(default=False, init=False)
@@ -153,6 +165,10 @@ class SessionContext:
     zero: Zero | None = field(default=None, init=False)
     window_state: WindowState | None = field(default=None, init=False)
     """As last recorded."""
+
+    @cached_property
+    def surface(self) -> ShownSurface:
+        return shown_surface(self.session.study, self.study_folder)
 
     @property
     def order(self) -> list[Trial]:

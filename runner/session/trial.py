@@ -157,7 +157,8 @@ class _Stimulus:
         self._next_sample_s = self._look_s = 0.0
         self.read_back: list[records.ReadBack] = []
         self.samples: list[records.TraceSample] = []
-        self.pacing = screens.pacing(to_make, context.session.study.touch, interval)
+        finger, surface = context.session.study.touch, context.surface
+        self.pacing = screens.pacing(to_make, finger, interval, surface)
         self._next_step_s = self._step_s
         rule, running = context.session.study.as_instructed.feedback, context.log.state.trial
         kinds = {trial.kind for trial in context.order if trial.index == running}

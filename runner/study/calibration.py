@@ -12,9 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from device.errors import OutOfRangeError
-from device.friction.scenes import NOMINAL, Calibration
+from device.friction.calibration import Calibration
+from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
 from protocol.errors import IMPOSSIBLE, BadInput, shown
+from protocol.study.study import Study
+from protocol.study.surface import GEOMETRY, Surface
 from runner.study.files import own_file, require_no_link, short_text, write_whole
+from runner.study.surface import surface_of
 
 if TYPE_CHECKING:
     from device.resonance import Resonance
@@ -22,9 +26,10 @@ if TYPE_CHECKING:
 
 FILE = "calibration.json"
 FITTED = "fitted"
+BEAM = "surface_sha256"
 PREDICTING = ("damping_ratio", "gain", "body_height_m", "resonance_hz")
-"""The fitted properties that predictions take. Friction at rest is the block's, not the finger's,
-and the certified tables of the model are for patches where the paper's beam has them."""
+"""The fitted properties that predictions take. Friction at rest is the block's, not the finger's;
+of the patches predictions take the place that is described."""
 
 
 def keep_calibration(folder: Path, swept: "Resonance", idn: str, measured_utc: str) -> Path:
@@ -60,6 +65,17 @@ def keep_fit(
     return _write(folder, part)
 
 
+def beam_of(surface: Surface) -> dict[str, str]:
+    """Return what a fit keeps of a beam that a study describes; nothing of the paper's.
+
+    It is the digest of its description, but for the damping, which the fit replaces.
+    """
+    if not surface.is_own_beam:
+        return {}
+    described = surface.model_dump(mode="json", include=set(GEOMETRY) - {"damping_ratio"})
+    return {BEAM: sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()}
+
+
 def _write(folder: Path, part: Mapping[str, object]) -> Path:
     if not (folder / "study.toml").is_file():
         raise BadInput(f"{folder}: no study here (study.toml is missing)")
@@ -84,29 +100,45 @@ def kept_calibration(folder: Path) -> "Resonance | None":
     return Resonance(frequency_hz=found["frequency_hz"], tip_m_per_v=found["tip_m_per_v"])
 
 
-def fitted_calibration(folder: Path) -> Calibration:
-    """Return the rig as a slide determined it, or the paper's values; `BadInput` if damaged."""
-    path = folder / FILE
+def fitted_calibration(folder: Path, study: Study) -> Calibration:
+    """Return the rig of a study as a slide determined it, or its surface's own values.
+
+    Raise `BadInput` for a damaged file, also of a table of friction, and for the fit of another
+    beam than the study's.
+    """
+    path, surface = folder / FILE, surface_of(folder, study)
     fitted = (_kept(path) or {}).get(FITTED)
-    if fitted is None:
-        return NOMINAL
+    if fitted is None or isinstance(surface, GivenSurface):
+        return Calibration.of(surface)
     try:
         values = {
             name: _number(path, fitted[name], "value", f"{FITTED}.{name}.")
             for name in PREDICTING
             if name in fitted
         }
+        if isinstance(surface, BeamSurface):
+            _require_same_beam(path, fitted, study)
         # Reports name it, so that a value that was edited shows.
         digest = sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         session = f"session {fitted['session']}{', a rehearsal' * bool(fitted.get('rehearsal'))}"
         origin = f"{session}, calibration SHA-256 {digest[:12]}"
-        return Calibration(**values, origin=origin)
+        if isinstance(surface, MeasuredSurface):  # which has no model to be fitted
+            values = {name: values[name] for name in ("resonance_hz",) if name in values}
+        return Calibration.of(surface, **values, origin=origin)
     except OutOfRangeError as error:
         raise BadInput(f"{path}: {FITTED}: {error}") from error
     except BadInput:  # a number, which is named
         raise
     except IMPOSSIBLE as error:
         raise _damaged(path, f"{FITTED} is not what a slide has told") from error
+
+
+def _require_same_beam(path: Path, fitted: Mapping[str, Any], study: Study) -> None:
+    if fitted.get(BEAM) != beam_of(study.surface).get(BEAM):
+        raise BadInput(
+            f"{path}: {FITTED} is of another beam than [surface] describes; move the file away, "
+            "or fit this beam with touchbeam slide --calibrate"
+        )
 
 
 def _kept_or_nothing(path: Path) -> dict[str, Any]:

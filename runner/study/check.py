@@ -2,12 +2,14 @@
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from math import inf, isnan
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from device.friction.scenes import Calibration
+from device.friction.calibration import Calibration
 from device.study_limits import reach_problems
 from protocol.address import other_spelling
 from protocol.errors import Problem, WorkFailed
@@ -24,14 +26,20 @@ from protocol.study_file.limits import problems_at
 from protocol.study_file.loading import StudyError, located, parsed_study, text_digest
 from runner.study.calibration import fitted_calibration, kept_calibration
 from runner.study.folder import DIALECTS, StudyFolder
+from runner.study.tracks import FELT
 
 if TYPE_CHECKING:
+    from device.friction.changes import Change
     from protocol.registration.registration import Registration
     from runner.study.tracks import ShownTrack
 
 
 class WrongPlan(WorkFailed):
     """A plan that does not follow from its study: an error of touchbeam, not of the study."""
+
+
+Contrast = Callable[[Question, str | None, tuple[Touch, ...]], float | None]
+"""The predicted contrast of a question about touches, with what is expected; None of none."""
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -72,6 +80,10 @@ def _placement_problems(study: Study) -> Iterator[Problem]:
                 key, "must be the address of a device", repr(address), f"it {spelling}"
             )
     yield from reach_problems(study)
+    if "surface" in study.model_fields_set:  # the solver of beams takes a while to load
+        from device.friction.surface_checks import surface_problems
+
+        yield from surface_problems(study)
     if not worded_as_built(study):  # the built-in texts are known to fit
         from runner.window.preflight import fit_problems
 
@@ -88,9 +100,11 @@ def checked(
     are one document. Raise `BadInput` if the study file is missing or unreadable.
     """
     source, text = str(folder.study_file), folder.text()
-    rig = fitted_calibration(folder.path)
     try:
-        study, resonance = _at_kept_resonance(folder, validated_study(text, source), source)
+        valid = validated_study(text, source)
+        rig = fitted_calibration(folder.path, valid)
+        study, resonance = _at_kept_resonance(folder, valid, source)
+        _require_in_table(study, rig, source, text)
         tracks = _tracks(study, rig, source, text)
     except StudyError as error:
         return _refused(source, error.problems, as_json=as_json)
@@ -115,14 +129,19 @@ def checked(
     broken = cohort_problems(study, shown.plans)
     if broken:
         return _refused(source, located(text, broken), as_json=as_json)
-    model = _prediction(study, rig)
+    contrast = _contrast_of(study, rig)
+    model = _prediction(study, contrast, rig)
+    warnings = _warnings(study, rig, contrast, tracks)
     if as_json:
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         record["tracks"] = [track.record() for track in tracks]
+        record["surface"] = _surface_record(study, rig)
+        record["warnings"] = warnings
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], []
-    said = [*preview_lines(shown, model), *[""] * bool(tracks)]
+    said = [*preview_lines(shown, model), *_surface_lines(study, rig), *[""] * bool(tracks)]
     said += [line for track in tracks for line in track.lines()]
+    said += [line for warning in warnings for line in ("", *wrap(f"Warning: {warning}", 80))]
     said += _lock_lines(folder, registered, text)
     said += [
         f"texts/{code}.toml lacks {', '.join(keys)}: read in English until they are added."
@@ -130,6 +149,92 @@ def checked(
         if (keys := read_in_reference(study, code))
     ]
     return said, []
+
+
+def _warnings(
+    study: Study, rig: Calibration, contrast: Contrast, tracks: "Sequence[ShownTrack]"
+) -> list[str]:
+    """Return what its author should know of a study: of the surface, and of expected answers."""
+    from device.friction.changes import trial_change
+
+    warnings: list[str] = []
+    if "surface" in study.model_fields_set:  # the solver of beams takes a while to load
+        from device.friction.surface_checks import surface_warnings
+
+        warnings += surface_warnings(study, rig.surface)
+    openings = ((f"opening {it.kind}", it) for it in study.opening)
+    for what, item in (*((f"condition {it.name}", it) for it in study.condition), *openings):
+        if item.question is None:
+            continue
+        asked = item.question, item.expected, item.touches
+        predicted = contrast(*asked)
+        if predicted is not None and predicted < -FELT:
+            change = trial_change(study, *asked)
+            warnings.append(
+                f"{what}: {item.expected} is expected, but friction is predicted to change the "
+                f"other way, by {predicted:+.3f} in its logarithm{_elsewhere(study, change, rig)}."
+            )
+    return warnings + [line for track in tracks for line in track.contradictions()]
+
+
+_SEARCHED = 121
+_MOST_NAMED = 3
+
+
+def _elsewhere(study: Study, change: "Change", rig: Calibration) -> str:
+    """Return at which places of the path friction changes most as expected, in words."""
+    from device.friction.changes import predicted_contrast
+
+    if len(change.places_m) > 1:
+        return ""
+    left_m, right_m = study.touch.path_m
+    places_m = [left_m + part * (right_m - left_m) / (_SEARCHED - 1) for part in range(_SEARCHED)]
+    sizes = [predicted_contrast(replace(change, places_m=(at,)), rig=rig) for at in places_m]
+    around = zip(places_m, sizes, [-inf, *sizes], [*sizes[1:], -inf], strict=False)
+    peaks = sorted((-size, at) for at, size, *beside in around if size > max(FELT, *beside))
+    if not peaks:
+        return "; nowhere on touch.path_m does it change as expected"
+    best = ", ".join(f"{at:.4f}" for _, at in peaks[:_MOST_NAMED])
+    return f"; on touch.path_m it changes most as expected at {best} m (touch.smooth_place_m)"
+
+
+def _surface_record(study: Study, rig: Calibration) -> dict[str, Any]:
+    from device.friction.surface_checks import beam_facts
+    from device.friction.surfaces import BeamSurface, length_of
+
+    record: dict[str, Any] = {"kind": study.surface.kind, "length_m": length_of(study.surface)}
+    if isinstance(rig.surface, BeamSurface):
+        facts = beam_facts(rig.surface, study.rig.nominal_resonance_hz)
+        record |= {
+            "resonance_hz": round(facts.resonance_hz, 3),
+            "mode": facts.mode,
+            "share": round(facts.share, 4),
+            "modes_hz": [round(hz, 3) for hz in facts.modes_hz],
+        }
+    return record
+
+
+def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
+    """Yield what is touched, as it was understood, of a study that says so."""
+    if "surface" not in study.model_fields_set:
+        return
+    from device.friction.surfaces import BeamSurface
+
+    yield ""
+    if not isinstance(rig.surface, BeamSurface):
+        source = {"measured": f"friction from {study.surface.table}"}
+        known = source.get(study.surface.kind, "friction as touches state it")
+        yield f"Surface     {study.surface.kind}, {1e3 * rig.surface.length_m:g} mm long; {known}"
+        return
+    record, beam = _surface_record(study, rig), rig.structure.beam
+    size = " x ".join(f"{1e3 * it:g}" for it in (beam.length_m, beam.width_m, beam.thickness_m))
+    share = f"{record['share']:.0%} of the motion"
+    yield f"Surface     beam of {size} mm, {' / '.join(beam.supports)}"
+    yield f"            mode {rig.mode} at {record['resonance_hz']:.0f} Hz, {share} there"
+    yield (
+        f"            bodies {1e3 * rig.body_height_m:g} mm high, friction at rest "
+        f"{rig.structure.friction_coefficient:g}, damping ratio {rig.damping_ratio:g}"
+    )
 
 
 def _at_kept_resonance(folder: StudyFolder, study: Study, source: str) -> tuple[Study, Resonance]:
@@ -154,6 +259,15 @@ def _at_kept_resonance(folder: StudyFolder, study: Study, source: str) -> tuple[
         raise StudyError(source, located(folder.text(), found))
     rig = study.rig.model_copy(update={"nominal_resonance_hz": hz})
     return study.model_copy(update={"rig": rig}), "kept"
+
+
+def _require_in_table(study: Study, rig: Calibration, source: str, text: str) -> None:
+    """Refuse touches of a measured surface that its table does not hold."""
+    if study.surface.kind == "measured":
+        from device.friction.surface_checks import table_problems
+
+        if beyond := list(table_problems(study, rig.surface)):
+            raise StudyError(source, located(text, beyond))
 
 
 def _tracks(study: Study, rig: Calibration, source: str, text: str) -> "list[ShownTrack]":
@@ -209,19 +323,34 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-def _prediction(study: Study, rig: Calibration) -> Prediction:
-    """Return the friction model's predictions for trials; loads the model."""
+def _contrast_of(study: Study, rig: Calibration) -> Contrast:
+    """Return the friction model's predictions for touches; None where it has none."""
     # One thread is enough for a few places; starting a thread pool takes longer than the work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from device.friction.changes import LAW, RUNG, predicted_contrast, trial_change
+    from device.friction.changes import predicted_contrast, trial_change
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
-    def contrast(question: Question, expected: str | None, touches: tuple[Touch, ...]) -> float:
-        return predicted_contrast(trial_change(study, question, expected, touches), rig=rig)
+    def contrast(
+        question: Question, expected: str | None, touches: tuple[Touch, ...]
+    ) -> float | None:
+        change = trial_change(study, question, expected, touches)
+        value = predicted_contrast(change, rig=rig)
+        return None if isnan(value) else value
+
+    return contrast
+
+
+def _prediction(study: Study, contrast: Contrast, rig: Calibration) -> Prediction:
+    from device.friction.changes import LAW, RUNG
 
     def of_trial(trial: Trial) -> float | None:
         if trial.question is None:
             return None
         return contrast(trial.question, trial.expected, trial.touches)
 
-    return Prediction(law=LAW, rung=RUNG, contrast=of_trial, rig=str(rig) if rig.origin else "")
+    source = {
+        "measured": f"friction from the table {study.surface.table}",
+        "given": "friction as touches state it, none where they do not",
+    }.get(study.surface.kind, "")
+    fitted = str(rig) if rig.origin and not source else ""
+    return Prediction(law=LAW, rung=RUNG, contrast=of_trial, rig=fitted, source=source)

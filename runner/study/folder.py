@@ -22,8 +22,9 @@ from protocol.study_file.loading import (
     ignored_tables,
     parsed_study,
     picture_names,
+    table_name,
+    with_digests,
     with_languages,
-    with_pictures,
 )
 from protocol.study_file.toml import toml_document
 from runner.study import files
@@ -121,12 +122,20 @@ class StudyFolder:
         return self.path / "texts"
 
     def text(self) -> str:
-        """Return the study file with its languages and pictures' digests, or raise `BadInput`."""
+        """Return the study file with its languages and files' digests, or raise `BadInput`."""
         text = self._study_text()
+        whole = with_languages(text, self._languages())
         names = picture_names(text) if "picture" in text else []
         digests = {name: picture_digest(self.path, name) for name in names}
         shown = {name: digest for name, digest in digests.items() if digest is not None}
-        return with_pictures(with_languages(text, self._languages()), shown)
+        whole = with_digests(whole, "pictures", shown)
+        if "surface" not in text or (name := table_name(text)) is None:
+            return whole
+        # Loaded with the first surface that has a table, which few have.
+        from runner.study.surface import table_digest
+
+        digest = table_digest(self.path, name)
+        return with_digests(whole, "tables", {} if digest is None else {name: digest})
 
     def ignored(self) -> str:
         """Return what nothing obeys in the study file, in words; '' if all is obeyed."""

@@ -108,14 +108,17 @@ def _changed_study(journal: Journal, folder: StudyFolder) -> str:
     if text_digest(folder.text()) == accepted_digests(journal)[-1]:
         return ""
     return (
-        f"{folder.study_file}: it, a language file or a picture is neither the registered nor an "
-        "amended one; restore it, or accept it with touchbeam amend --reason TEXT"
+        f"{folder.study_file}: it, a language file, a picture or a table is neither the registered "
+        "nor an amended one; restore it, or accept it with touchbeam amend --reason TEXT"
     )
 
 
 def _changed_calibration(folder: StudyFolder, made: Registration) -> str:
     """Return that the registered fit is gone or changed; another slide's is a later calibration."""
-    settled, now = str(made.calibration.get("origin", "")), fitted_calibration(folder.path).origin
+    settled, now = (
+        str(made.calibration.get("origin", "")),
+        fitted_calibration(folder.path, folder.study()).origin,
+    )
     same_session = settled.partition(",")[0] == now.partition(",")[0]
     if settled == now or (now and not same_session):
         return ""
@@ -151,8 +154,8 @@ def new_registration(
         raise BadInput(
             "design.participants must be set in study.toml: it is the registered stopping rule"
         )
-    rig = fitted_calibration(folder.path)
-    values = {name: value for name, value in vars(rig).items() if value is not None}
+    rig = fitted_calibration(folder.path, study)
+    values = {name: value for name, value in rig.values.items() if value is not None}
     return Registration(
         study=study.study.name,
         study_sha256=text_digest(text),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from device.friction.scenes import Calibration
+from device.friction.calibration import Calibration
 from protocol.errors import BadInput, Problem
 from protocol.study.study import Study
 from protocol.study.touch import Touch, current_ma
@@ -14,6 +14,10 @@ from protocol.tracks.procedure import converges_at, staircase
 if TYPE_CHECKING:
     from device.tracks.expected import Expected
 
+FELT = 0.01
+"""A smaller change of ln friction is none: nobody feels a hundredth."""
+_WAYS = {"smoother": 1.0, "rougher": -1.0}
+"""In which direction the friction of what is to be found differs."""
 _UNITS = {"voltage": " V", "frequency": " of the resonance", "contrast": "", "place": " m"}
 
 
@@ -53,6 +57,19 @@ class ShownTrack:
                 "trials": round(self.expected.trials, 1),
             },
         }
+
+    def contradictions(self) -> Iterator[str]:
+        """Yield that the model predicts another answer than the one which counts as right."""
+        ways = _WAYS.get(self.track.found)
+        if self.contrasts is None or ways is None:
+            return
+        largest = max(ways * contrast for contrast in self.contrasts)
+        if largest < FELT:
+            yield (
+                f"track {self.track.name}: {self.track.found} is to be found, but the model "
+                f"predicts a change of at most {largest:+.3f} in that direction at any level, "
+                "which nobody feels."
+            )
 
     def lines(self) -> Iterator[str]:
         track, s = self.track, "s" * (self.track.trials > 1)

@@ -19,7 +19,17 @@ from typing import Any
 from protocol.study.participant_texts import Wording
 from protocol.study.rules import Band
 from protocol.study.study_question import StudyQuestion
-from runner.screens import Ask, FingerPath, Instruction, LeadIn, Notice, Pacing, Screen, Welcome
+from runner.screens import (
+    Ask,
+    FingerPath,
+    Instruction,
+    LeadIn,
+    Notice,
+    Pacing,
+    Screen,
+    ShownSurface,
+    Welcome,
+)
 from runner.window.elements import Input, Key, Pressed, Released, Typed
 
 _INPUTS = {kind.__name__: kind for kind in (Pressed, Released, Key, Typed)}
@@ -80,6 +90,8 @@ def show_message(number: int, screen: Screen) -> dict[str, Any]:
         values["bands"] = [band.model_dump(mode="json", by_alias=True) for band in screen.bands]
     elif isinstance(screen, Instruction) and screen.touch is not None:
         values["touch"] = asdict(screen.touch)
+    elif isinstance(screen, FingerPath):
+        values["surface"] = asdict(screen.surface)
     return {"show": number, "screen": type(screen).__name__, **values}
 
 
@@ -92,9 +104,23 @@ def screen_of(message: Mapping[str, Any]) -> Screen:
         values["question"] = StudyQuestion.model_validate(values["question"])
         values["bands"] = tuple(map(Band.model_validate, values["bands"]))
     if values.get("touch") is not None:
-        values["touch"] = FingerPath(**values["touch"])
+        values["touch"] = FingerPath(**_with_surface(values["touch"]))
+    if "surface" in values:
+        values = _with_surface(values)
     screen: Screen = _SCREENS[message["screen"]](**values)
     return screen
+
+
+def _with_surface(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a path with its surface as a record, whose lists are tuples again."""
+    surface = dict(values["surface"])
+    for name in ("supports", "path_m", "path_in_picture"):
+        surface[name] = _as_tuples(surface[name])
+    return {**values, "surface": ShownSurface(**surface)}
+
+
+def _as_tuples(value: Any) -> Any:
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
 def press_message(inputs: Iterable[Input]) -> dict[str, Any]:

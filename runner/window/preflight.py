@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import chain, product
+from pathlib import Path as FilePath
 from string import digits
 
 from protocol.errors import BadInput, Path, Problem, dotted
@@ -29,19 +30,30 @@ _FITS = "a text must fit its place on the participant's screen"
 LONGEST_BREAK_S = 3600.0
 
 
-def foreseen(study: Study, consent: str | None) -> tuple[screens.Screen, ...]:
-    """Return every screen of a session once; the screens of touches precede the questions."""
+def foreseen(
+    study: Study, consent: str | None, folder: FilePath | None = None
+) -> tuple[screens.Screen, ...]:
+    """Return every screen of a session once; the screens of touches precede the questions.
+
+    Without the study's folder marks stand elsewhere in a picture of its surface.
+    """
+    surface = screens.shown_surface(study, folder)
     items: tuple[Item, ...] = (*study.opening, *study.condition)
     cues = []
     for item in items:
         several = participant_texts.numbers_touches(study, REFERENCE, len(item.touches))
         for number, touch in enumerate(item.touches, start=1):
-            cues.append(screens.pacing(touch, study.touch, number if several else 0))
+            cues.append(screens.pacing(touch, study.touch, number if several else 0, surface))
     for track in study.track:
         # Of all levels the first and the last: only their places could differ on a page.
         made = [track.standard, *(track.at(level, 0.0) for level in (0, len(track.values) - 1))]
         numbers = range(1, track.intervals + 1) if track.intervals > 1 else (0,)
-        cues += [screens.pacing(it, study.touch, number) for it in made if it for number in numbers]
+        cues += [
+            screens.pacing(it, study.touch, number, surface)
+            for it in made
+            if it
+            for number in numbers
+        ]
     tells = any(track.feedback for track in study.track)
     shown: list[screens.Screen] = [
         screens.Welcome(consent=consent),
@@ -203,7 +215,7 @@ def study_window(
     say: Callable[[str], None] = lambda _: None,
 ) -> AbstractContextManager[WindowParticipant]:
     """Return the window, to be entered before any drive; `BadInput` if it cannot show a text."""
-    shown, readable_s = foreseen(study, consent), study.timing.readable_s
+    shown, readable_s = foreseen(study, consent, FilePath(settings.folder)), study.timing.readable_s
     # The consent's reference is known only now, so that it could not be checked with the study.
     for text, hint in misfits(shown, settings.wording):
         raise BadInput(f"{_FITS}, got {text!r}; {hint}")

@@ -10,7 +10,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "people.md").read_text(encoding="ut
 
 def test_the_files_on_the_page_can_be_used() -> None:
     files = [part.partition("```")[0] for part in PAGE.split("```toml\n")[1:]]
-    one, population, grouped = map(people_in, files)
+    one, population, grouped, effects = map(people_in, files)
+    assert effects.effect == {"frequency": 3.0, "pressure": -1.0}
     assert grouped.of_group("old").typical.felt_noise == 0.2
     assert (one.typical.gain, one.varied) == (5.0, {})
     assert set(population.varied) == set(DEFAULT.varied)

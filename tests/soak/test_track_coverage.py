@@ -7,8 +7,8 @@ import pytest
 
 from analysis.estimates import FloatArray
 from analysis.trials.track_readings import felt_of
+from device.friction.calibration import NOMINAL
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL
 from device.tracks.expected import counted_answers
 from device.tracks.posterior import correct_share, lattice, slopes
 from protocol.study.track import Track

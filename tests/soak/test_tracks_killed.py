@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from protocol.journal.events import Answered, StoredEvent
 from protocol.journal.records import TrackAnswer
 from runner.journal.opening import open_journal

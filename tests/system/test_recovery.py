@@ -54,11 +54,11 @@ def test_a_dry_run_with_opposite_trials_recovers_what_the_journal_holds(tmp_path
 
 
 def test_the_report_names_another_law_of_the_simulated_beam(tmp_path: Path) -> None:
-    found = rehearsed(tmp_path, template("paper"), 3, 1, "coulomb", "far-field")
+    found = rehearsed(tmp_path, template("paper"), 3, 1, "coulomb", "own-mode")
     shown = report_json(found)["recovery"]
-    assert shown["simulated"] == [{"law": "coulomb", "rung": "far-field"}]
+    assert shown["simulated"] == [{"law": "coulomb", "rung": "own-mode"}]
     page = report_html(found)
-    assert "The simulated beam followed the law coulomb on the rung far-field" in page
+    assert "The simulated beam followed the law coulomb on the rung own-mode" in page
     assert "differ systematically" in page
 
 

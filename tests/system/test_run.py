@@ -141,7 +141,7 @@ def test_a_virtual_session_is_resumed_at_the_beam_that_it_began_with(
     leaver = Path("leaver.toml")
     leaver.write_text("[person]\ndropout = 1\n")
     arguments = ("run", "study", "--participant", "P01", "--ratings", "virtual")
-    beam = ("--law", "coulomb", "--rung", "timoshenko", "--damping", "0.01", "--seed", "7")
+    beam = ("--law", "coulomb", "--rung", "own-mode", "--damping", "0.01", "--seed", "7")
     assert typed(*arguments, "--people", leaver, *beam) == 1
     assert typed(*arguments) == 1
     assert typed(*arguments, *beam) == 1
@@ -163,7 +163,7 @@ def test_a_virtual_session_is_resumed_at_the_beam_that_it_began_with(
     assert {it.seed for it in begun} == {7}
     (truth,) = truths
     assert truth is not None
-    assert (truth.law, truth.rung, truth.damping_ratio) == ("coulomb", "timoshenko", 0.01)
+    assert (truth.law, truth.rung, truth.damping_ratio) == ("coulomb", "own-mode", 0.01)
 
 
 def test_amend_refuses_a_study_that_run_would_refuse(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The same numbers on other processors: each report is computed as several processors would.
+"""The same numbers on other processors: reports and friction, computed as several processors would.
 
 Child processes let numpy, BLAS and the C library choose other instructions than they would here.
 """
@@ -23,12 +23,19 @@ from analysis.loading.study_data import StudyData
 from analysis.report.report import report, report_json
 from analysis.report.results import paragraphs
 from analysis.simulation import Simulation
+from device.beam.beam import Beam, Patch
+from device.friction.coefficient import scene_batch
+from device.friction.prediction import LawChoice, rung_prediction
+from device.friction.rungs import TOP_RUNG, rung_resonance_hz
+from device.friction.scenes import Scene, Structure
 from device.people.person import SENSITIVE
 from tests.analysis.reports import ORIGIN, PAPER, imported
 from tests.analysis.simulated_data import simulated_data
 
 NEAR, SMALL = 1e-7, 1e-3
 """Numbers agree within `NEAR` of the larger one, or of `SMALL`."""
+NEAR_FRICTION = 1e-9
+"""Predicted μ' agrees within this."""
 AVX512 = ("AVX512F", "AVX512CD", "AVX512_SKX")
 AVX2 = ("AVX2", "FMA3")
 PUBLISHED = Path(__file__).parents[1] / "data/published_scores.csv"
@@ -91,8 +98,46 @@ SMALL_TABLES: dict[str, Callable[[], StudyData]] = {
 }
 
 
+BEAMS = {
+    "paper": Beam(),
+    "aluminium": Beam(
+        length_m=0.12, thickness_m=3e-3, youngs_modulus_pa=70e9, density_kg_m3=2700.0
+    ),
+    "one-sided": Beam(supports=("free", "free"), patches=(Patch(centre_m=0.03, faces="upper"),)),
+    "pinned": Beam(supports=("pinned", "pinned"), patches=(Patch(centre_m=0.05),)),
+    "slender": Beam(supports=("clamped", "clamped"), thickness_m=3e-4),
+}
+MODES, DETUNED, DAMPING = (1, 2, 6, 9), (1.0, 1.001, 0.97), (1e-8, 5e-3, 0.2)
+
+
+def friction() -> dict[str, list[float]]:
+    """Return μ' of each beam along it, at and beside resonances, for narrow and wide fingers."""
+    values = {}
+    for name, beam in BEAMS.items():
+        own_hz = [rung_resonance_hz(TOP_RUNG, beam, mode) for mode in MODES]
+        # Drives are given as numbers, which a user would type.
+        hz, damping, contact_m = (
+            axis.ravel()
+            for axis in np.meshgrid(
+                np.round(np.multiply.outer(own_hz, DETUNED), 2), DAMPING, (1e-3, 1e-2, 5e-2)
+            )
+        )
+        places_m = np.tile(np.linspace(0.0, beam.length_m, 21), hz.size)
+        batch = scene_batch(Scene(structure=Structure(beam=beam)), places_m)
+        batch = replace(
+            batch,
+            contact=replace(batch.contact, contact_m=np.repeat(contact_m, 21)),
+            frequency_hz=np.repeat(hz, 21),
+            damping_ratio=np.repeat(damping, 21),
+        )
+        for law in ("consistent", "coulomb"):
+            prediction = rung_prediction(batch, TOP_RUNG, LawChoice(name=law))
+            values[f"{name}, {law}"] = prediction.mu_effective.tolist()
+    return values
+
+
 def computed(file: Path) -> dict[str, Any]:
-    """Return what this process computes with, and the reports on the pickled data, by name."""
+    """Return what this process computes with, the reports on the pickled data, and friction."""
     from threadpoolctl import threadpool_info
 
     reports = {}
@@ -107,6 +152,7 @@ def computed(file: Path) -> dict[str, Any]:
         "threads": sorted({each["num_threads"] for each in blas}),
         "c_library": hash(tuple(math.exp(number / 1000) for number in range(-20_000, 20_000))),
         "reports": reports,
+        "friction": friction(),
     }
 
 
@@ -156,6 +202,8 @@ def assert_same_numbers(here: Mapping[str, Any], file: Path, processor: Processo
         assert (found["c_library"] == here["c_library"]) is processor.fma
     apart = list(differences(found["reports"], here["reports"]))
     assert not apart, "\n".join([f"{len(apart)} differ:", *apart[:40]])
+    for name, values in here["friction"].items():
+        assert np.abs(np.subtract(found["friction"][name], values)).max() < NEAR_FRICTION, name
 
 
 @pytest.fixture(scope="module")

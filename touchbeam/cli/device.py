@@ -123,6 +123,7 @@ def simulate_device(
         str | None,
         Option(metavar="LINK|PORT", help="Also a force gauge, at a path or loopback port."),
     ] = None,
+    study: Annotated[Path | None, Option(help="Study whose surface is simulated.")] = None,
 ) -> None:
     """Simulate the device in the foreground.
 
@@ -130,8 +131,12 @@ def simulate_device(
     """
     from device.simulator.device import SimulatedDevice
     from device.simulator.server import simulate
+    from runner.launch.device_access import simulated_surface
 
-    make = partial(SimulatedDevice, seed, dialect=dialect, law=law, rung=rung, damping=damping)
+    touched = simulated_surface(study)
+    make = partial(
+        SimulatedDevice, seed, dialect=dialect, law=law, rung=rung, damping=damping, **touched
+    )
     simulate(wire, place, control, make, gauge=gauge, keep=keep, say=say)
 
 

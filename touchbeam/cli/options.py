@@ -94,10 +94,9 @@ SimulatedLawOption = Annotated[
 
 
 def _rung(name: str) -> str:
-    from device.friction.rungs import require_rung
+    from device.friction.rungs import rung_named
 
-    require_rung(name)
-    return name
+    return rung_named(name)
 
 
 SimulatedRungOption = Annotated[

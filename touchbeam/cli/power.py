@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from analysis.power.designs import Design
     from analysis.power.job import Job, Task
     from analysis.power.power_summary import Summary
+    from device.people.person import Population
+    from protocol.study.study import Study
 
 app = Typer()
 _MOST_DIGITS = 9
@@ -91,8 +93,8 @@ def power(
     begun_s = perf_counter()
     folder = study_folder(study)
     file = folder.study()
-    if people is not None:
-        people_in_file(people)  # a mistake in it is told before anything is computed
+    # A mistake in people is told before anything is computed.
+    _require_felt(file, None if people is None else people_in_file(people))
     sizes = {"--participants": participants, "--repeats": repeats, "--levels": levels}
     wanted = designs(file, *(_numbers(given, option) for option, given in sizes.items()))
     for design in wanted:
@@ -106,7 +108,7 @@ def power(
         version=version("touchbeam"),
         seed=seed,
         models=not tests_only,
-        rig=calibration.fitted_calibration(folder.path),
+        rig=calibration.fitted_calibration(folder.path, folder.study()),
         people="" if people is None else files.short_text(people),
     )
     # A container or a batch system may give fewer cores than the computer has.
@@ -121,6 +123,28 @@ def power(
         elapsed_s = round(perf_counter() - begun_s, 3)
         return print_json({**record, "elapsed_s": elapsed_s, "workers": used})
     return _print(summaries, record)
+
+
+def _require_felt(study: "Study", population: "Population | None") -> None:
+    """Refuse a study of whose friction nothing is known, unless people are told what it is."""
+    from device.people.answering import is_stated
+    from device.people.people_file import EFFECT_EXAMPLE, require_effects
+
+    if study.surface.kind != "given":
+        return
+    if study.track:
+        raise BadInput(
+            "virtual people cannot feel the levels of tracks on a surface of kind given; leave the "
+            "tracks out, or measure friction and take kind measured"
+        )
+    if population is not None and population.effect is not None:
+        require_effects(population, study)
+    elif not is_stated(study):
+        raise BadInput(
+            "the friction of this surface is not known: state it at every touch, or say in a "
+            "people file (--people) by how many points each condition changes a score, "
+            f"{EFFECT_EXAMPLE}"
+        )
 
 
 def _cluster_size(scheduler: str) -> int:

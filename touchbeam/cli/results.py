@@ -63,8 +63,8 @@ def predict(
         Path, Option("-o", "--out", metavar="OUT.csv", help="Output file; - for standard output.")
     ],
     law: options.LawOption = "consistent",
-    rung: Annotated[str, Option(help="auto or a rung of `touchbeam ladder`.")] = "auto",
-    tolerance: Annotated[float, Option(help="Largest error in μ' allowed for auto.")] = 0.01,
+    rung: Annotated[str, Option(help="A rung of `touchbeam ladder`.")] = "beam",
+    tolerance: Annotated[float, Option(help="Largest error in μ' on the rung beam.")] = 1e-6,
     eq15_overlap: options.OverlapOption = "first",
     study: Annotated[Path | None, Option(help="Study whose values fill blank cells.")] = None,
 ) -> None:
@@ -75,12 +75,12 @@ def predict(
     """
     from analysis.model.predict import PredictOptions, study_defaults, study_rig
     from analysis.model.predict import predict as predicted
-    from device.friction.scenes import NOMINAL
+    from device.friction.calibration import NOMINAL
     from runner.study.calibration import fitted_calibration
     from runner.study.files import bytes_of, is_stream, text_of, write_whole
 
-    rig = fitted_calibration(study) if study else NOMINAL
     file = options.study_folder(study).study() if study else None
+    rig = fitted_calibration(study, file) if study and file else NOMINAL
     asked = PredictOptions(
         law=law,
         rung=rung,
@@ -161,6 +161,9 @@ def fit(
 
 @app.command()
 def ladder(
+    study: Annotated[
+        Path | None, Argument(metavar="STUDY", help="Its beam is measured. [default: the paper's]")
+    ] = None,
     as_json: options.JsonOption = False,
     plot: Annotated[
         Path | None, Option(metavar="FILE", help="Plot error against time: svg, png or pdf.")
@@ -168,15 +171,28 @@ def ladder(
 ) -> None:
     """Measure speed and accuracy of the friction model.
 
-    Runs every rung of the model in the paper's scene on this computer.
+    Runs every rung of the model, and the whole beam at each tolerance, on this computer: on the
+    beam of the study as calibrated, or the paper's. A rung that the beam does not allow is named.
     """
-    from analysis.model.ladder import ladder_lines, ladder_panel, measured_ladder
+    from analysis.model.ladder import (
+        ladder_lines,
+        ladder_panel,
+        ladder_words,
+        measured_ladder,
+        study_scene,
+    )
+    from device.friction.scenes import Scene
+    from runner.study.calibration import fitted_calibration
 
     # Refused before the rungs are timed, which takes a while.
     kind = plot.suffix.removeprefix(".").lower() if plot else "svg"
     if kind not in ("svg", "png", "pdf"):
         raise BadInput(f"--plot must end in .svg, .png or .pdf, got {plot}")
-    rows = measured_ladder()
+    scene = Scene()
+    if study is not None:
+        file = options.study_folder(study).study()
+        scene = study_scene(file, fitted_calibration(study, file))
+    rows = measured_ladder(scene)
     if plot:
         from analysis.report.drawing import panels_files
         from runner.study.files import write_whole
@@ -184,9 +200,12 @@ def ladder(
         write_whole(plot, panels_files([ladder_panel(rows)], [kind])[kind])
         (output.complain if as_json else output.say)(f"Written: {plot}")
     if as_json:
-        output.print_json([asdict(row) for row in rows])
+        beam = {"length_m": scene.structure.beam.length_m, "mode": scene.drive.mode}
+        output.print_json([asdict(row) | beam for row in rows])
         return
     output.print_table("The ladder", ladder_lines(rows))
+    for line in ladder_words(scene, rows):
+        output.say(line)
 
 
 def write_report(

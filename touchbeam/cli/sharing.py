@@ -70,23 +70,24 @@ def export(
 
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS
-    from device.friction.scenes import NOMINAL
+    from device.friction.calibration import NOMINAL
     from runner.journal.verification import readable_chains, require_no_withdrawal
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
 
     source = options.study_folder(study)
     with options.study_journal(source) as journal:
+        file = source.study()
         _require_known(participant, journal.sessions())
         withdrawals, broken = journal.withdrawals(), list[str]()
         chains = readable_chains(journal, broken, participant, rehearsals=rehearsals)
         data = dataset(
             followed("sessions", chains, len(journal.sessions())),
-            source.study(),
+            file,
             version("touchbeam"),
             rehearsals=rehearsals,
             # Tables alone have predictions.
-            rig=fitted_calibration(source.path) if as_format == "csv" else NOMINAL,
+            rig=fitted_calibration(source.path, file) if as_format == "csv" else NOMINAL,
             broken_chains=broken,
         )
         texts = EXPORTS[as_format](data)

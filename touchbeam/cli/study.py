@@ -58,7 +58,7 @@ def new(
 ) -> None:
     """Create a study to edit."""
     from protocol.study_file.loading import template as template_text
-    from protocol.study_file.loading import template_tests
+    from protocol.study_file.loading import template_pictures, template_tests
     from runner.study.files import write_whole
     from runner.study.folder import named_after, new_study
 
@@ -67,6 +67,8 @@ def new(
     with new_study(study, text):
         tests = folder / "test_study.py"
         write_whole(tests, template_tests().encode())
+        for name, picture in template_pictures(template).items():
+            write_whole(folder / name, picture)
     place = typed_as(folder)
     say(f"Edit {study.study_file}; {page('Study file')} describes every key. Then:")
     say(f"  {program()} check {place}")
@@ -310,7 +312,8 @@ def register(
     )
     made, replaced = write(folder, made, WallClock())
     text = "".join(
-        f"{line}\n" for line in registry_text(made, how_tested(checked, made.hypotheses))
+        f"{line}\n"
+        for line in registry_text(made, how_tested(checked, made.hypotheses), checked.surface)
     )
     if as_json:
         print_json(

@@ -15,19 +15,19 @@ from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
 from analysis.sensitivity.predictive_checks import SEED
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_statistics import TrialStatistics
+from device.friction.calibration import Calibration
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
-from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S, Calibration, Scene
+from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
+from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
 from protocol.errors import listed
 from protocol.study.study import Study
 
 
 def section(found: Findings) -> Section:
     """Return the methods in three paragraphs: data, tests and models."""
-    return Section(
-        title="Methods",
-        blocks=[_data(found), _tests(found.trials), _model(found.trials, found.origin.rig)],
-    )
+    model = [_model(found)] if found.is_predicted else []
+    return Section(title="Methods", blocks=[_data(found), _tests(found.trials), *model])
 
 
 def _data(found: Findings) -> str:
@@ -39,7 +39,7 @@ def _data(found: Findings) -> str:
     origin = (
         "The scores are those of a published table."
         if found.published
-        else "Each condition changed one parameter of the vibrating beam. Participants reported "
+        else "Each condition changed one parameter of the vibrating surface. Participants reported "
         "the change that they felt and, "
         + {
             "agrees": "if their answer agreed with the expectation,",
@@ -82,9 +82,12 @@ _BESIDE = (
 )
 
 
-def _model(trials: TrialStatistics, rig: Calibration) -> str:
+def _model(found: Findings) -> str:
+    trials, rig = found.trials, found.origin.rig
     # APA style writes numbers below ten as words.
-    laws = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
+    count = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
+    has_laws = isinstance(rig.surface, BeamSurface)
+    laws, law = (f" under {count} laws", f" under the law '{LAW}'") if has_laws else ("", "")
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     # Trials of tracks have no contrast of their own.
     touched = trials.contrasts.measured[trials.data.trials["track"].isna()]
@@ -101,9 +104,8 @@ def _model(trials: TrialStatistics, rig: Calibration) -> str:
         else "touches were not measured, so planned or standard values were used"
     )
     return (
-        f"Contrasts were predicted trial by trial from the friction model on its rung {RUNG} "
-        f"under {laws} laws{calibrated}; {touches}. "
-        f"Sensitivities were estimated under the law '{LAW}' by "
+        f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
+        f"{calibrated}; {touches}. Sensitivities were estimated{law} by "
         "M2, an ordinal mixed model: a latent rating, bias + gain × contrast + an effect of "
         "the condition + noise, is mapped to scores through ordered thresholds common to all "
         "subjects. A relative gain is a subject's gain less the mean gain of the subjects; "
@@ -165,24 +167,37 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
 
 
 def _model_parameters(study: Study, rig: Calibration) -> dict[str, str]:
-    scene, finger = Scene(), study.touch
-    beam = scene.structure.beam
+    finger = study.touch
     return {
-        "laws": " / ".join(LAWS),
-        "law for sensitivities": LAW,
-        "rung": RUNG,
-        "mode": str(scene.drive.mode),
-        "beam": f"{beam.length_m:g} m x {beam.width_m:g} m x {beam.thickness_m:g} m",
-        "damping ratio": f"{rig.damping_ratio:g}",
-        "body height": f"{rig.body_height_m:g} m",
-        **({"gain of the drive": f"{rig.gain:g}", "rig": rig.origin} if rig.origin else {}),
-        "body mass": f"{scene.structure.body_mass_kg:g} kg/m",
-        "friction coefficient, drive off": f"{scene.structure.friction_coefficient:g}",
-        "reference tip speed": f"{REFERENCE_TIP_SPEED_M_S:.6g} m/s",
-        "reference sliding speed": f"{REFERENCE_SPEED_M_S:.6g} m/s",
+        **_of_surface(study, rig),
         "finger force": f"{finger.force_n:g} N",
         "finger contact": f"{finger.contact_m:g} m",
         "sliding speed": f"{finger.sliding_speed_m_s:g} m/s",
         "smooth place": f"{finger.smooth_place_m:g} m",
         "path": f"{finger.path_m[0]:g} to {finger.path_m[1]:g} m",
+    }
+
+
+def _of_surface(study: Study, rig: Calibration) -> dict[str, str]:
+    match rig.surface:
+        case GivenSurface(length_m=length_m):
+            return {"surface": f"given, {length_m:g} m long"}
+        case MeasuredSurface(length_m=length_m, table=table):
+            file = f"{study.surface.table}, SHA-256 {table.digest}"
+            return {"surface": f"measured, {length_m:g} m long", "table of friction": file}
+    beam = rig.structure.beam
+    return {
+        "laws": " / ".join(LAWS),
+        "law for sensitivities": LAW,
+        "rung": RUNG,
+        "mode": str(rig.mode),
+        "beam": f"{beam.length_m:g} m x {beam.width_m:g} m x {beam.thickness_m:g} m",
+        **({"supports": " / ".join(beam.supports)} if study.surface.is_own_beam else {}),
+        "damping ratio": f"{rig.damping_ratio:g}",
+        "body height": f"{rig.body_height_m:g} m",
+        **({"gain of the drive": f"{rig.gain:g}", "rig": rig.origin} if rig.origin else {}),
+        "body mass": f"{rig.structure.body_mass_kg:g} kg/m",
+        "friction coefficient, drive off": f"{rig.structure.friction_coefficient:g}",
+        "reference tip speed": f"{REFERENCE_TIP_SPEED_M_S:.6g} m/s",
+        "reference sliding speed": f"{REFERENCE_SPEED_M_S:.6g} m/s",
     }

@@ -1,6 +1,7 @@
 """Checks of the models: against studies that they simulate, and against known true parameters."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -14,8 +15,11 @@ from analysis.report.wording import interval, number
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveCheck
 from analysis.trials.contrasts import BEAM_MODELS, FACTORS, ContrastRange
+from device.errors import OutOfRangeError
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
+from device.friction.rungs import rung_named
+from device.friction.surfaces import BeamSurface
 from protocol.journal.records import VirtualTruth
 from protocol.study.rules import PAPERS_SCALE
 
@@ -90,8 +94,9 @@ def recovery(found: Findings) -> Section:
     for each in pairs:
         low, high = each.line.gain_interval
         each.covered = low <= each.truth.sensitivity <= high
-    simulated = list(dict.fromkeys((truth.law, truth.rung) for truth in virtual.values()))
-    blocks: list[Block] = [_explanation(simulated), _table(pairs)] if pairs else []
+    models = ((truth.law, _present_name(truth.rung)) for truth in virtual.values())
+    simulated = list(dict.fromkeys(models))
+    blocks: list[Block] = [_explanation(simulated, found), _table(pairs)] if pairs else []
     data = {
         "simulated": [{"law": law, "rung": rung} for law, rung in simulated],
         "reported": {"law": LAW, "rung": RUNG},
@@ -102,6 +107,13 @@ def recovery(found: Findings) -> Section:
         blocks=blocks,
         data={"recovery": data} if virtual else {},
     )
+
+
+def _present_name(rung: str) -> str:
+    """Return the name that a rung has now; that of one that has left stays."""
+    with suppress(OutOfRangeError):
+        return rung_named(rung)
+    return rung
 
 
 def _on_scale(truth: VirtualTruth, scale: Scale) -> VirtualTruth:
@@ -115,8 +127,10 @@ def _on_scale(truth: VirtualTruth, scale: Scale) -> VirtualTruth:
     )
 
 
-def _explanation(simulated: list[tuple[str, str]]) -> str:
+def _explanation(simulated: list[tuple[str, str]], found: Findings) -> str:
     """Return on which law and rung beam and report rest, and what follows where they differ."""
+    if not isinstance(found.origin.rig.surface, BeamSurface):
+        return f"Virtual people and predicted contrasts follow {found.friction_source}."
     reported = "the law {} on the rung {}".format(*_REPORTED)
     others = [model for model in simulated if model != _REPORTED]
     if not others:

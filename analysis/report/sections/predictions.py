@@ -24,14 +24,15 @@ PREDICTIONS = "predictions"
 def section(found: Findings) -> Section:
     """Return the model's predictions, and how well they fit the ratings."""
     felt, predicted = _first_signal(found.trials)
+    has_signal = found.published or any(item.kind == "signal" for item in found.study.opening)
     return Section(
         title="Ratings against the model",
         blocks=[
-            _signal_line(felt, predicted),
+            _signal_line(felt, predicted, found) if has_signal else None,
             ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
             _laws_line(found.trials),
-            _law_table(found.trials.laws),
+            _law_table(found.trials.laws) if len(found.shown_laws) > 1 else None,
         ],
         data={
             "laws": [law_json(score) for score in found.trials.laws],
@@ -55,14 +56,22 @@ def _first_signal(trials: TrialStatistics) -> tuple[Proportion | NotEstimable, d
     return proportion(int(answers["agrees"][answered].sum()), int(answered.sum())), predicted
 
 
-def _signal_line(felt: Proportion | NotEstimable, predicted: Mapping[str, float]) -> str:
-    laws = ", ".join(f"{law} {number(value, 4)}" for law, value in predicted.items())
+def _signal_line(
+    felt: Proportion | NotEstimable, predicted: Mapping[str, float], found: Findings
+) -> str:
+    several = len(found.shown_laws) > 1
+    laws = ", ".join(
+        f"{law} {number(predicted[law], 4)}" if several else number(predicted[law], 4)
+        for law in found.shown_laws
+    )
     told = (
         "response not recorded"
         if isinstance(felt, NotEstimable)
         else f"felt as expected by {share(felt)}"
     )
-    return f"First signal (0 → 100 V): {told}; predicted contrast (rung {RUNG}): {laws}."
+    return (
+        f"First signal (0 → 100 V): {told}; predicted contrast ({found.friction_source}): {laws}."
+    )
 
 
 _LINES = {
@@ -90,7 +99,8 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
     return Figure(
         name="model",
         title="Ratings against the model",
-        caption="Ratings against the contrast that the friction model predicts for each trial. "
+        caption="Ratings against the contrast that is predicted for each trial, from "
+        f"{found.friction_source}. "
         "Shape and colour mark the condition; equal ratings are offset slightly. "
         f"{''.join(_LINES[model] for model in curves)}{_THRESHOLDS * bool(thresholds)}"
         f"{SKIN_IN_SHORT}{of_all(len(ratings.rating), count, 'ratings')}",
@@ -130,9 +140,9 @@ def _prediction_table(found: Findings) -> Table:
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return Table(
         name=PREDICTIONS,
-        caption="Mean predicted contrast of each condition under each friction law, on the "
-        f"model's rung {RUNG} (change of log friction; positive in the expected direction), with "
-        "the mean score.",
+        caption="Mean predicted contrast of each condition under each friction law, from "
+        f"{found.friction_source} (change of log friction; positive in the expected direction), "
+        "with the mean score.",
         columns=columns("condition", "mean score", *(score.law for score in physical)),
         rows=[
             [name, number(mean, 2), *(number(score.predicted.get(name), 4) for score in physical)]

@@ -20,6 +20,7 @@ from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
+from device.friction.rungs import rung_named
 from protocol.errors import listed
 from protocol.journal.events import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
@@ -189,7 +190,7 @@ def registered_lines(found: Findings) -> Iterator[str]:
 
 def conduct(found: Findings, lock: StudyLock) -> Conduct:
     """Return how the study was conducted and is reported here."""
-    origin = found.origin
+    origin, registered = found.origin, lock.registration.rung
     # What the rules of the study file take out was registered with that file.
     left_out = [entry for entry in found.loaded.left_out if entry.by != "rule"]
     return Conduct(
@@ -202,7 +203,8 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         withdrawn_completed=found.loaded.withdrawn_completed,
         study_sha256=origin.study_sha256,
         law=LAW,
-        rung=RUNG,
+        # Of several names of one rung, that which was registered.
+        rung=registered if rung_named(registered) == RUNG else RUNG,
         analysis=analysis_settings(found.rating.minimum),
         touchbeam=version("touchbeam"),
         later=origin.later.origin if origin.later else "",

@@ -14,7 +14,6 @@ from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number, omnibus_line
 from analysis.statistics.summary import Reading, Table4
 from analysis.trials.answers import Answers, answers_by_question
-from device.friction.changes import RUNG
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
 
@@ -240,8 +239,9 @@ def trials(found: Findings) -> blocks.Section:
     return blocks.Section(
         title="Trials",
         blocks=[
-            "All analysed trials, with the contrast that each friction law predicts for them "
-            f"(rung {RUNG}).",
+            f"All analysed trials, with their contrasts from {found.friction_source}."
+            if found.is_predicted
+            else "All analysed trials.",
             blocks.TableGroup(name="trial-tables", tables=_subject_tables(found)),
         ],
         data={"trials": found.trial_records},
@@ -264,7 +264,8 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
     own: dict[str, list[Mapping[str, Any]]] = {name: [] for name in table.subjects}
     for record in found.trial_records:
         own[record["subject"]].append(record)
-    predicted = (f"predicted, {law}" for law in found.trials.contrasts.by_law)
+    laws = found.shown_laws
+    predicted = [f"predicted, {law}" if len(laws) > 1 else "predicted" for law in laws]
     header = [
         *blocks.columns("condition", "session", "trial"),
         blocks.Column(name="kind", kind="word"),
@@ -274,14 +275,14 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
     ]
     return [
         blocks.Table(
-            name="", caption=f"Trials of {name}", columns=header, rows=_rows(row, of, places)
+            name="", caption=f"Trials of {name}", columns=header, rows=_rows(row, of, places, laws)
         )
         for row, (name, of) in enumerate(own.items())
     ]
 
 
 def _rows(
-    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
+    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int], laws: Sequence[str]
 ) -> Sequence[blocks.Row]:
     """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
 
@@ -293,7 +294,7 @@ def _rows(
     anchored = {len(places)}
     # Stable: within a condition trials stay in the order of their answers.
     for record in sorted(records, key=place):
-        name, *cells = _cells(record)
+        name, *cells = _cells(record, laws)
         column = place(record)
         anchor = "" if column in anchored else _anchor("trials", row, column)
         anchored.add(column)
@@ -303,7 +304,7 @@ def _rows(
     return rows
 
 
-def _cells(record: Mapping[str, Any]) -> list[str]:
+def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
     kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
     # The source of the touch for which the contrast is predicted.
     touch = "measured" if record["touch_measured"] else "as planned"
@@ -318,6 +319,6 @@ def _cells(record: Mapping[str, Any]) -> list[str]:
         record["change"] or MISSING,
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
         MISSING if record["score"] is None else f"{record['score']:g}",
-        *(number(contrast, 4) for contrast in record["predicted"].values()),
+        *(number(record["predicted"][law], 4) for law in laws),
         touch,
     ]

@@ -7,16 +7,21 @@ Sensor noise depends on channel and device time alone, so that looking more ofte
 
 import random
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from device.arrays import FloatArray
 from device.beam.beam import Beam
-from device.beam.modes import FloatArray, modal_displacement_m, natural_frequency_hz
+from device.beam.fields import mode_field, peak_ratio
+from device.beam.spectral import natural_frequency_hz
+from device.errors import positive, within
 from device.friction import scenes
 from device.friction.changes import LAW, RUNG
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import law_by_name
-from device.people.person import BODY_HEIGHT_M, MODE, Fingers, World, felt_friction
+from device.friction.surfaces import PAPERS, AnySurface, BeamSurface
+from device.people.person import Fingers, World, felt_friction
 from device.simulator.hardware.power_stage import Instrument
 
 _GAIN_SD = 0.02
@@ -86,9 +91,13 @@ class SimulatedBeam:
     """None: those of the report."""
     damping: float | None = None
     """The beam's ratio; None: the seed moves it, too."""
+    surface: AnySurface = PAPERS
+    """What is touched: of a beam its mechanics, of another one the paper's."""
+    nominal_hz: float | None = None
+    """About where it resonates; None: where the paper's beam does."""
     finger: Finger | None = None
     skin: Skin = field(default_factory=Skin)
-    body_height_m: float = BODY_HEIGHT_M
+    has_bodies: bool = True
     monitor_gain: float = 1.0
     """What the monitor shows of the voltage: 1 unless it is broken."""
     is_saturated: bool = False
@@ -105,9 +114,17 @@ class SimulatedBeam:
 
     def __post_init__(self) -> None:
         hidden = random.Random(f"beam/{self.seed}")
-        self.beam = Beam(
-            frequency_scale=1 + hidden.gauss(0, SPREAD["resonance"]),
-            damping_ratio=Beam().damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
+        own = self.surface if isinstance(self.surface, BeamSurface) else PAPERS
+        nominal = own.structure.beam
+        scale = 1 + hidden.gauss(0, SPREAD["resonance"])
+        if self.nominal_hz is not None:
+            scale *= self.nominal_hz / natural_frequency_hz(
+                nominal, own.mode, patched=False, shear=False
+            )
+        self.beam = replace(
+            nominal,
+            frequency_scale=scale,
+            damping_ratio=nominal.damping_ratio * (1 + hidden.gauss(0, SPREAD["damping"])),
         )
         # Replaced after the draws, so that the other hidden properties of the seed stay the same.
         if self.damping is not None:
@@ -122,11 +139,25 @@ class SimulatedBeam:
             rung=self.rung or RUNG,
             damping_ratio=self.beam.damping_ratio,
             gain=self.gain,
+            surface=self.surface,
         )
         # Called for its error: an unknown law is refused now and not at the first touch.
         law_by_name(self.world.law)
         # The rung's own resonance is where the sensor at the tip shows it.
-        self._model_hz_per_hz = self.world.resonance_hz / natural_frequency_hz(self.beam, MODE)
+        self._model_hz_per_hz = self.world.resonance_hz / self.resonance_hz
+
+    @property
+    def length_m(self) -> float:
+        return self.surface.length_m
+
+    @property
+    def body_height_m(self) -> float:
+        return self.world.structure.body_height_m if self.has_bodies else 0.0
+
+    @cached_property
+    def resonance_hz(self) -> float:
+        """Where the sensor shows the beam's resonance: that of its bare mode."""
+        return natural_frequency_hz(self.beam, self.world.mode, patched=False, shear=False)
 
     def touch(
         self,
@@ -151,15 +182,16 @@ class SimulatedBeam:
             speed_m_s=speed_m_s,
             at_s=at_s,
         )
-        # Made for its errors: a finger beside the beam is refused before it replaces the old one.
-        self._scene(finger, voltage_v=0.0, frequency_hz=1.0)
+        # A finger beside the surface is refused before it replaces the old one.
+        within("x_m", position_m, 0.0, self.length_m)
+        positive("finger_load_n", force_n)
         self.finger = finger
 
     def set_up(self) -> None:
         """Load and compute now what the first driven touch needs; no answer then waits for it."""
-        finger = Finger(force_n=1.0, position_m=self.beam.length_m / 2, direction="right")
+        finger = Finger(force_n=1.0, position_m=self.length_m / 2, direction="right")
         # At 1 V, because at rest no rung is set up.
-        self._friction(finger, np.zeros(1), np.ones(1), natural_frequency_hz(self.beam, MODE))
+        self._friction(finger, np.zeros(1), np.ones(1), self.resonance_hz)
 
     def change(self, name: str, value: float) -> None:
         """Change a number of skin or force sensor; raise `ValueError` if neither has that name."""
@@ -178,7 +210,7 @@ class SimulatedBeam:
         """
         from scipy.signal import find_peaks
 
-        resonance_hz = float(natural_frequency_hz(self.beam, MODE))
+        resonance_hz = self.resonance_hz
         block = Finger(force_n=0.56, position_m=0.0, direction="right")
         places_m = np.linspace(0.0, self.beam.length_m, 4001)
         scene = self._scene(block, self.gain * 100.0, resonance_hz)
@@ -202,7 +234,7 @@ class SimulatedBeam:
         # Written so that NaN is refused, too.
         if not body_spacing_m >= 0:
             raise ValueError(f"the spacing must be 0 m or more, got {body_spacing_m}")
-        self.body_height_m = BODY_HEIGHT_M if body_spacing_m > 0 else 0.0
+        self.has_bodies = body_spacing_m > 0
 
     def friction_coefficient(self, instrument: Instrument) -> float | None:
         """Return what the finger feels, None without a finger."""
@@ -241,7 +273,7 @@ class SimulatedBeam:
         """Return where the finger is at device times; it stops at the ends of the beam."""
         way = 1.0 if finger.direction == "right" else -1.0
         moved_m = way * finger.speed_m_s * np.maximum(times_s - finger.at_s, 0.0)
-        return np.clip(finger.position_m + moved_m, 0.0, self.beam.length_m)
+        return np.clip(finger.position_m + moved_m, 0.0, self.length_m)
 
     def monitor_v(self, instrument: Instrument) -> float:
         return self.monitor_gain * instrument.output_v + self._noise("monitor_v", instrument)
@@ -261,16 +293,19 @@ class SimulatedBeam:
         return position_m + self._noise("position_m", instrument)
 
     def measured_vibration_m(self, instrument: Instrument) -> float:
-        """Return the reading of the sensor at the tip: an amplitude, m."""
+        """Return the reading of the sensor where the beam moves most: an amplitude, m."""
         voltage_v = self.gain * instrument.output_v
-        tip_m = 2 * modal_displacement_m(self.beam, MODE, voltage_v, instrument.frequency_hz)
-        return float(tip_m) * (1 + self._noise("vibration", instrument))
+        drive = np.array([instrument.frequency_hz]), np.array([self.beam.damping_ratio])
+        mode = self.world.mode
+        per_v = mode_field(self.beam, mode, *drive, built=False).displacement_m
+        largest_m = voltage_v * float(per_v[0]) * peak_ratio(self.beam, mode)
+        return largest_m * (1 + self._noise("vibration", instrument))
 
     def _scene(self, finger: Finger, voltage_v: float, frequency_hz: float) -> scenes.Scene:
         model_hz = frequency_hz * self._model_hz_per_hz
         return scenes.Scene(
-            structure=scenes.Structure(beam=self.world.beam, body_height_m=self.body_height_m),
-            drive=scenes.Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=MODE),
+            structure=replace(self.world.structure, body_height_m=self.body_height_m),
+            drive=scenes.Drive(voltage_v=voltage_v, frequency_hz=model_hz, mode=self.world.mode),
             touch=scenes.FingerContact(
                 x_m=finger.position_m,
                 finger_load_n=finger.force_n,

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from device.beam.modes import FloatArray
+from device.arrays import FloatArray
 from device.force_channel.recording import FULL_SCALE, Block, Scale, most_in_block
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import Instrument

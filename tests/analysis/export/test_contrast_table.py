@@ -13,9 +13,9 @@ from analysis.export.trial_table import CONTRAST_COLUMNS
 from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import report, report_json
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import RUNG
 from device.friction.laws import LAWS
-from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import StoredEvent, StudyRegistered
 from tests.analysis.chains import chain, published_chain
 from tests.analysis.export.data_slips import csv_rows

@@ -8,8 +8,9 @@ from scipy.signal import lfilter
 
 from analysis.estimates import FloatArray
 from analysis.friction.recorded import TouchForces, reduced
+from device.friction.calibration import Calibration
 from device.friction.changes import Moment, friction_at, trial_change
-from device.friction.scenes import Calibration, Structure
+from device.friction.scenes import Structure
 from protocol.journal.records import Recording
 from protocol.plan.trials import Trial
 from protocol.study.rig_settings import TARE_S

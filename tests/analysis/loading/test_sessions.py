@@ -18,6 +18,7 @@ from protocol.journal.events import (
     NoteTaken,
     SessionResumed,
     StoredEvent,
+    TouchEnded,
     TrialAborted,
     TrialExcluded,
     TrialStarted,
@@ -103,6 +104,19 @@ def test_a_trial_answered_again_counts_once_and_an_aborted_touch_not_at_all() ->
     assert len(found.touches) == len(without.touches) + 1
     twice = [*events[:-2], *events[started:]]
     assert len(answered(twice)) == len(without.answered)
+
+
+def test_a_generator_that_is_off_gives_nothing_whatever_amplitude_it_keeps() -> None:
+    def kept(event: Event) -> Event:
+        if not isinstance(event, TouchEnded):
+            return event
+        start, *rest = event.read_back
+        return replace(event, read_back=(replace(start, output=False, voltage_v=100.0), *rest))
+
+    events = list(map(kept, paper_session()))
+    touches, plain = (load_sessions([chain(it)]).touches for it in (events, paper_session()))
+    assert (touches["start_voltage_v"] == 0).all()
+    pd.testing.assert_series_equal(touches["end_voltage_v"], plain["end_voltage_v"])
 
 
 def test_a_resumed_session_goes_on_under_the_amended_plan() -> None:

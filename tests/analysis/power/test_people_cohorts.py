@@ -10,7 +10,7 @@ from analysis.loading.study_data import NothingToReport
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.simulation import Simulation
 from analysis.trials.contrasts import scored_trials, trial_contrasts
-from device.friction.scenes import Calibration
+from device.friction.calibration import Calibration
 from device.people.person import DEFAULT, Population, World
 from protocol.study.rules import Exclusions
 from protocol.study.study import Study

@@ -13,8 +13,8 @@ from analysis.power.power_summary import summary
 from analysis.power.study_records import Records, asked_by
 from analysis.power.track_records import _of_three, by_chance, shares, track_records, truths
 from analysis.simulation import names_of
+from device.friction.calibration import NOMINAL
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL
 from device.people.answering import TRACK_NUMBERS, Answering
 from device.people.person import DEFAULT, LogNormal, People, Person, people_of, person_name
 from protocol.study.track import Find, Task

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 from analysis.estimates import FloatArray
 from analysis.sliding.rig_model import Pass, RigProperties
 from device.beam.beam import Beam
-from device.beam.modes import natural_frequency_hz
+from device.beam.spectral import natural_frequency_hz
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG, rung_resonance_hz
-from device.friction.scenes import Direction, Drive, FingerContact, Scene, Structure
+from device.friction.scenes import Direction, Drive, FingerContact, Scene
 from device.simulator.hardware.beam_and_finger import SPREAD
 
 MODE = 6
@@ -38,18 +38,19 @@ class Rig:
 
     def friction(self, setting: "Setting", x_m: FloatArray) -> FloatArray:
         """Return true friction at places."""
-        beam = self.true.beam()
+        beam, mode = self.true.beam(), self.true.surface.mode
         drive_hz = setting.frequency_hz / self.true.resonance_hz
         scene = Scene(
-            structure=Structure(
+            structure=replace(
+                self.true.surface.structure,
                 beam=beam,
                 friction_coefficient=self.true.friction_coefficient,
                 body_height_m=self.true.body_height_m,
             ),
             drive=Drive(
                 voltage_v=setting.voltage_v * self.true.gain,
-                frequency_hz=drive_hz * rung_resonance_hz(TOP_RUNG, beam, MODE),
-                mode=MODE,
+                frequency_hz=drive_hz * rung_resonance_hz(TOP_RUNG, beam, mode),
+                mode=mode,
             ),
             touch=FingerContact(
                 contact_m=CONTACT_M, finger_load_n=LOAD_N, sliding_speed_m_s=setting.speed_m_s
@@ -73,9 +74,10 @@ def rig(seed: int) -> Rig:
     """Return a rig as a simulated device has it: resonance, damping and gain are its own."""
     draw = np.random.default_rng([seed, 1])
     plain = Beam()
+    own_hz = natural_frequency_hz(plain, MODE, patched=False, shear=False)
     true = RigProperties(
         friction_coefficient=0.4 * (1 + draw.normal(0, 0.1)),
-        resonance_hz=natural_frequency_hz(plain, MODE) * (1 + draw.normal(0, SPREAD["resonance"])),
+        resonance_hz=own_hz * (1 + draw.normal(0, SPREAD["resonance"])),
         damping_ratio=plain.damping_ratio * (1 + draw.normal(0, SPREAD["damping"])),
         gain=1 + draw.normal(0, SPREAD["gain"]),
     )

@@ -10,6 +10,7 @@ from analysis.report.drawing import panels_files
 from analysis.sliding.comparison import figure_panels
 from analysis.sliding.experiment import SlidingFindings, data_digest, sliding_findings
 from device.friction.laws import LAWS
+from device.friction.rungs import RUNG_NAMES, TOP_RUNG
 from tests.analysis.sliding.rigs import Setting, default_plan, passes, rig
 
 OWN = rig(5)
@@ -43,10 +44,10 @@ def test_curves_lie_about_true_friction_by_their_standard_error() -> None:
 
 def test_the_law_and_rung_that_made_the_passes_fit_best() -> None:
     found = findings().mismatches
-    assert len(found) == 2 * 7 * len(LAWS)
+    assert len(found) == 2 * len(RUNG_NAMES) * len(LAWS)
     best = min(found, key=lambda one: one.rmse)
     assert (best.law, best.fitted) == ("consistent", True)
-    assert best.rung in {"timoshenko-modes", "timoshenko-patched"}
+    assert best.rung == TOP_RUNG
     assert best.rmse < 0.02
     assert best.mean_absolute < best.rmse
     assert best.places_m < 0.2e-3
@@ -60,7 +61,7 @@ def test_the_figure_has_measured_friction_beside_each_law_and_rung() -> None:
     assert len(panels) == 2 + 1 + 8
     assert [line.label for line in panels[0].series] == ["measured", *LAWS]
     assert "23200 Hz" in panels[0].title
-    assert panels[2].series[-1].label == "timoshenko-patched"
+    assert panels[2].series[-1].label == TOP_RUNG
     drawn = panels_files(panels, ["svg"])
     assert drawn["svg"].startswith(b"<svg")
     assert drawn == panels_files(panels, ["svg"])

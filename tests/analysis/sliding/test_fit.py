@@ -9,6 +9,9 @@ import pytest
 from analysis.estimates import Estimate, NotEstimable
 from analysis.sliding.fit import RigFit, fitted_rig
 from analysis.sliding.rig_model import RigProperties, binned_pass
+from device.beam.beam import Beam, Patch
+from device.friction.scenes import Structure
+from device.friction.surfaces import BeamSurface
 from tests.analysis.sliding.rigs import (
     PAPER_HZ,
     Rig,
@@ -51,6 +54,22 @@ def test_a_rig_is_recovered_from_passes_without_noise(centre_m: float) -> None:
     assert fit.rig.body_height_m == pytest.approx(own.true.body_height_m, rel=0.05)
     assert fit.rig.patch_centre_m == pytest.approx(centre_m, abs=2e-4)
     assert fit.rig.friction_coefficient == pytest.approx(0.4, rel=2e-3)
+
+
+def test_patches_without_room_stay_where_they_are_described() -> None:
+    """On a free beam whose patch begins at its end, and bodies of no height."""
+    patch = replace(Patch(), centre_m=0.005)
+    beam = Beam(length_m=0.1, thickness_m=3e-3, supports=("free", "free"), patches=(patch,))
+    surface = BeamSurface(structure=Structure(beam=beam, body_height_m=0.0))
+    true = RigProperties.nominal(surface, friction_coefficient=0.4, resonance_hz=18_000.0)
+    own = Rig(true=replace(true, damping_ratio=0.006), measured_hz=18_000.0)
+    made = quiet(own, default_plan(own.measured_hz, references=1)[1:6])
+    fit = fitted_rig([binned_pass(one) for one in made], true)
+    lost = fit.estimates["patch_centre_m"]
+    assert isinstance(lost, NotEstimable)
+    assert "so near to an end of the beam" in lost.reason
+    assert fit.rig.patch_centre_m == 0.005
+    assert fit.rig.damping_ratio == pytest.approx(0.006, rel=0.02)
 
 
 def test_the_patches_move_until_they_are_at_the_best_place() -> None:

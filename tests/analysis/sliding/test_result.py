@@ -5,11 +5,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from analysis.sliding.experiment import DrawnSession, PlannedPass
+from analysis.sliding.experiment import Cell, DrawnSession, PlannedPass
 from analysis.sliding.result import SlidingResult, sliding_result
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured
-from tests.analysis.sliding.rigs import default_plan, passes, rig
+from tests.analysis.sliding.rigs import Setting, default_plan, passes, rig
 
 OWN = rig(1)
 PLAN = default_plan(OWN.measured_hz)
@@ -17,15 +17,22 @@ FEW = [*PLAN[1:6:2], PLAN[-1]]
 """Three drives around the resonance and a reference, for speed."""
 
 
+def cell(setting: Setting) -> Cell:
+    frequency = round(setting.frequency_hz / OWN.measured_hz, 6) if setting.voltage_v else 0.0
+    return Cell(setting.voltage_v, frequency, setting.direction, setting.speed_m_s)
+
+
 def drawn() -> DrawnSession:
     made = passes(OWN, FEW, seed=1)
     return DrawnSession(
         session="slide/1",
         rehearsal=True,
-        planned=11,
+        planned=tuple(map(cell, PLAN)),
         passes=tuple(
-            PlannedPass(index=index, drive=f"{one.frequency_hz:.0f} Hz", made=one)
-            for index, one in enumerate(made)
+            PlannedPass(
+                index=index, drive=f"{one.frequency_hz:.0f} Hz", cell=cell(setting), made=one
+            )
+            for index, (setting, one) in enumerate(zip(FEW, made, strict=True))
         ),
         left_out=((4, "the block <tilted>"),),
         resonance=ResonanceMeasured(frequency_hz=OWN.measured_hz, tip_m_per_v=1e-8),

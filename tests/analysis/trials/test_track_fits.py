@@ -10,7 +10,7 @@ from analysis.loading.study_data import load_study_data
 from analysis.statistics.detection import Detection
 from analysis.thresholds.psychometric import fitted
 from analysis.trials.track_fits import Thresholds, thresholds
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from protocol.study_file.loading import parsed_study
 from tests.analysis.tracks import TRACKS, session
 

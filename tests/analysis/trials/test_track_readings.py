@@ -8,8 +8,8 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.trials.track_fits import thresholds
 from analysis.trials.track_readings import felt_of
+from device.friction.calibration import NOMINAL
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL
 from protocol.study_file.loading import parsed_study
 from tests.analysis.tracks import TRACKS, session
 

@@ -6,10 +6,11 @@ import pytest
 
 from device.beam.beam import Beam
 from device.errors import OutOfRangeError
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import CONDITIONS, LAW, RUNG, friction_at, predicted_contrast
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import rung_resonance_hz
-from device.friction.scenes import NOMINAL, Calibration, Drive, FingerContact, Scene, Structure
+from device.friction.scenes import Drive, FingerContact, Scene, Structure
 
 OWN = Calibration(damping_ratio=0.004, gain=1.1, body_height_m=1.2e-3, origin="session slide/1")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL, Calibration
 from device.tracks.contrast import voltages
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template

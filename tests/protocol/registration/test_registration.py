@@ -18,6 +18,7 @@ from protocol.registration.registration import (
     require_known,
 )
 from protocol.registration.registry_text import registry_text
+from protocol.study.surface import Surface
 from protocol.study_file.loading import parsed_study, template
 
 PAPER = parsed_study(template("paper"))
@@ -163,7 +164,7 @@ def test_hypotheses_are_known_by_name() -> None:
 
 
 def told(registered: Registration, tested: Sequence[str]) -> list[str]:
-    return [*registry_text(registered, dict.fromkeys(tested, "a test"))]
+    return [*registry_text(registered, dict.fromkeys(tested, "a test"), Surface())]
 
 
 def test_the_text_for_a_registry_says_what_is_settled_and_nothing_else() -> None:

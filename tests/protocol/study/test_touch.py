@@ -2,8 +2,8 @@
 
 import pytest
 
+from device.friction.calibration import NOMINAL
 from device.friction.changes import friction_difference
-from device.friction.scenes import NOMINAL
 from protocol.errors import BadInput
 from protocol.plan.orders import at_level, opposite, opposite_expected
 from protocol.plan.plan import plan

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import pytest
 
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from device.tracks.next_level import levels_of
 from protocol.errors import BadInput
 from protocol.journal.events import Answered, StoredEvent, TouchStarted, TrialDeferred
@@ -325,7 +325,10 @@ def around_touches(participant: FakeParticipant) -> Iterator[FingerPath]:
                 yield path
             case LeadIn() | Pacing():
                 yield FingerPath(
-                    start_m=screen.start_m, end_m=screen.end_m, interval=screen.interval
+                    surface=screen.surface,
+                    start_m=screen.start_m,
+                    end_m=screen.end_m,
+                    interval=screen.interval,
                 )
 
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from device.resonance import Resonance
 from protocol.errors import BadInput
 from protocol.journal.events import ResonanceMeasured
-from protocol.study_file.loading import template
+from protocol.study_file.loading import parsed_study, template
 from runner.study.calibration import (
     FILE,
     fitted_calibration,
@@ -20,6 +20,7 @@ from runner.study.calibration import (
 )
 from tests.runner.command_line import assert_matches, typed
 
+STUDY = parsed_study(template("paper"))
 FOUND = Resonance(frequency_hz=24_150.0, tip_m_per_v=1e-8)
 SLID = ResonanceMeasured(frequency_hz=24_140.0, tip_m_per_v=2e-8)
 WHEN = "2026-11-22T10:00:00+00:00"
@@ -47,19 +48,19 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_without_a_file_the_papers_rig_is_taken(folder: Path) -> None:
-    assert fitted_calibration(folder) == NOMINAL
+    assert fitted_calibration(folder, STUDY) == NOMINAL
     keep_calibration(folder, FOUND, "BOARD", WHEN)
-    assert fitted_calibration(folder) == NOMINAL
+    assert fitted_calibration(folder, STUDY) == NOMINAL
 
 
 def test_a_fitted_rig_is_read_back_with_its_session_and_digest(folder: Path) -> None:
     keep_fit(folder, SLID, "BOARD", FITTED)
-    found = fitted_calibration(folder)
+    found = fitted_calibration(folder, STUDY)
     assert (found.damping_ratio, found.gain, found.resonance_hz) == (0.0042, 1.05, 24_163.0)
     assert found.body_height_m == NOMINAL.body_height_m
     assert_matches(r"^session slide/1, calibration SHA-256 [0-9a-f]{12}$", found.origin)
     keep_fit(folder, SLID, "BOARD", {**FITTED, "gain": known(1.06)})
-    assert fitted_calibration(folder).origin != found.origin
+    assert fitted_calibration(folder, STUDY).origin != found.origin
 
 
 def test_sweep_and_fit_each_keep_what_the_other_stored(folder: Path) -> None:
@@ -67,15 +68,15 @@ def test_sweep_and_fit_each_keep_what_the_other_stored(folder: Path) -> None:
     assert kept_calibration(folder) == Resonance(frequency_hz=24_140.0, tip_m_per_v=2e-8)
     keep_calibration(folder, FOUND, "BOARD", WHEN)
     assert kept_calibration(folder) == FOUND
-    assert fitted_calibration(folder).gain == 1.05
+    assert fitted_calibration(folder, STUDY).gain == 1.05
     keep_fit(folder, SLID, "BOARD", {**FITTED, "gain": known(0.97)})
     assert kept_calibration(folder) == FOUND
-    assert fitted_calibration(folder).gain == 0.97
+    assert fitted_calibration(folder, STUDY).gain == 0.97
 
 
 def test_a_rehearsal_is_named_as_one(folder: Path) -> None:
     keep_fit(folder, SLID, "BOARD", {**FITTED, "rehearsal": True})
-    assert fitted_calibration(folder).origin.startswith("session slide/1, a rehearsal, ")
+    assert fitted_calibration(folder, STUDY).origin.startswith("session slide/1, a rehearsal, ")
 
 
 def test_a_rehearsal_replaces_no_fit_of_a_rig(folder: Path) -> None:
@@ -106,7 +107,7 @@ def test_a_rehearsal_replaces_no_damaged_file(folder: Path) -> None:
         keep_fit(folder, SLID, "SIM", {**FITTED, "rehearsal": True})
     assert (folder / FILE).read_text() == '{"fitted": {"session": "slide/1",'
     keep_fit(folder, SLID, "BOARD", FITTED)
-    assert fitted_calibration(folder).gain == 1.05
+    assert fitted_calibration(folder, STUDY).gain == 1.05
 
 
 def test_a_fit_needs_a_study(tmp_path: Path) -> None:
@@ -134,7 +135,7 @@ def test_a_fit_needs_a_study(tmp_path: Path) -> None:
 def test_a_damaged_fit_is_refused(folder: Path, fitted: object, message: str) -> None:
     (folder / FILE).write_text(json.dumps({"fitted": fitted}))
     with pytest.raises(BadInput, match=message):
-        fitted_calibration(folder)
+        fitted_calibration(folder, STUDY)
 
 
 def test_check_uses_and_names_the_calibration(

@@ -54,7 +54,7 @@ def test_the_json_keeps_its_contract(
     assert found["carryover"]["balanced"] == balanced
     assert found["max_voltage_v"] == 200
     assert found["max_frequency_hz"] == 24_221
-    assert (found["contrast_law"], found["contrast_rung"]) == ("consistent", "timoshenko-patched")
+    assert (found["contrast_law"], found["contrast_rung"]) == ("consistent", "beam")
     for person in found["participants"]:
         assert person["duration_s"] > 60
         assert person["beam_swaps"] >= 3

@@ -390,7 +390,8 @@ def test_a_session_names_the_calibration_in_force(tmp_path: Path) -> None:
     assert opened(tmp_path).calibration is None
     named = opened(tmp_path, "P02/1").calibration
     assert named is not None
-    assert vars(named) == vars(fitted_calibration(tmp_path))
+    study = parsed_study(StudyFolder(path=tmp_path).text())
+    assert vars(named) == fitted_calibration(tmp_path, study).values
 
 
 def _one_character_changed(content: bytes, random: Random) -> bytes:

@@ -26,7 +26,7 @@ from tests.system.day.invariants import Violation, require
 from tests.system.day.lab import Lab, Outcome
 from tests.system.day.process import Incident, Process, Where, terminated
 from tests.system.day.records import at_the_end, erased
-from tests.system.day.studies import drawn_study
+from tests.system.day.studies import PAPERS, SURFACES, drawn_study
 from tests.system.day.watch import HOT, SLACK
 from touchbeam.cli import journal as commands
 
@@ -381,7 +381,7 @@ class Day:
             require(12, outcome.code == 1, f"{name} runs, but: {outcome.line}")
 
     def _amend(self, _name: str) -> None:
-        self.lab.write(self.lab.text + "# changed\n")
+        self.lab.write(self.lab.written + "# changed\n")
         self.unamended = True
         self.lab.disk.process.happened.append("study changed")  # after that process has read it
         if self.stream.random() < 0.8:
@@ -425,7 +425,10 @@ def day(seed: int) -> Day:
     Violation.found.clear()
     try:
         with workplace() as folder:
-            lab = Lab(folder, drawn_study(stream, model.partition("-")[0]), stream, model)
+            # Half of the days have the paper's beam.
+            surface = random.Random(f"surface/{seed}").choice([*SURFACES, *[PAPERS] * 2])
+            text = drawn_study(stream, model.partition("-")[0], surface)
+            lab = Lab(folder, text, stream, model)
             if lab.watch.is_board and rigs.random() < NO_THERMOMETER:
                 technician.without_thermometer(lab)
             guardians = random.Random(f"guardian/{seed}").random() < GUARDED

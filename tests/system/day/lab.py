@@ -33,6 +33,7 @@ from runner.clock import Clock
 from runner.journal.names import session_name
 from runner.journal.opening import journal_if_used, open_journal
 from runner.journal.store import SessionLog
+from runner.launch.device_access import simulated_surface
 from runner.launch.locks import session_lock
 from runner.launch.request import Request, SessionOptions
 from runner.launch.run_session import checkpointed, opened_session
@@ -44,6 +45,7 @@ from runner.study.calibration import keep_calibration, kept_calibration
 from runner.study.check import validated_study
 from runner.study.folder import StudyFolder
 from tests.device.in_process_clock import InProcessClock
+from tests.protocol.surfaces import friction_csv
 from tests.system.day.disk import Disk
 from tests.system.day.guardian import LabGuardian
 from tests.system.day.invariants import require
@@ -143,6 +145,7 @@ class Lab:
         self.model = model
         """Of the device."""
         self.folder = StudyFolder(path=folder)
+        (folder / "friction.csv").write_text(friction_csv(), encoding="utf-8")
         self.write(text)
         late_s = stream.choice((0.001, 0.003, 0.02))
         if model != "board":  # many questions, and touches that end late do not count
@@ -153,8 +156,9 @@ class Lab:
             delay_s=lambda: late_s * stream.uniform(0.2, 1.0),
             cuts=lambda length: (stream.randrange(length),) if stream.random() < 0.1 else (),
             rung="mode",  # nothing here depends on the friction that is felt
+            **simulated_surface(folder),
         )
-        self.watch = Watch(self.device, checked_study(text))
+        self.watch = Watch(self.device, checked_study(self.text))
         self.watch.late_s = late_s
         self.device.on_step = self.watch.look
         if not self.watch.is_board:
@@ -178,8 +182,9 @@ class Lab:
 
     def write(self, text: str) -> None:
         """Write the study file."""
-        self.text = text
+        self.written = text
         self.folder.study_file.write_text(text, encoding="utf-8")
+        self.text = self.folder.text()
 
     @contextmanager
     def entered(self) -> Iterator[None]:

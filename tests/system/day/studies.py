@@ -3,6 +3,7 @@
 import random
 
 from device.simulator.models.generator_model import AMPLIFIER_GAIN, MOST_EMF_VPP
+from tests.protocol.surfaces import ALUMINIUM, MEASURED
 
 _STUDY = """
 [study]
@@ -21,6 +22,8 @@ watchdog_s = {watchdog_s}
 {channel}
 [touch]
 beam = "a"
+path_m = [0.010, 0.081]
+smooth_place_m = 0.0414
 hold_s = {hold_s}
 lead_in_s = {lead_in_s}
 sliding_speed_m_s = 0.2
@@ -67,7 +70,15 @@ touches = [
     {{place = "path", voltage_v = {low_v}, sweep_to = 1.02}},
     {{place = "path", direction = "left", voltage_v = {high_v}, {drive}{beam}}},
 ]
+{surface}
 """
+PAPERS = "the paper's beam"
+SURFACES = {
+    PAPERS: "",
+    "beam": ALUMINIUM,
+    "measured": MEASURED,
+    "given": '[surface]\nkind = "given"\nlength_m = 0.12\npicture = "none"\n',
+}
 _QUESTION = """
 [[question]]
 name = "own_{when}"
@@ -118,8 +129,11 @@ catch = 1
 _AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
 
 
-def drawn_study(stream: random.Random, dialect: str) -> str:
-    """Return the text of a study; there are few, so that each has to be checked only once."""
+def drawn_study(stream: random.Random, dialect: str, surface: str = PAPERS) -> str:
+    """Return the text of a study; there are few, so that each has to be checked only once.
+
+    `surface` is one of `SURFACES`.
+    """
     max_v = stream.choice((120, 150))
     kind = stream.randrange(4)
     return _STUDY.format(
@@ -159,4 +173,5 @@ def drawn_study(stream: random.Random, dialect: str) -> str:
         if kind % 2
         else "",
         beam=(', beam = "b"', "")[kind % 2],
+        surface=SURFACES[surface],
     )

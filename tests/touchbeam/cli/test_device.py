@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from device.beam.modes import natural_frequency_hz
 from device.errors import DeviceError, ForeignDevice
 from device.link.link import Link
 from device.resonance import Resonance
@@ -95,7 +94,7 @@ def test_a_sweep_finds_the_hidden_resonance_and_saves_it(tmp_path: Path) -> None
     done = touchbeam("device", "sweep", "sim", "--keep", str(tmp_path), "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    hidden_hz = natural_frequency_hz(SimulatedBeam(1).beam, 6)
+    hidden_hz = SimulatedBeam(1).resonance_hz
     assert found["frequency_hz"] == pytest.approx(hidden_hz, rel=2e-4)
     kept = kept_calibration(tmp_path)
     assert kept is not None

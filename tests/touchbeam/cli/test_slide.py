@@ -11,6 +11,7 @@ import pytest
 from protocol.study_file.loading import template
 from runner.journal.opening import read_journal
 from runner.study.calibration import fitted_calibration, kept_calibration
+from runner.study.folder import StudyFolder
 from tests.runner.command_line import everything, typed
 
 SECTION = """
@@ -97,7 +98,7 @@ def test_what_was_drawn_is_analysed_again(slid: Path, capsys: pytest.CaptureFixt
     assert "Kept as the rig's calibration, from a rehearsal: " in shown
     kept = json.loads((slid / "calibration.json").read_text(encoding="utf-8"))
     assert kept["fitted"]["rehearsal"] is True
-    assert fitted_calibration(slid).origin
+    assert fitted_calibration(slid, StudyFolder(path=slid).study()).origin
     calibration = kept_calibration(slid)
     assert calibration is not None
     assert calibration.frequency_hz == pytest.approx(24_069, abs=10)

@@ -9,9 +9,9 @@ from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
 from analysis.sensitivity import predictive_checks
 from analysis.statistics import omnibus
+from device.friction.calibration import Calibration
 from device.friction.changes import CONDITIONS, LAW, predicted_contrast
 from device.friction.rungs import TOP_RUNG
-from device.friction.scenes import Calibration
 from tests.analysis.reports import EXTENDED, ORIGIN, PAPER, cohort, plain_report
 
 

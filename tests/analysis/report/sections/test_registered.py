@@ -23,8 +23,8 @@ from analysis.report.sections.registration import (
     registered_lines,
 )
 from analysis.trials.trial_checks import order_as_run
+from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
-from device.friction.scenes import NOMINAL, Calibration
 from protocol.journal.events import (
     Event,
     SessionExcluded,

@@ -11,7 +11,7 @@ from analysis.loading.study_data import load_study_data
 from analysis.report.findings import Findings
 from analysis.report.hypotheses import Judged, how_tested, registered
 from analysis.trials.track_fits import thresholds
-from device.friction.scenes import NOMINAL
+from device.friction.calibration import NOMINAL
 from protocol.registration.registration import OMNIBUS, threshold_of
 from protocol.study_file.loading import parsed_study
 from tests.analysis.tracks import BOTH, TRACKS, session

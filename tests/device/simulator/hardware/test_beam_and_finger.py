@@ -3,13 +3,11 @@
 import pytest
 
 from device.beam.beam import Beam
-from device.beam.modes import natural_frequency_hz
 from device.errors import OutOfRangeError
 from device.friction.changes import LAW, RUNG
 from device.friction.coefficient import friction_coefficient
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import Drive, FingerContact, Scene, Structure
-from device.people.person import MODE
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from device.simulator.hardware.power_stage import Instrument
 
@@ -20,8 +18,7 @@ def felt(law: str, rung: str, voltage_v: float = 100.0) -> float:
     """The friction at the beam's resonance."""
     beam = SimulatedBeam(1, law, rung)
     beam.touch(0.5, 0.0414, "right")
-    resonance_hz = natural_frequency_hz(beam.beam, MODE)
-    instrument = Instrument(output=True, voltage_v=voltage_v, frequency_hz=resonance_hz)
+    instrument = Instrument(output=True, voltage_v=voltage_v, frequency_hz=beam.resonance_hz)
     found = beam.friction_coefficient(instrument)
     assert found is not None
     return found
@@ -41,7 +38,7 @@ def test_the_friction_at_resonance_is_that_of_the_law_on_the_rung(law: str, rung
 def test_the_truth_is_what_a_session_has_to_find() -> None:
     beam = SimulatedBeam(3)
     told = beam.truth()
-    assert told["resonance_hz"] == natural_frequency_hz(beam.beam, MODE)
+    assert told["resonance_hz"] == beam.resonance_hz
     assert (told["law"], told["rung"], told["gain"]) == (LAW, RUNG, beam.gain)
     troughs_m = told["troughs_m"]
     assert isinstance(troughs_m, list)

@@ -94,9 +94,7 @@ def test_reset_leaves_it_off(ask: Ask) -> None:
 
 
 def test_the_vibration_peaks_at_the_hidden_resonance(device: SimulatedDevice, ask: Ask) -> None:
-    from device.beam.modes import natural_frequency_hz
-
-    resonance_hz = natural_frequency_hz(device.beam.beam, 6)
+    resonance_hz = device.beam.resonance_hz
     ask("SYST:WATC 10;:VOLT:RAMP 2000;:VOLT 100;OUTP ON")
     device.answer_control("advance 1")
 
@@ -110,10 +108,8 @@ def test_the_vibration_peaks_at_the_hidden_resonance(device: SimulatedDevice, as
 def test_a_finger_feels_less_friction_at_the_smooth_place(
     device: SimulatedDevice, ask: Ask
 ) -> None:
-    from device.beam.modes import natural_frequency_hz
-
     resting = json.loads(device.answer_control("touch 0.5 0.0414 right"))["friction_coefficient"]
-    resonance_hz = natural_frequency_hz(device.beam.beam, 6)
+    resonance_hz = device.beam.resonance_hz
     ask(f"SYST:WATC 10;:FREQ {resonance_hz};VOLT:RAMP 2000;:VOLT 200;OUTP ON")
     device.answer_control("advance 1")
     driven = json.loads(device.answer_control("touch 0.5 0.0414 right"))["friction_coefficient"]

@@ -25,9 +25,9 @@ SessionKey = tuple[str, int, str]
 """Participant, number and kind of a session."""
 
 MEASURED = (
-    Column("tangential_n", "Force along the beam that resists the sliding finger.", "N"),
-    Column("normal_n", "Force of the finger onto the beam.", "N"),
-    Column("position_m", "Place of the finger's right edge along the beam.", "m"),
+    Column("tangential_n", "Force along the surface that resists the sliding finger.", "N"),
+    Column("normal_n", "Force of the finger onto the surface.", "N"),
+    Column("position_m", "Place of the finger's right edge along the surface.", "m"),
 )
 DRIVEN = (
     Column(

@@ -158,8 +158,9 @@ class SurfaceFacts(NamedTuple):
     modes_hz: tuple[float, ...]
 
 
-_BEYOND = 1.5
-"""How far beyond the nominal resonance modes are listed."""
+_BEYOND, _FARTHEST = 1.5, 16.0
+"""How far beyond the nominal resonance modes are listed, and how far beyond the driven one at most:
+about four times as many."""
 
 
 def beam_facts(surface: BeamSurface, nominal_hz: float) -> SurfaceFacts:
@@ -169,7 +170,7 @@ def beam_facts(surface: BeamSurface, nominal_hz: float) -> SurfaceFacts:
     """
     beam, mode = surface.structure.beam, surface.mode
     own_hz = natural_frequency_hz(beam, mode)
-    reach_hz = max(own_hz, _BEYOND * nominal_hz) / beam.frequency_scale
+    reach_hz = max(own_hz, min(_BEYOND * nominal_hz, _FARTHEST * own_hz)) / beam.frequency_scale
     modes = spectrum(beam, float(fine_to_hz(beam, np.array(reach_hz))))
     below = modes.frequencies_hz[beam.rigid_modes :]
     below = below[: max(mode, int((below <= reach_hz).sum()))]
@@ -242,6 +243,12 @@ def _missing_columns(study: Study, surface: MeasuredSurface) -> Iterator[str]:
 def _modes_beside(study: Study, surface: BeamSurface) -> Iterator[str]:
     nominal_hz = study.rig.nominal_resonance_hz
     facts = beam_facts(surface, nominal_hz)
+    if nominal_hz > facts.modes_hz[-1] and nominal_hz > _FARTHEST * facts.resonance_hz:
+        yield (
+            f"rig.nominal_resonance_hz, {nominal_hz:.0f} Hz, lies far beyond mode {facts.mode} at "
+            f"{facts.resonance_hz:.0f} Hz, and beyond mode {len(facts.modes_hz)}."
+        )
+        return
     nearest = min(range(len(facts.modes_hz)), key=lambda at: abs(facts.modes_hz[at] - nominal_hz))
     if nearest + 1 != facts.mode:
         yield (

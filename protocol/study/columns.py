@@ -170,9 +170,9 @@ _TOUCHES = (
     _touch("beam", "The beam that was mounted."),
     _touch(
         "place",
-        "Where the beam was to be touched.",
+        "Where the surface was to be touched.",
         planned="place",
-        levels={"smooth": "one place", "path": "sliding along the beam"},
+        levels={"smooth": "one place", "path": "sliding along the surface"},
     ),
     _touch(
         "direction",
@@ -182,7 +182,7 @@ _TOUCHES = (
     ),
     _touch(
         "coverage",
-        "How much of the beam was to be covered.",
+        "How much of the surface was to be covered.",
         planned="coverage",
         levels={"local": "one finger", "full": "several fingers"},
     ),
@@ -354,7 +354,7 @@ TRACE_COLUMNS = (
     *_TOUCH,
     Column("t_s", "When the sample was taken, by the device's clock.", "s"),
     Column("force_n", "Force of the finger.", "N"),
-    Column("position_m", "Position of the finger along the beam.", "m"),
+    Column("position_m", "Position of the finger along the surface.", "m"),
 )
 """Of a table of samples."""
 PARTICIPANT_COLUMNS = (

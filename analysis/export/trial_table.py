@@ -16,8 +16,9 @@ from analysis.loading.records import TEXT, values
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.calibration import Calibration
-from device.friction.changes import RUNG
+from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
+from device.friction.surfaces import BeamSurface
 from protocol.journal.records import PlannedTrial
 from protocol.plan.trials import Trial
 from protocol.study.columns import (
@@ -53,10 +54,10 @@ CONTRAST_COLUMNS = (
     BY_NAME["condition"],
     Column(
         "law",
-        "Friction law of the prediction.",
+        "Friction law of the prediction, missing where no beam is modelled.",
         levels={name: law.meaning for name, law in LAWS.items()},
     ),
-    Column("rung", "Rung of the friction model; `touchbeam ladder` lists all."),
+    Column("rung", "Rung of the friction model, likewise; `touchbeam ladder` lists all."),
     Column(
         "predicted_contrast",
         "Change of the logarithm of friction that the law predicts on the rig as calibrated, "
@@ -146,6 +147,8 @@ def contrast_table(
 ) -> pd.DataFrame:
     """Return what each law predicts for each of the exported `trials`, as in the report.
 
+    Without a beam's model there is one prediction, of no law and no rung.
+
     Args:
         study: the present study.
         found: what `trials` were made from, with measures.
@@ -156,13 +159,15 @@ def contrast_table(
     touches = found.touches[found.touches["attempt_id"].isin(begun.index)]
     contrasts = trial_contrasts(study, begun, touches.assign(place_m=found.places_m), rig)
     names = names_of(CONTRAST_COLUMNS)
+    is_beam = isinstance(rig.surface, BeamSurface)
+    by_law = contrasts.by_law if is_beam else {None: contrasts.by_law[LAW]}
     # By trial and then by law, so that the laws of a trial stand together.
-    rows = trials.filter(names).loc[trials.index.repeat(len(contrasts.by_law))]
+    rows = trials.filter(names).loc[trials.index.repeat(len(by_law))]
     told = rows.assign(
-        law=[*contrasts.by_law] * len(trials),
-        rung=RUNG,
-        predicted_contrast=np.column_stack([*contrasts.by_law.values()]).ravel(),
-        touch_measured=contrasts.measured.repeat(len(contrasts.by_law)),
+        law=[*by_law] * len(trials),
+        rung=RUNG if is_beam else None,
+        predicted_contrast=np.column_stack([*by_law.values()]).ravel(),
+        touch_measured=contrasts.measured.repeat(len(by_law)),
     )
     return told[names].reset_index(drop=True)
 

@@ -1,5 +1,6 @@
 """Studies of any surface, from the check to the export: a beam, a table, stated friction, none."""
 
+import csv
 import json
 import math
 import re
@@ -90,6 +91,10 @@ def test_its_power_is_simulated(study: Path, capsys: pytest.CaptureFixture[str])
 def test_its_exports_are_valid(study: Path, tmp_path: Path) -> None:
     for form in ("bids", "psychds", "csv"):
         assert typed("export", study, tmp_path / form, "--format", form, "--rehearsals") == 0
+    text = (tmp_path / "csv" / "contrasts.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
+    assert len({row["law"] for row in rows}) == (3 if study.name == "beam" else 1)
+    assert {row["rung"] for row in rows} == {"beam" if study.name == "beam" else ""}
     done = subprocess.run(
         [VALIDATOR, tmp_path / "bids", "--json"], capture_output=True, text=True, check=False
     )

@@ -20,12 +20,9 @@ from analysis.sliding.rig_model import (
     Setting,
     half_wave_ratio,
 )
-from device.beam.beam import Beam
-from device.beam.eq15 import require_the_papers
 from device.errors import OutOfRangeError
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
-from device.friction.prediction import LawChoice
 from device.friction.rungs import RUNG_NAMES, TOP_RUNG, rung_resonance_hz
 from device.friction.scenes import Drive, FingerContact, Scene
 
@@ -216,17 +213,7 @@ def predicted(
         ),
         direction=setting.direction,
     )
-    choice = _law_on(beam, law)
-    return friction_coefficient(scene, law=choice, rung=rung, x_m=np.clip(x_m, 0.0, beam.length_m))
-
-
-def _law_on(beam: Beam, law: str) -> LawChoice:
-    """Return the law; `printed` has a/u of the rung where Eq 15 does not describe the beam."""
-    try:
-        require_the_papers(beam)
-    except OutOfRangeError:
-        return LawChoice(name=law, ratio="mode")
-    return LawChoice(name=law)
+    return friction_coefficient(scene, law=law, rung=rung, x_m=np.clip(x_m, 0.0, beam.length_m))
 
 
 def compared_rungs(curve: MeanCurve, *rigs: RigProperties) -> tuple[str, ...]:

@@ -9,6 +9,7 @@
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -53,6 +54,13 @@ def rung_named(name: str) -> str:
     if instead:
         rule += f"; take {instead}"
     raise OutOfRangeError("rung", rule, repr(name))
+
+
+def present_name(name: str) -> str:
+    """Return the name that a rung has now; that of one that has left stays."""
+    with suppress(OutOfRangeError):
+        return rung_named(name)
+    return name
 
 
 def rung_resonance_hz(name: str, beam: Beam, mode: int) -> float:

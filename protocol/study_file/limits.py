@@ -240,7 +240,7 @@ _ULTRASONIC_HZ = 1_000
 
 def _in_khz(study: Study) -> Iterator[Problem]:
     """Yield frequencies of the paper's beam that must be in kHz; other surfaces may be slow."""
-    if "surface" not in study.model_fields_set:
+    if study.surface.length_m is None:
         for key in ("nominal_resonance_hz", "max_frequency_hz"):
             hz, path = getattr(study.rig, key), ("rig", key)
             if hz < _ULTRASONIC_HZ:

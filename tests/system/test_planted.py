@@ -178,7 +178,5 @@ def test_the_window_and_the_screens_obey_nothing_there(sent: Sender, small_displ
     for above in (False, True):
         assert "screens: 0: 800x600 at 0,0" in sent.types("doctor", above=above).stdout
     opened = sent.types("run", ".", "--participant", "P01", "--rehearsal")
-    # On a busy computer the window may be lost first; it was opened either way.
-    ends = ("the input ended before the session was complete", "window does not respond")
-    assert any(end in opened.stderr for end in ends), opened.stderr
+    assert "the input ended before the session was complete" in opened.stderr
     assert not sent.marked()

@@ -1,7 +1,6 @@
 """Checks of the models: against studies that they simulate, and against known true parameters."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -15,10 +14,9 @@ from analysis.report.wording import interval, number
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.predictive_checks import PredictiveCheck
 from analysis.trials.contrasts import BEAM_MODELS, FACTORS, ContrastRange
-from device.errors import OutOfRangeError
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
-from device.friction.rungs import rung_named
+from device.friction.rungs import present_name
 from device.friction.surfaces import BeamSurface
 from protocol.journal.records import VirtualTruth
 from protocol.study.rules import PAPERS_SCALE
@@ -94,7 +92,7 @@ def recovery(found: Findings) -> Section:
     for each in pairs:
         low, high = each.line.gain_interval
         each.covered = low <= each.truth.sensitivity <= high
-    models = ((truth.law, _present_name(truth.rung)) for truth in virtual.values())
+    models = ((truth.law, present_name(truth.rung)) for truth in virtual.values())
     simulated = list(dict.fromkeys(models))
     blocks: list[Block] = [_explanation(simulated, found), _table(pairs)] if pairs else []
     data = {
@@ -107,13 +105,6 @@ def recovery(found: Findings) -> Section:
         blocks=blocks,
         data={"recovery": data} if virtual else {},
     )
-
-
-def _present_name(rung: str) -> str:
-    """Return the name that a rung has now; that of one that has left stays."""
-    with suppress(OutOfRangeError):
-        return rung_named(rung)
-    return rung
 
 
 def _on_scale(truth: VirtualTruth, scale: Scale) -> VirtualTruth:

@@ -20,7 +20,7 @@ from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
-from device.friction.rungs import rung_named
+from device.friction.rungs import present_name
 from protocol.errors import listed
 from protocol.journal.events import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
@@ -204,7 +204,7 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         study_sha256=origin.study_sha256,
         law=LAW,
         # Of several names of one rung, that which was registered.
-        rung=registered if rung_named(registered) == RUNG else RUNG,
+        rung=registered if present_name(registered) == RUNG else RUNG,
         analysis=analysis_settings(found.rating.minimum),
         touchbeam=version("touchbeam"),
         later=origin.later.origin if origin.later else "",

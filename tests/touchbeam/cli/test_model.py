@@ -11,6 +11,7 @@ import touchbeam
 from analysis.model import ladder
 from device.friction.fineness import TOLERANCES
 from protocol.study_file.loading import template
+from tests.protocol.surfaces import ALUMINIUM
 from tests.runner.command_line import typed
 
 
@@ -114,22 +115,7 @@ def test_the_ladder_as_a_table_and_a_plot(
     assert typed("ladder", "--plot", tmp_path / "ladder.gif") == 2
 
 
-BAR = """[surface]
-kind = "beam"
-length_m = 0.12
-thickness_m = 0.003
-width_m = 0.01
-youngs_modulus_pa = 70e9
-density_kg_m3 = 2700
-poisson_ratio = 0.33
-damping_ratio = 0.005
-supports = ["clamped", "clamped"]
-mode = 6
-patch = [{ centre_m = 0.032, length_m = 0.01, width_m = 0.005, thickness_m = 3e-4, \
-youngs_modulus_pa = 76.5e9, density_kg_m3 = 7500, poisson_ratio = 0.31, \
-stress_constant_c_m2 = 2.0 }]
-
-[touch]"""
+BAR = ALUMINIUM.replace("centre_m = 0.072", "centre_m = 0.032") + "\n[touch]"
 
 
 @pytest.mark.usefixtures("quick")

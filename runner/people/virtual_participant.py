@@ -19,7 +19,7 @@ from device.friction.calibration import Calibration
 from device.friction.changes import Moment, friction_at
 from device.friction.surfaces import PAPERS
 from device.people import answering
-from device.people.person import People, Person, uniforms
+from device.people.person import People, Person, normal_quantile, uniforms
 from protocol.errors import WorkFailed
 from protocol.study import study_question
 from protocol.study.study import Study
@@ -126,6 +126,8 @@ class VirtualParticipant(screens.Participant):
         # One for each purpose, so that a further question leaves touches and scores alone.
         purposes = ("ready", "own questions", "tremor")
         self._streams = {each: random.Random(f"{each}/{self.name}") for each in purposes}
+        # Loads scipy, which may take a busy computer longer than a touch may wait for.
+        normal_quantile(np.array([0.5]))
 
     def show(self, screen: screens.Screen) -> None:
         """Receive `screen`; a pacing cue puts the finger on the beam."""

@@ -1,6 +1,8 @@
 """Virtual participants: answers and scores follow from the friction they feel."""
 
 import math
+import subprocess
+import sys
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -263,3 +265,22 @@ def test_a_single_slide_is_compared_with_the_beam_at_rest() -> None:
     response = virtual.poll()
     assert response is not None
     assert response.answer == "smoother"
+
+
+_FIRST_TOUCH = """
+import sys
+from tests.runner.people.test_virtual_participant import HELD, FakeHand, participant
+
+virtual = participant(FakeHand())
+before = set(sys.modules)
+virtual.show(HELD)
+print(sorted(sys.modules.keys() - before))
+"""
+
+
+def test_a_touch_waits_for_no_module_to_be_loaded() -> None:
+    """The output is on meanwhile, and a busy computer may take a second for it."""
+    # In a process of its own, because other tests have loaded everything here.
+    command = [sys.executable, "-c", _FIRST_TOUCH]
+    first = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert first.stdout == "[]\n"

@@ -2,7 +2,7 @@
 
 import socket
 import threading
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import numpy as np
 import pytest
@@ -69,14 +69,18 @@ def test_what_is_no_scheduler_is_told_by_how_it_answers(
     monkeypatch.setattr("analysis.power.engine._ANSWER_WITHIN_S", 0.5)
     peers = []
 
-    def serve(server: socket.socket) -> None:
-        with suppress(OSError):  # the server is closed
+    def serve() -> None:
+        with suppress(OSError):  # the server is shut down
             while True:
-                peers.append(server.accept()[0])
+                peers.append(opened.enter_context(server.accept()[0]))
                 peers[-1].sendall(greeting)
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        threading.Thread(target=serve, args=(server,), daemon=True).start()
+    with ExitStack() as opened:
+        server = opened.enter_context(socket.create_server(("127.0.0.1", 0)))
+        serving = threading.Thread(target=serve)
+        serving.start()
+        opened.callback(serving.join)
+        opened.callback(server.shutdown, socket.SHUT_RDWR)
         with (
             pytest.raises(WorkFailed, match="no Dask scheduler answers there"),
             connected(f"tcp://127.0.0.1:{server.getsockname()[1]}"),

@@ -41,16 +41,19 @@ def test_ctrl_c_ends_a_command_in_one_line(tmp_path: Path, draw: int) -> None:
     (tmp_path / "scores.csv").write_text("subject,a,b\n1,5,6\n2,6,7\n")
     (tmp_path / "scenes.csv").write_text("voltage_v\n100\n")
     command = COMMANDS[draw % len(COMMANDS)]
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [TOUCHBEAM, *command.split()],
         cwd=tmp_path,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    time.sleep(instants.uniform(0, 0.6))
-    process.send_signal(signal.SIGINT)
-    _, complaints = process.communicate(timeout=20)
+    ) as process:
+        time.sleep(instants.uniform(0, 0.6))
+        process.send_signal(signal.SIGINT)
+        try:
+            _, complaints = process.communicate(timeout=20)
+        finally:
+            process.kill()
     starting = "Traceback" in complaints or process.returncode == -signal.SIGINT
     if starting and "main()" not in complaints:
         return  # Python itself was still starting

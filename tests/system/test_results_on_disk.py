@@ -211,9 +211,12 @@ def test_a_pipe_that_is_written_to_stays_a_pipe(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     Path("scenes.csv").write_text("voltage_v\n100\n")
-    reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True)
-    assert typed("predict", "scenes.csv", "-o", str(pipe)) == 0
-    assert "mu_effective" in reader.communicate(timeout=20)[0]
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
+        try:
+            assert typed("predict", "scenes.csv", "-o", str(pipe)) == 0
+            assert "mu_effective" in reader.communicate(timeout=20)[0]
+        finally:
+            reader.kill()
     assert pipe.is_fifo()
 
 

@@ -181,14 +181,18 @@ def test_amend_refuses_a_study_that_run_would_refuse(capsys: pytest.CaptureFixtu
 def test_a_signal_turns_the_device_off_and_the_session_resumes_later(number: int) -> None:
     typed("new", "study")
     command = [TOUCHBEAM, *RUN, "virtual"]
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [*command, "--pace", "wall"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    lines = iter(process.stdout)
-    assert any("touching" in line and "output ON" in line for line in lines), "no touch began"
-    process.send_signal(number)
-    _, said = process.communicate(timeout=20)
+    ) as process:
+        try:
+            assert process.stdout is not None
+            lines = iter(process.stdout)
+            begun = any("touching" in line and "output ON" in line for line in lines)
+            assert begun, "no touch began"
+            process.send_signal(number)
+            _, said = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 1
     assert said.strip() == f"touchbeam: stopped by {signal.Signals(number).name}; " + (
         "output off, read back; run the same command again to resume; this run is a rehearsal"

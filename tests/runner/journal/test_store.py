@@ -238,12 +238,14 @@ def test_two_processes_may_create_the_journal_at_once(tmp_path: Path) -> None:
         )
         for _ in range(2)
     ]
-    for _ in range(20):
-        assert [process.stdout and process.stdout.readline() for process in both] == ["ready\n"] * 2
-        for process in both:
-            assert process.stdin
-            process.stdin.write("go\n")
-    assert [process.communicate()[1] for process in both] == ["", ""]
+    with both[0], both[1]:
+        for _ in range(20):
+            ready = [process.stdout and process.stdout.readline() for process in both]
+            assert ready == ["ready\n"] * 2
+            for process in both:
+                assert process.stdin
+                process.stdin.write("go\n")
+        assert [process.communicate()[1] for process in both] == ["", ""]
     assert [process.returncode for process in both] == [0, 0]
     made = sorted(tmp_path.iterdir())
     assert {file.name for file in made} == {f"{number}.db" for number in range(20)}

@@ -106,6 +106,8 @@ class Running:
     process: "subprocess.Popen[str]"
     lose_display: Callable[[], None] = lambda: None
     said: list[str] = field(default_factory=list)
+    complaint: str = field(default="", init=False)
+    """What it wrote to standard error, once it has ended."""
 
     def __post_init__(self) -> None:
         self._operator = threading.Thread(target=self._serve_the_rig, daemon=True)
@@ -114,11 +116,13 @@ class Running:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Leave no process running after a failed test."""
+    def __exit__(self, _type: object, error: BaseException | None, _traceback: object) -> None:
+        """Leave no process running and no pipe open; a failed test tells what the session said."""
         if self.process.poll() is None:
             self.process.kill()
-            self.end()
+        code = self.end()
+        if error is not None:
+            error.add_note(f"the session ended with {code}, saying {self.complaint!r}")
 
     def attend(self, person: Person) -> int:
         """Let `person` follow the screens until the session ends; return its exit code."""
@@ -128,7 +132,7 @@ class Running:
         return self.end()
 
     def end(self) -> int:
-        """Wait for the end; return the exit code."""
+        """Wait for the end and close the pipes; return the exit code."""
         try:
             code = self.process.wait(ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:
@@ -137,9 +141,9 @@ class Running:
         self._operator.join()
         assert self.process.stderr is not None
         assert self.process.stdin is not None
-        self.complaint = self.process.stderr.read()
-        self.process.stderr.close()
-        self.process.stdin.close()
+        if not self.process.stderr.closed:
+            with self.process.stderr as errors, suppress(BrokenPipeError), self.process.stdin:
+                self.complaint = errors.read()
         return code
 
     def window_process(self) -> int:

@@ -278,12 +278,14 @@ def test_a_message_that_the_window_no_longer_takes_fails_for_the_reason_that_it_
     )
     peer = WindowProcess(process, io.BytesIO())
     process.wait()
-    for _ in range(2):
-        with pytest.raises(WindowGone, match=re.escape(f"the participant's window {how}; ")):
-            peer.send({"saved": 1})
-    with pytest.raises(WindowGone, match=re.escape(how)):
-        peer.received()
-    peer.end()
+    try:
+        for _ in range(2):
+            with pytest.raises(WindowGone, match=re.escape(f"the participant's window {how}; ")):
+                peer.send({"saved": 1})
+        with pytest.raises(WindowGone, match=re.escape(how)):
+            peer.received()
+    finally:
+        peer.end()
 
 
 def last_words(program: str) -> str:

@@ -66,15 +66,17 @@ def listener() -> Iterator[Listener]:
 
         reader = threading.Thread(target=read)
         reader.start()
-        made = Listener(table, heard)
-        made.until("open")
-        table.focus(PARTICIPANT)
-        made.until("state True True")
-        yield made
-        process.stdin.close()
-        process.wait(60)
-        reader.join()
-        lines.close()
+        try:
+            made = Listener(table, heard)
+            made.until("open")
+            table.focus(PARTICIPANT)
+            made.until("state True True")
+            yield made
+        finally:
+            process.stdin.close()
+            process.wait(60)
+            reader.join()
+            lines.close()
 
 
 def digits(lines: list[str]) -> str:

@@ -110,10 +110,9 @@ class PsychopyCanvas:
             for stimulus in self.stimuli(element):
                 stimulus.draw()
 
-    def prepare(self, page: elements.Page) -> None:
-        """Build the stimuli of `page` in advance, so that its first frame is not late."""
-        for element in page:
-            self.stimuli(element)
+    def prepare(self, element: elements.Element) -> None:
+        """Build the stimuli of `element` in advance, so that its first frame is not late."""
+        self.stimuli(element)
 
     def stimuli(self, element: elements.Element) -> list[Any]:
         """Return the stimuli that draw `element`, built once: typesetting takes milliseconds."""

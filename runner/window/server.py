@@ -10,7 +10,7 @@ import random
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -22,7 +22,7 @@ from protocol.errors import WorkFailed
 from protocol.study.participant_texts import Wording
 from protocol.study.study_question import SCORE
 from runner.screens import Ask, Instruction, LeadIn, Notice, OwnFinger, Screen, is_last
-from runner.window.elements import STOP, Input, Key, Page, Pressed
+from runner.window.elements import STOP, Element, Input, Key, Page, Pressed
 from runner.window.messages import Settings, inputs_of, line_of, message_of, screen_of, settings_of
 from runner.window.pages import page, states, target_at, targets
 from runner.window.question_pages import Button, PageState, look
@@ -165,8 +165,8 @@ class Canvas(Protocol):
     def draw(self, page: Page) -> None:
         """Draw into the back buffer."""
 
-    def prepare(self, page: Page) -> None:
-        """Build the stimuli of `page` in advance."""
+    def prepare(self, element: Element) -> None:
+        """Build the stimuli of `element` in advance."""
 
     def flip(self) -> float:
         """Show the back buffer; return the time of the flip, s on the monotonic clock."""
@@ -216,20 +216,27 @@ class WindowServer:
         # After a frame was really drawn: no session begins with a window that cannot draw.
         self.send({"opened": self._display})
         self._learn_pace()
-        coming = (
-            page(screen, state, self.settings.wording)
-            for screen in self.settings.foreseen
-            for state in states(screen)
-        )
+        coming = self._coming()
         while self.now_s() < self._ends_s and not (self.canvas.closed or self.canvas.lost):
             self._wait()
             self._frame()
-            if foreseen := next(coming, None):  # one per frame, so that the session never waits
+            # One per frame, so that the session never waits: a whole page at once takes a busy
+            # computer a second, in which the window neither draws nor says that it lives.
+            if foreseen := next(coming, None):
                 self.canvas.prepare(foreseen)
         if self.canvas.closed:
             self.send({"closed": True})
         elif self.canvas.lost:
             self.send({"unseen": self.canvas.lost})
+
+    def _coming(self) -> Iterator[Element]:
+        """Yield what the pages to come consist of, each element once."""
+        seen: set[Element] = set()
+        for screen in self.settings.foreseen:
+            for state in states(screen):
+                new = [it for it in page(screen, state, self.settings.wording) if it not in seen]
+                seen.update(new)
+                yield from new
 
     def _learn_pace(self) -> None:
         """Measure whether flips wait for the screen and, if so, the refresh interval."""

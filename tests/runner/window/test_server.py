@@ -11,7 +11,7 @@ from protocol.study.participant_texts import study_wording
 from protocol.study.rules import Rating
 from protocol.study_file.loading import parsed_study, template
 from runner.screens import Instruction, Notice, Pacing, ask_score
-from runner.window.elements import STOP, Dot, Input, Key, Page, Pressed
+from runner.window.elements import STOP, Dot, Element, Input, Key, Page, Pressed
 from runner.window.messages import Settings, press_message, show_message
 from runner.window.pages import page, targets
 from runner.window.question_pages import Button, PageState
@@ -44,7 +44,7 @@ class FakeCanvas:
     t_s: float = 0.0
     flips: int = 0
     drawn: list[Page] = field(default_factory=list)
-    prepared: list[Page] = field(default_factory=list)
+    prepared: list[Element] = field(default_factory=list)
     waiting: list[tuple[float, Input]] = field(default_factory=list)
 
     def look(self) -> dict[str, Any]:
@@ -54,8 +54,8 @@ class FakeCanvas:
         self.drawn.append(page)
         self.t_s += 0.003
 
-    def prepare(self, page: Page) -> None:
-        self.prepared.append(page)
+    def prepare(self, element: Element) -> None:
+        self.prepared.append(element)
 
     def flip(self) -> float:
         self.flips += 1
@@ -131,6 +131,7 @@ def test_a_score_is_sent_with_its_trace_and_the_previous_screens() -> None:
     assert trace["scale"]["length_mm"] == 660 * 0.25
     assert trace["scale"]["ticks"] == list(range(11))
     assert canvas.prepared, "foreseen pages are built before they are needed"
+    assert len(canvas.prepared) == len(set(canvas.prepared)), "each element once"
 
 
 LOST = {"lost": True}

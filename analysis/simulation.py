@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -328,12 +328,23 @@ def _answer(
 # Tables of scores of many cohorts at once, after the study's rules on who is left out.
 
 
-def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(None)) -> FloatArray:
-    """Return each person's mean score by condition, shape (people, conditions).
+def responses(planned: PlannedTrials, made: Cohort) -> FloatArray:
+    """Return the response of each trial, (people, trials): see `analysis.loading.response`."""
+    of = [None if it.trial.question is None else it.expected for it in planned.kinds]
+    expected = np.array([_NEVER if it is None else it for it in of])[made.kinds]
+    lowest = planned.study.rating.minimum
+    return np.where(made.change == expected, made.score - lowest + 1, 0.0)
+
+
+def mean_table(
+    planned: PlannedTrials, made: Cohort, values: FloatArray, trials: slice = slice(None)
+) -> FloatArray:
+    """Return each person's means of the `values` of trials by condition, (people, conditions).
 
     Means are of `trials` alone, but the rules judge all of them. These are the rules of
     `analysis.loading.study_data`: trials are judged first, by the time to the first answer, then
-    people, by the trials that are left to them.
+    people, by the trials that are left to them. `values` has shape (people, trials), NaN where a
+    trial has none.
     """
     conditions = planned.study.conditions
     names = [kind.trial.condition for kind in planned.kinds]
@@ -342,13 +353,13 @@ def score_tables(planned: PlannedTrials, made: Cohort, trials: slice = slice(Non
     condition = np.array(columns)[made.kinds]
     scored, _, out = counted_trials(planned, made)
     given = np.zeros_like(scored)
-    given[:, trials] = (scored & ~np.isnan(made.score))[:, trials]
+    given[:, trials] = (scored & ~np.isnan(values))[:, trials]
     table = np.full((made.people.size, len(conditions)), np.nan)
     for column in range(len(conditions)):
         counts = given & (condition == column)
         number = counts.sum(axis=1)
-        total = np.where(counts, made.score, 0.0).sum(axis=1)
-        # Where nothing counts the cell stays NaN: a missing score, not zero.
+        total = np.where(counts, values, 0.0).sum(axis=1)
+        # Where nothing counts the cell stays NaN: missing, not zero.
         np.divide(total, number, out=table[:, column], where=number > 0)
     table[out] = np.nan
     return table
@@ -384,7 +395,9 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
     kept = ~np.logical_or.reduce([~made.answered, *late.values()])
     counted = {
         "scored": kept & scored,
-        "missing": kept & scored & np.isnan(made.score),
+        "planned": scored,
+        # As a report counts them: a score that nobody asked for is not missing.
+        "missing": scored & ~made.answered,
         "catches": kept & catch,
         "alarms": kept & catch & (made.change != answers.SAME),
     }
@@ -398,12 +411,14 @@ class Tables(NamedTuple):
     """What the tests of simulated cohorts take; the row of somebody left out is empty.
 
     Attributes:
-        scores: means, shape (cohorts, people, conditions); NaN where no score was given.
+        responses: means, shape (cohorts, people, conditions); NaN where no trial was answered.
+        scores: likewise, NaN where no score was given.
         noticed: see `noticed_counts`, shape (cohorts, people, conditions + 1, 2).
-        by_session: the means by session, shape (cohorts, people, conditions, sessions).
+        by_session: responses by session, shape (cohorts, people, conditions, sessions).
         groups: positions among the study's groups, shape (cohorts, people); 0 without groups.
     """
 
+    responses: FloatArray
     scores: FloatArray
     noticed: IntArray
     by_session: FloatArray
@@ -439,20 +454,28 @@ class Simulation:
 
     def studies(self, participants: int, *seeds: int | str) -> tuple[Tables, Cohort]:
         """Return what the tests of cohorts take, one for each seed, and all their people."""
-        sessions = self.sessions(participants, *seeds)
+        return self.tables(participants, self.sessions(participants, *seeds))
+
+    def tables(self, participants: int, sessions: Sequence[Cohort]) -> tuple[Tables, Cohort]:
+        """Return the same of cohorts of so many people each, from `sessions` as above."""
         everybody, ends = joined(sessions), np.cumsum([one.kinds.shape[1] for one in sessions])
         trials = (slice(*of_session) for of_session in pairwise([0, *ends.tolist()]))
-        by_session = [score_tables(self.planned, everybody, some) for some in trials]
-        of_study = score_tables(self.planned, everybody) if len(sessions) > 1 else by_session[0]
-        counts = noticed_counts(self.planned, everybody)
-        arrays: list[Any] = [of_study, counts, np.stack(by_session, axis=-1)]
-        scores, noticed, apart = (
-            array.reshape(len(seeds), participants, *array.shape[1:]) for array in arrays
+        means = partial(mean_table, self.planned, everybody)
+        answered = responses(self.planned, everybody)
+        by_session = [means(answered, some) for some in trials]
+        arrays: list[Any] = [
+            means(answered) if len(sessions) > 1 else by_session[0],
+            means(everybody.score),
+            noticed_counts(self.planned, everybody),
+            np.stack(by_session, axis=-1),
+        ]
+        of_study, scores, noticed, apart = (
+            array.reshape(-1, participants, *array.shape[1:]) for array in arrays
         )
         groups = [self.planned.place(slot)[0] for slot in range(participants)]
         of_people = [self.study.groups.index(group) if group else 0 for group in groups]
-        places = np.broadcast_to(of_people, (len(seeds), participants))
-        return Tables(scores, noticed, apart, places), everybody
+        places = np.broadcast_to(of_people, (len(of_study), participants))
+        return Tables(of_study, scores, noticed, apart, places), everybody
 
     @property
     def planned(self) -> PlannedTrials:

@@ -144,7 +144,7 @@ def _frequencies(beam: Beam, draw: np.random.Generator, damping: FloatArray) -> 
     far = np.exp(draw.uniform(np.log(own_hz[0] / 3), np.log(own_hz[-1]), damping.size))
     # A narrower resonance asks for more digits of the frequency than any computation has.
     drives = np.where((draw.random(damping.size) < 0.5) & (damping >= 1e-6), near, far)
-    return np.minimum(drives, beam.cut_off_hz)
+    return np.asarray(np.minimum(drives, beam.cut_off_hz))
 
 
 def _edges_m(pattern: Patterns, drive: int) -> FloatArray:

@@ -34,6 +34,9 @@ _STATISTICS = {
         "statistics.signed_rank.signed_rank",
         "statistics.signed_rank.pairwise_signed_ranks",
         "statistics.corrections.holm",
+        "loading.response.responses",
+        "statistics.slope.slope",
+        "statistics.slope.level_slope",
     ),
     "Sizes of effects and agreement": (
         "statistics.intervals.mean_interval",
@@ -49,7 +52,6 @@ _STATISTICS = {
         "statistics.groups.compared",
         "statistics.groups.interaction",
         "statistics.factorial.within_effect",
-        "statistics.factorial.latent_factorial",
         "statistics.factorial.cell_intervals",
         "statistics.detection.detection",
         "statistics.detection.noticed_p",
@@ -155,8 +157,9 @@ def statistics_page() -> str:
         "# Statistics\n\nThis page is written from the program by `python -m handbook.reference`: "
         "formula and source of each statistic of\nthe report, as they stand beside the code. [The "
         "report](../report.md) says when each is used and how to read it. Numbers in brackets are\n"
-        "equations of the mathematics: [groups](../mathematics/groups.md), [factors and ordinal "
-        "models](../mathematics/ordinal.md),\n[detection](../mathematics/detection.md), "
+        "equations of the mathematics: [responses and factors](../mathematics/response.md), "
+        "[groups](../mathematics/groups.md), [ordinal models](../mathematics/ordinal.md),\n"
+        "[detection](../mathematics/detection.md), "
         "[thresholds](../mathematics/thresholds.md), [sensitivity](../mathematics/sensitivity.md)."
         "\n"
     ]
@@ -177,6 +180,9 @@ def _words(name: str) -> str:
         "exact_p": "Exact permutation p",
         "monte_carlo_p": "Permutation p from random shufflings",
         "holm": "Holm's correction",
+        "responses": "Response of a trial",
+        "slope": "Slope of responses on predicted contrasts",
+        "level_slope": "Slope within conditions",
         "linear_sensitivity": "M1, linear model",
         "ordinal_sensitivity": "M2, ordinal model",
         "first_stage": "M3, noticing and rating",
@@ -185,7 +191,6 @@ def _words(name: str) -> str:
         "compared": "Any number of groups compared",
         "interaction": "Group × condition",
         "within_effect": "Effect of a factor, or of an interaction",
-        "latent_factorial": "Effects in the ordinal mixed model",
         "detection": "d′ and criterion",
         "noticed_p": "Noticed more than on catch trials",
         "fitted": "Threshold, slope and lapse rate of a table of answers",

@@ -170,6 +170,23 @@ class Study:
         )
 
     @cached_property
+    def responses(self) -> "pd.DataFrame":
+        """Mean responses, of the shape of `scores`: what the report compares conditions by.
+
+        The response of a trial is its score, counted from 1 at the lowest, if the change was
+        answered as expected, and else 0; without a question it is the score.
+        """
+        import pandas as pd
+
+        from analysis.loading.response import mean_responses, responses
+
+        counted = self._counted
+        given = responses(counted.trials, float(self.file.rating.minimum))
+        names = counted.table.subjects, counted.table.conditions
+        means = mean_responses(counted.trials, given, *names).scores
+        return pd.DataFrame(means, index=self.scores.index, columns=self.scores.columns)
+
+    @cached_property
     def contrasts(self) -> "pd.DataFrame":
         """The contrast of friction that each law predicts, a row per trial that counts.
 

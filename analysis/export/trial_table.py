@@ -13,6 +13,7 @@ from analysis.cells import Cell
 from analysis.estimates import IntArray
 from analysis.felt.measured_statistics import with_measures
 from analysis.loading.records import TEXT, values
+from analysis.loading.response import responses
 from analysis.loading.sessions import Sessions
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.calibration import Calibration
@@ -38,6 +39,7 @@ from protocol.study.columns import (
     in_tracks,
     names_of,
     question_columns,
+    response_column,
 )
 from protocol.study.study import Study
 from protocol.study.study_question import ONCE, StudyQuestion
@@ -121,7 +123,7 @@ def participant_table(
 
 
 def _scores(scores: "pd.Series[float]", whole: "pd.Series[bool]") -> "pd.Series[Any]":
-    """Return the scores as given: whole numbers in a session, any in a published table."""
+    """Return scores or responses: whole numbers in a session, any in a published table."""
     given = zip(values(scores), whole, strict=True)
     return pd.Series(
         # The scale of a session has whole numbers; 7.0 would suggest that halves were possible.
@@ -187,6 +189,7 @@ def frames(study: Study, recorded: Sessions, *, rehearsals: bool) -> "Frames":
         found=found,
         kept=found.sessions[rehearsals | found.sessions["session_kind"].ne("rehearsal")],
         questions=questions,
+        lowest=float(study.rating.minimum),
         factors=factor_columns(study, questions),
     )
 
@@ -208,13 +211,14 @@ def asked_questions(study: Study, answers: pd.DataFrame) -> tuple[StudyQuestion,
 class Frames:
     """The tables of the sessions `kept`, some of those `found`.
 
-    `questions` are the study's own, and those that were asked under an earlier study file;
-    `factors` has the columns of its factors.
+    `questions` are the study's own, and those that were asked under an earlier study file; `lowest`
+    is the lowest score of its scale, and `factors` has the columns of its factors.
     """
 
     found: Sessions
     kept: pd.DataFrame
     questions: tuple[StudyQuestion, ...]
+    lowest: float
     factors: tuple[Column, ...] = ()
 
     @cached_property
@@ -268,8 +272,10 @@ class Frames:
         Values of a plan or an attempt are missing for a published score.
         """
         trials = self._answered
+        name, whole = response_column(self.questions).name, trials["attempts"].notna()
         table = trials.assign(
-            score=_scores(trials["score"], whole=trials["attempts"].notna()),
+            score=_scores(trials["score"], whole=whole),
+            **{name: _scores(trials[name], whole=whole)},
             started_utc=_utc(trials["started_utc"]),
             answered_utc=_utc(trials["answered_utc"]),
         )
@@ -314,7 +320,8 @@ class Frames:
         tracks = of_tracks(self.found)
         own = (*of_groups(self.kept), *self.factors, *question_columns(self.questions))
         # A study without tracks is exported as before.
-        return (*(map(in_tracks, COLUMNS) if tracks else COLUMNS), *tracks, *own)
+        of_all = map(in_tracks, COLUMNS) if tracks else COLUMNS
+        return (*of_all, *tracks, response_column(self.questions), *own)
 
     @cached_property
     def _answered(self) -> pd.DataFrame:
@@ -334,6 +341,8 @@ class Frames:
             for each in self.factors
         }
         own |= self._answers(trials)
+        response = responses(trials, self.lowest)
+        own[response_column(self.questions).name] = pd.Series(response, trials.index)
         assigned = trials.assign(
             # A published score has a place in its table, but none in a plan.
             trial_index=trials["trial_index"].astype("Int64").where(planned),

@@ -14,6 +14,7 @@ from analysis.friction import measured_contrast as contrast
 from analysis.friction import recorded
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
+from analysis.statistics.summary import table4
 from analysis.trials.contrasts import TrialContrasts, scored_trials, trial_changes
 from analysis.trials.law_likelihood import law_likelihoods, law_order
 from analysis.trials.trial_checks import FTest, gain_differences
@@ -22,6 +23,7 @@ from analysis.trials.trial_statistics import (
     SensitivityModels,
     law_score,
     mean_contrasts,
+    of_conditions,
 )
 from device.friction.changes import LAW, Change
 from protocol.study.study import Study
@@ -319,9 +321,14 @@ class MeasuredStatistics(SensitivityModels):
         by_name = {name: scored.contrasts[name] for name in found}
         scale = (float(rating.minimum), float(rating.maximum))
         likelihoods = law_likelihoods(scored.ratings, by_name, scale)
+        names, observed = self.data.table.conditions, table4(self.data.table).column_means
+        by_condition = {
+            name: of_conditions(names, means, observed)
+            for name, means in mean_contrasts(self.data, scored.ratings, by_name).items()
+        }
         return tuple(
             law_score(name, means, law_order(*means), likelihoods[name])
-            for name, means in mean_contrasts(self.data, scored.ratings, by_name).items()
+            for name, means in by_condition.items()
         )
 
 

@@ -58,6 +58,7 @@ class Course:
     def __init__(self, rows: Rows) -> None:
         self._rows = rows
         self._planned: dict[int, PlannedTrial] = {}
+        self._of_conditions: set[int] = set()
         self._attempts: dict[int, list[AttemptRow]] = {}
         self._excluded: dict[int, str] = {}
         self._included: dict[int, str] = {}
@@ -85,6 +86,7 @@ class Course:
             if (take := _HANDLERS.get(stored.tag)) is not None:
                 self._stored = stored
                 take(self, stored.record)
+        self._session.planned_trials = len(self._of_conditions - self._excluded.keys())
         # Only now, because the operator may have taken an exclusion back in a later event.
         if self._session.exclusion is not None:
             self._exclude(self._session.exclusion)
@@ -108,6 +110,7 @@ class Course:
             )
         )
         for index, condition in enumerate(event.conditions):
+            self._of_conditions.add(index)
             self._rows.attempts.append(
                 AttemptRow(
                     session_id=self._rows.sessions.last_id,
@@ -137,6 +140,7 @@ class Course:
         self._session.virtual = event.virtual or self._session.virtual
         self._rig = self._session.calibration = rig_in_force(event)
         self._planned |= {trial.index: trial for trial in event.trials}
+        self._of_conditions |= {trial.index for trial in event.trials if trial.kind == "trial"}
         self._study_sha256 = event.study_sha256 or self._study_sha256
         if event.study_text is not None:
             # One copy of the text, which most sessions share.
@@ -175,6 +179,7 @@ class Course:
             resonance_tip_m_per_v=resonance.tip_m_per_v if resonance else None,
             study_sha256=self._study_sha256,
             study_text=self._study_text,
+            lowest_score=_lowest_score(self._study_text),
             rig=self._rig,
         )
         self._early_notes = []
@@ -354,6 +359,16 @@ def _plain(answer: Any) -> Any:
 def _named_alike(event: journal.ScoresImported | journal.SessionOpened) -> dict[str, Any]:
     """Return what the event and the row of its session have under the same name."""
     return {name: value for name, value in vars(event).items() if name in _SESSION_COLUMNS}
+
+
+# Most sessions share their study.
+@lru_cache(maxsize=64)
+def _lowest_score(study_text: str | None) -> float | None:
+    try:
+        return None if study_text is None else float(parsed_study(study_text).rating.minimum)
+    # A file from another version must not stop a report, which then takes the present scale.
+    except StudyError:
+        return None
 
 
 @lru_cache(maxsize=64)

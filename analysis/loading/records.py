@@ -27,6 +27,22 @@ REHEARSED = " (rehearsal)"
 CHANGED = ", then "
 """Between the versions that recorded a session that was resumed by another one."""
 
+FIRST_OF_TODAY = 2
+"""The first major version whose rules on exclusions are today's."""
+
+
+def is_older(versions: Mapping[str, str]) -> bool:
+    """Return whether a session of these `SessionRow.versions` was recorded before today's rules.
+
+    One that a later version continued was not; nor a published table, which no version recorded.
+
+    >>> is_older({"touchbeam": "1.0.0"}), is_older({"touchbeam": "1.0.0, then 2.1.0"})
+    (True, False)
+    """
+    major = versions.get("touchbeam", "").rpartition(CHANGED)[2].partition(".")[0]
+    return major.isdecimal() and int(major) < FIRST_OF_TODAY
+
+
 TEXT = pd.StringDtype("python", na_value=np.nan)
 """The type of text columns. (The pyarrow storage refuses text that is not valid Unicode.)"""
 
@@ -54,7 +70,8 @@ class SessionRow:
     excluding the whole session, `inclusion` the one for taking an exclusion back, `study_sha256`
     the digest of the study file at its beginning, and `imported_from` the file of a published
     table, with its digest. `registration` is the digest that seeded the plan, and `calibration` the
-    rig in force in a registered session.
+    rig in force in a registered session. `planned_trials` counts those of conditions, answered or
+    not, without those that the operator excluded.
     """
 
     participant: str
@@ -77,6 +94,7 @@ class SessionRow:
     registration: str | None = None
     calibration: Any = None  # a `Calibration`
     operator_noted: Mapping[str, str] = field(default_factory=dict)
+    planned_trials: int = 0
 
 
 @dataclass(kw_only=True, slots=True)
@@ -89,7 +107,8 @@ class AttemptRow:
     - `notes`: the operator's, from the attempt's beginning until the next one, one per line.
     - `exclusion`, `inclusion`: the operator's reasons for excluding the trial and for taking that
       back.
-    - `study_sha256`, `study_text`: the study file in force.
+    - `study_sha256`, `study_text`: the study file in force; `lowest_score`: of its scale, as far as
+      it is known.
     - `rig`: as calibrated at that time, in a registered session.
     - `track` and what follows: of a trial of a track, whose `level` is the number of its level;
       `track_role` and `interval` as planned, the others as with its answer in the journal;
@@ -124,6 +143,7 @@ class AttemptRow:
     resonance_tip_m_per_v: float | None = None
     study_sha256: str | None = None
     study_text: Any = None
+    lowest_score: float | None = None
     rig: Any = None  # a `Calibration`
     track: str | None = None
     track_role: str | None = None

@@ -2,8 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from itertools import chain, groupby
 from operator import itemgetter
 from typing import Literal, NamedTuple, TypeVar
@@ -13,7 +14,8 @@ import pandas as pd
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, NotEstimable, ScoreTable
 from analysis.friction.recorded import TouchForces
-from analysis.loading.records import Exclusion, Incident, values
+from analysis.loading.records import Exclusion, Incident, is_older, values
+from analysis.loading.response import Directions, directions
 from analysis.loading.sessions import Sessions, is_scored, load_sessions
 from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput, listed
@@ -46,9 +48,9 @@ RULES = {
     ),
     "max_missing_scores": Rule(
         "participant",
-        "a participant with more than {:.0%} of the scores missing is left out",
-        "{missing} of {scored} scores missing, more than {limit:.0%}",
-        lambda n, limit: n["missing"] / np.maximum(n["scored"], 1) > limit,
+        "a participant with more than {:.0%} of the planned trials without an answer is left out",
+        "{missing} of {planned} planned trials without an answer, more than {limit:.0%}",
+        lambda n, limit: n["missing"] / np.maximum(n["planned"], 1) > limit,
     ),
     "min_reaction_s": Rule(
         "trial",
@@ -69,14 +71,22 @@ RULES = {
         lambda n, limit: n["scored"] < limit,
     ),
 }
+OLDER_RULES = {
+    **RULES,
+    "max_missing_scores": RULES["max_missing_scores"]._replace(
+        words="a participant with more than {:.0%} of the scores missing is left out",
+        why="{missing} of {planned} scores missing, more than {limit:.0%}",
+    ),
+}
+"""The rules of studies of version 1, where a score that was not asked for is a missing one, too."""
 
 
 def broken_rules(rules: Exclusions, of: Judged, numbers: Numbers) -> dict[str, BoolArray]:
     """Return by the name of each rule that the study settled which trials or people break it.
 
     Trials are judged first, with the time to the first answer as `reaction_s` (NaN breaks no rule);
-    then people, by how many trials are left to them: `scored`, without a score (`missing`),
-    `catches`, and `alarms` among these.
+    then people, by how many trials are left to them: `scored`, `catches`, and `alarms` among these;
+    and by how many were `planned` and are `missing`, as they have no answer.
     """
     settled = rules.model_dump(exclude_none=True)
     return {
@@ -86,10 +96,25 @@ def broken_rules(rules: Exclusions, of: Judged, numbers: Numbers) -> dict[str, B
     }
 
 
+class Kept(NamedTuple):
+    """The answered trials that the rules keep, what they take out, and whom for not noticing."""
+
+    trials: pd.DataFrame
+    left_out: tuple[Exclusion, ...]
+    unnoticing: tuple[str, ...]
+
+
 def excluded_by_rule(
-    trials: pd.DataFrame, rules: Exclusions
-) -> tuple[pd.DataFrame, tuple[Exclusion, ...]]:
-    """Return the answered trials that the rules keep, and what they take out."""
+    trials: pd.DataFrame, planned: "pd.Series[int]", rules: Exclusions, *, older: bool
+) -> Kept:
+    """Return what the rules keep of the answered trials.
+
+    Args:
+        trials: rows of `Sessions.answered` with `participant`, none that the operator excluded.
+        planned: by participant, how many trials of conditions were planned, none of those either.
+        rules: the study's.
+        older: whether the rules are those of version 1 (`OLDER_RULES`).
+    """
     timed = trials["reaction_time_s"].where(trials["trial_kind"].isin(["trial", "catch", "track"]))
     told = _told(rules, "trial", {"reaction_s": timed.to_numpy(np.float64)})
     late = np.array([bool(why) for why in told], np.bool_)
@@ -102,34 +127,73 @@ def excluded_by_rule(
             strict=True,
         )
     ]
+    if older:  # version 1 judged nobody who had answered nothing
+        planned = planned.loc[trials["participant"].unique()]
+    counts = _counts(trials, in_time, planned)
+    by_today = _broken_by_people(counts, rules, RULES)
+    broken = _broken_by_people(_of_version_1(counts), rules, OLDER_RULES) if older else by_today
+    gone = [
+        Exclusion(participant=participant, by="rule", why=why)
+        for participant, reasons in broken.items()
+        for why in reasons
+    ]
+    kept = in_time[~in_time["participant"].isin([out.participant for out in gone])]
+    unnoticing = tuple(who for who, reasons in broken.items() if reasons and not by_today[who])
+    return Kept(kept, (*left_out, *gone), unnoticing)
+
+
+def _counts(trials: pd.DataFrame, in_time: pd.DataFrame, planned: "pd.Series[int]") -> pd.DataFrame:
+    """Return what the rules on people judge, a row per participant of `planned`.
+
+    `in_time` are those of `trials` that no rule on trials takes out.
+    """
     scored, catch = is_scored(in_time), in_time["trial_kind"].eq("catch")
-    counted = {
+    of_rules = {
         "scored": scored,
-        "missing": scored & in_time["score"].isna(),
+        "unscored": scored & in_time["score"].isna(),
         "catches": catch,
         # A catch trial without an answer is no false alarm.
         "alarms": catch & in_time["agrees"].eq(False).fillna(False),
     }
-    counts = pd.DataFrame(counted).groupby(in_time["participant"]).sum()
-    # Even a participant without any trial left is judged.
-    counts = counts.reindex(trials["participant"].unique(), fill_value=0)
-    told = _told(rules, "participant", {name: counts[name].to_numpy() for name in counted})
-    gone = [
-        Exclusion(participant=participant, by="rule", why=why)
-        for participant, broken in zip(counts.index, told, strict=True)
-        for why in broken
-    ]
-    kept = in_time[~in_time["participant"].isin([out.participant for out in gone])]
-    return kept, (*left_out, *gone)
+    answered = is_scored(trials)
+    # What was answered otherwise than expected is not missing, whether a score was asked for or no.
+    otherwise = trials["agrees"].eq(False).fillna(False)
+    blank = answered & trials["score"].isna() & ~otherwise
+    counts, of_answers = (
+        # Even a participant without any trial left is judged.
+        pd.DataFrame(flags).groupby(names).sum().reindex(planned.index, fill_value=0)
+        for flags, names in (
+            (of_rules, in_time["participant"]),
+            ({"given": answered, "blank": blank}, trials["participant"]),
+        )
+    )
+    missing = planned - of_answers["given"] + of_answers["blank"]
+    return counts.assign(planned=planned, missing=missing)
 
 
-def _told(rules: Exclusions, of: Judged, numbers: Numbers) -> list[list[str]]:
+def _of_version_1(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return the counts as version 1 had them: of answered trials, each without a score missing."""
+    return counts.assign(planned=counts["scored"], missing=counts["unscored"])
+
+
+def _broken_by_people(
+    counts: pd.DataFrame, rules: Exclusions, named: Mapping[str, Rule]
+) -> dict[str, list[str]]:
+    """Return the rules that each participant breaks, in words."""
+    numbers = {str(name): counts[name].to_numpy() for name in counts}
+    reasons = _told(rules, "participant", numbers, named)
+    return dict(zip(counts.index, reasons, strict=True))
+
+
+def _told(
+    rules: Exclusions, of: Judged, numbers: Numbers, named: Mapping[str, Rule] = RULES
+) -> list[list[str]]:
     """Describe the rules that each trial or participant breaks."""
     broken = broken_rules(rules, of, numbers)
     rows = (dict(zip(numbers, row, strict=True)) for row in zip(*numbers.values(), strict=True))
     return [
         [
-            RULES[name].why.format(**row, limit=getattr(rules, name))
+            named[name].why.format(**row, limit=getattr(rules, name))
             for name, breaks in broken.items()
             if breaks[number]
         ]
@@ -137,10 +201,11 @@ def _told(rules: Exclusions, of: Judged, numbers: Numbers) -> list[list[str]]:
     ]
 
 
-def rules_in_words(rules: Exclusions) -> list[str]:
-    """Return each rule that the study settled, as a reader is told it."""
+def rules_in_words(rules: Exclusions, *, older: bool = False) -> list[str]:
+    """Return each rule that the study settled, as a reader is told it; of version 1 if `older`."""
     settled = rules.model_dump(exclude_none=True)
-    return [rule.words.format(settled[name]) for name, rule in RULES.items() if name in settled]
+    named = OLDER_RULES if older else RULES
+    return [rule.words.format(settled[name]) for name, rule in named.items() if name in settled]
 
 
 # Why a cell of Table 4 has no score: not every such cell may be read as an answer.
@@ -149,7 +214,8 @@ def rules_in_words(rules: Exclusions) -> list[str]:
 class Why(StrEnum):
     """Why no trial of a subject under a condition has a score that counts."""
 
-    WITHHELD = "withheld"
+    CONTRARY = "contrary"
+    SAME = "same"
     BLANK = "blank"
     EXCLUDED = "excluded"
     NOT_REACHED = "not reached"
@@ -158,25 +224,27 @@ class Why(StrEnum):
 EmptyCells = Mapping[tuple[int, int], Why]
 """By row and column of the table, every cell without a score and nothing else."""
 
-MARKS = {Why.WITHHELD: "–", Why.BLANK: "–", Why.EXCLUDED: "×", Why.NOT_REACHED: "○"}
-"""What stands in such a cell where people read the table."""
 
-LABELS = {**{why: str(why) for why in Why}, Why.WITHHELD: "not given"}
-"""What readers of the page are told of such a cell."""
+class CellKind(NamedTuple):
+    """What people read of a cell: its mark, what it is, and the note below the table."""
 
-WITHHELD_AS = {
-    "agrees": "the answer disagreed with the expectation",
-    "noticed": "nothing was noticed",
-    # Only the scores of a study whose rule was amended.
-    "always": "the answer disagreed with the expectation",
+    mark: str
+    words: str
+    note: str
+
+
+KINDS = {
+    Why.CONTRARY: CellKind(
+        "⇄", "felt the other way", "some or all changes were felt the other way"
+    ),
+    Why.SAME: CellKind("=", "no change noticed", "no change was noticed"),
+    Why.BLANK: CellKind("–", "no score", "no score was given"),
+    Why.EXCLUDED: CellKind("×", "excluded", "without a score, as the trials are excluded"),
+    Why.NOT_REACHED: CellKind(
+        "○", "not reached", "without a trial, as the session did not get there"
+    ),
 }
-"""Why a score was not given, by `rating.score_when`."""
-_READ = frozenset({Why.WITHHELD, Why.BLANK})
-_TOLD = {
-    Why.BLANK: "blank in the published table",
-    Why.EXCLUDED: "without a score, as the trials are excluded",
-    Why.NOT_REACHED: "without a trial, as the session did not get there",
-}
+"""Of cells without a score; the first mark also follows a score if any change was felt so."""
 
 
 def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame) -> EmptyCells:
@@ -185,12 +253,13 @@ def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame
     An answered trial that counts and has no score explains its cell before an excluded one does.
     `excluded` are the trials taken out by the operator or by a rule.
     """
-    published = counted["trial_kind"].eq("published")
     # A later line overwrites an earlier one, so that trials that count explain a cell before
     # excluded ones.
     known = dict.fromkeys(_scored_cells(excluded), Why.EXCLUDED)
-    known |= dict.fromkeys(_scored_cells(counted[published]), Why.BLANK)
-    known |= dict.fromkeys(_scored_cells(counted[~published]), Why.WITHHELD)
+    known |= dict.fromkeys(_scored_cells(counted), Why.BLANK)
+    for (who, name), answers in directions(counted, "participant", "condition").items():
+        if answers.contrary or answers.same:
+            known[who, name] = Why.CONTRARY if answers.contrary else Why.SAME
     return {
         (int(row), int(column)): known.get(
             (table.subjects[row], table.conditions[column]), Why.NOT_REACHED
@@ -204,22 +273,6 @@ def _scored_cells(trials: pd.DataFrame) -> Iterable[tuple[str, str]]:
     return zip(scored["participant"], scored["condition"], strict=True)
 
 
-def withheld(table: ScoreTable, trials: pd.DataFrame) -> FloatArray:
-    """Return the share of each cell's scores that was not given, shape (subjects, conditions).
-
-    Blank cells of a published table count. Cells without a trial that counts have a share of 0.
-    """
-    counted = trials[is_scored(trials)]
-    cell = [counted["participant"], counted["condition"]]
-    shares = counted["score"].isna().groupby(cell).mean().unstack()
-    return shares.reindex(index=table.subjects, columns=table.conditions).fillna(0.0).to_numpy()
-
-
-def marks(empty: EmptyCells) -> dict[tuple[int, int], str]:
-    """Return what stands in each cell without a score."""
-    return {cell: MARKS[why] for cell, why in empty.items()}
-
-
 def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the subjects and the conditions without any score."""
     given = table.given
@@ -227,46 +280,6 @@ def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
         tuple(who for row, who in enumerate(table.subjects) if not given[row].any()),
         tuple(name for column, name in enumerate(table.conditions) if not given[:, column].any()),
     )
-
-
-def withheld_beside_scores(trials: pd.DataFrame, least: float = 0.0) -> list[str]:
-    """Return in a line how many trials lack a score in cells that have one, if there are any."""
-    counted = trials[is_scored(trials)]
-    given = counted["score"].notna()
-    cell = [counted["participant"], counted["condition"]]
-    partly = counted["condition"][given.groupby(cell).transform("any") & ~given]
-    if partly.empty:
-        return []
-    by_condition = listed(f"{name} {n}" for name, n in Counter(partly).items())
-    return [
-        f"Not given in cells with other scores: {len(partly)} of {len(counted)} scores "
-        f"({by_condition}). The table has the mean of the others, which is too high if weaker "
-        f"changes were not noticed; the scores are also read as {least:g} and as the lowest score."
-    ]
-
-
-def notes(
-    table: ScoreTable, empty: EmptyCells, least: float = 0.0, score_when: str = "agrees"
-) -> list[str]:
-    """Return what stands under Table 4: each mark, how often, and who or what has no score."""
-    causes = Counter(empty.values())
-    readable = _READ if table.given.any() else frozenset()
-    read = f"also read as {least:g} and as the lowest score."
-    told = {**_TOLD, Why.WITHHELD: f"not given, as {WITHHELD_AS[score_when]}"}
-    said = [
-        f"{MARKS[why]} {told[why]}: {causes[why]} cell{'s' * (causes[why] != 1)}, "
-        f"{read if why in readable else 'missing throughout.'}"
-        for why in Why
-        if causes[why]
-    ]
-    subjects, conditions = unscored(table)
-    if subjects:
-        said.append(f"No score at all, and not among the subjects analysed: {listed(subjects)}.")
-    if conditions:
-        said.append(
-            f"Scored by nobody, and not among the conditions analysed: {listed(conditions)}."
-        )
-    return said
 
 
 Value = TypeVar("Value")
@@ -319,6 +332,9 @@ class StudyData:
     - `other_rehearsals`: how many rehearsals of another study file are left out.
     - `withdrawn_completed`: how many of the withdrawn sessions had been completed.
     - `lock`: the registration, None of a study without one.
+    - `older_rules`: whether the rules on who is left out are those of version 1, by which the study
+      was registered or begun; and `unnoticing` the participants whom they
+      leave out only because they noticed little.
     """
 
     table: ScoreTable
@@ -343,34 +359,51 @@ class StudyData:
     other_rehearsals: int = 0
     withdrawn_completed: int = 0
     groups: Mapping[str, str] = field(default_factory=dict)
+    older_rules: bool = False
+    unnoticing: tuple[str, ...] = ()
 
     @property
     def scored(self) -> pd.DataFrame:
         """The trials that count for Table 4."""
         return self.trials[is_scored(self.trials)]
 
-    def readings(self, least: float = 0.0) -> dict[str, ScoreTable]:
-        """Return the table with withheld scores left "missing", as "zero" and as "lowest" score.
+    @cached_property
+    def ways(self) -> Mapping[tuple[int, int], Directions]:
+        """How the changes of each cell were answered, by row and column of the table."""
+        rows, columns = (
+            {name: place for place, name in enumerate(names)}
+            for names in (self.table.subjects, self.table.conditions)
+        )
+        answers = directions(self.trials, "participant", "condition")
+        return {(rows[who], columns[name]): each for (who, name), each in answers.items()}
 
-        "zero" is the `least` score of the scale, which is 0 in the paper.
+    @cached_property
+    def marks(self) -> Mapping[tuple[int, int], str]:
+        """What stands in cells without a score, and after scores beside changes felt otherwise."""
+        contrary = [cell for cell, answers in self.ways.items() if answers.contrary]
+        why = {**dict.fromkeys(contrary, Why.CONTRARY), **self.empty}
+        return {cell: KINDS[kind].mark for cell, kind in why.items()}
 
-        A score is withheld when the answer disagrees with the expectation (paper, section 5.2), or
-        by `rating.score_when` when nothing was noticed. This can mean nothing, none at all, or an
-        effect no stronger than the weakest reported. A cell with other scores is the mean of all,
-        those that were withheld among them; one that is empty for another reason stays missing. A
-        complete table without withheld scores, and one without any score, has the first reading
-        only.
-        """
-        table, shares = self.table, withheld(self.table, self.trials)
-        if not table.given.any() or (table.is_complete and not shares.any()):
-            return {"missing": table}
-        # A cell without any score has nothing but withheld ones, if it is filled at all.
-        given = np.nan_to_num(table.scores) * (1 - shares)
-        fills = {"zero": least, "lowest": float(self.scored["score"].min())}
-        return {"missing": table} | {
-            name: replace(table, scores=np.where(shares > 0, given + shares * score, table.scores))
-            for name, score in fills.items()
-        }
+    @property
+    def notes(self) -> list[str]:
+        """What stands under Table 4: each mark, how often, and who or what has no score."""
+        counts = Counter(self.marks.values())
+        said = [
+            f"{kind.mark} {kind.note}: {counts[kind.mark]} cell{'s' * (counts[kind.mark] != 1)}."
+            for kind in KINDS.values()
+            if counts[kind.mark]
+        ]
+        scored = self.scored
+        beside = int((scored["score"].notna() & scored["agrees"].eq(False).fillna(False)).sum())
+        if beside:
+            said.append(
+                f"{beside} of these scores were given after another answer than the expected one; "
+                "the tests count those trials as 0."
+            )
+        for what, names in zip(("subject", "condition"), unscored(self.table), strict=True):
+            if names:
+                said.append(f"{what.capitalize()}s without any score: {listed(names)}.")
+        return said
 
 
 def load_study_data(
@@ -404,8 +437,13 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
     sessions = sessions.assign(participant=sessions["subject"])
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")
-    trials, by_rule = excluded_by_rule(
-        answered[answered["exclusion"].isna()], Exclusions() if rules is None else rules
+    lock = study_lock(found.decisions, sessions)
+    older = _has_older_rules(sessions, lock)
+    trials, by_rule, unnoticing = excluded_by_rule(
+        answered[answered["exclusion"].isna()],
+        sessions.groupby("participant", sort=False)["planned_trials"].sum(),
+        Exclusions() if rules is None else rules,
+        older=older,
     )
     gone = {out.participant for out in by_rule if out.trial is None}
     subjects = _once(name for name in sessions["participant"] if name not in gone)
@@ -457,9 +495,22 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
             # The column has NaN for people.
             if isinstance(truth, VirtualTruth) and name in subjects
         },
-        lock=study_lock(found.decisions, sessions),
+        lock=lock,
+        older_rules=older,
+        unnoticing=unnoticing,
         groups=dict(sessions[["participant", "group"]].dropna().itertuples(index=False, name=None)),
     )
+
+
+def _has_older_rules(sessions: pd.DataFrame, lock: StudyLock | None) -> bool:
+    """Return whether the rules are those that version 1 registered, or began to record under.
+
+    Published tables, which no version recorded, do not count.
+    """
+    if lock is not None:
+        return bool(lock.registration.earlier)
+    recorded = [versions for versions in sessions["versions"] if versions]
+    return any(map(is_older, recorded))
 
 
 def _orders(answered: pd.DataFrame, sessions: pd.DataFrame) -> tuple[SessionOrder, ...]:

@@ -49,20 +49,21 @@ class RatedCohort:
 def without_effect(tables: Tables, streams: Iterable[np.random.Generator]) -> Tables:
     """Return tables without any effect, with a stream for each cohort.
 
-    Each subject's scores are shuffled over the conditions, and over the sessions of a condition.
-    What is given and withheld, ceilings and people's use of numbers stay; the conditions mean
-    nothing any more, so that every difference, and every difference between gains, is 0. Subjects
-    are shuffled between groups, and each one's reported changes are drawn anew over all trials, so
-    that with a signal they are no more than without.
+    Each subject's responses are shuffled over the conditions, and over the sessions of a condition;
+    scores alike. How people answer stays; the conditions mean nothing any more, so that every
+    difference, and every difference between gains, is 0. Subjects are shuffled between groups, and
+    each one's reported changes are drawn anew over all trials, so that with a signal they are no
+    more than without.
     """
     cohorts = []
-    for scores, noticed, by_session, groups, rng in zip(*tables, streams, strict=True):
+    for responses, scores, noticed, by_session, groups, rng in zip(*tables, streams, strict=True):
         # Each row on its own, so that a person's level stays and only the conditions lose their
         # meaning.
         order = rng.permuted(np.tile(np.arange(scores.shape[1]), (len(scores), 1)), axis=1)
-        shuffled, reported = np.take_along_axis(scores, order, axis=1), _unnoticed(noticed, rng)
+        answered, scored = (np.take_along_axis(each, order, axis=1) for each in (responses, scores))
+        reported = _unnoticed(noticed, rng)
         apart = rng.permuted(np.take_along_axis(by_session, order[..., None], axis=1), axis=2)
-        cohorts.append((shuffled, reported, apart, rng.permutation(groups)))
+        cohorts.append((answered, scored, reported, apart, rng.permutation(groups)))
     return Tables(*(np.stack(table) for table in zip(*cohorts, strict=True)))
 
 

@@ -6,7 +6,7 @@ from math import isfinite
 from analysis.estimates import Json, plain
 from analysis.power.power_summary import EstimateQuality, Measured, Summary, TestPower, too_often
 from analysis.power.study_records import mean_difference
-from protocol.registration.registration import GAINS, NOTICED, OMNIBUS
+from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 
 ENOUGH = 0.8
@@ -17,12 +17,13 @@ _MOST_TOLD = 5
 """Pairs in an answer."""
 RELATIVE = "M2 relative gain"
 FAMILY = (
-    "Supported is what holds for the whole report at 5%: that the conditions differ and that gains "
-    "differ are one family with Holm's correction; a pair counts only if the conditions differ, by "
-    "its p after Holm's correction over all pairs. With catch trials, that changes are noticed is "
-    "a third question of the family; a condition counts as noticed only if changes are. So are "
-    "the questions about groups and the effects of factors; a pair of groups counts only if groups "
-    "differ."
+    "Supported is what the whole report may claim: that the conditions differ, that responses "
+    "follow the prediction, with catch trials that changes are noticed, the questions about groups "
+    "and the effects of factors are one family with Holm's correction; conditions also differ if "
+    "responses follow the prediction or a factor has an effect. A pair counts only if the "
+    "conditions differ, by its p after Holm's correction over all pairs; a condition counts as "
+    "noticed only if changes are, a pair of groups only if groups differ. Where nothing has an "
+    "effect, anything is claimed in at most 5% of studies."
 )
 _NUMBERS = ("bias", "rmse", "coverage", "width")
 
@@ -42,7 +43,7 @@ def power_record(summaries: Sequence[Summary], study: Study, study_sha256: str, 
         "study_sha256": study_sha256,
         **designs[0],
         "answer": answer(summaries),
-        "warnings": warnings(summaries, study.rating.score_when),
+        "warnings": warnings(summaries),
         "family": FAMILY,
         "designs": designs,
     }
@@ -114,7 +115,11 @@ def _is_able(test: TestPower) -> bool:
 def design_answer(summary: Summary) -> str:
     """Return what one design can tell, in words."""
     questions = {test.name: test for test in summary.tests if test.after == ()}
-    in_words = {OMNIBUS: "the conditions differ", NOTICED: "changes are noticed"}
+    in_words = {
+        OMNIBUS: "the conditions differ",
+        FOLLOWS: "responses follow the prediction",
+        NOTICED: "changes are noticed",
+    }
     parts = [
         *_precisions(summary.estimates),
         *(
@@ -123,7 +128,7 @@ def design_answer(summary: Summary) -> str:
             if name in questions
         ),
     ]
-    if of_design := [test for test in questions.values() if test.name not in (GAINS, *in_words)]:
+    if of_design := [test for test in questions.values() if test.name not in in_words]:
         able = ", ".join(repr(test.name) for test in of_design if _is_able(test))
         none = "less than 80% power for every question about groups and factors"
         parts.append(f"80% power for {able}" if able else none)
@@ -154,25 +159,10 @@ def _of_pairs(summary: Summary) -> str:
     return f"80% power for {', '.join(able[: 4 if more else None])}{more}"
 
 
-def warnings(summaries: Sequence[Summary], score_when: str = "always") -> list[str]:
-    """Return what a report of the study would promise and not keep.
-
-    `score_when` is the study's rule on when a score is asked for.
-    """
+def warnings(summaries: Sequence[Summary]) -> list[str]:
+    """Return what a report of the study would promise and not keep."""
     # A number of people or a claim that does not hold must not look like an answer.
-    lines = [line for one in summaries for line in (*_false_claims(one), *_narrow(one))]
-    most = max(summaries, key=lambda one: one.unscored.value)
-    if score_when == "always" or not most.unscored.value > 0:
-        return lines
-    agrees = "the answer agrees with the expectation"
-    where = {"agrees": agrees, "noticed": "a change was noticed"}[score_when]
-    return [
-        *lines,
-        f"{most.design}: scores are asked for only where {where}, so that in "
-        f"{_percent(most.unscored)} of studies somebody has none under some condition; tests "
-        "of scores then compare only such trials, on which differences are smaller and fewer "
-        "people can be compared",
-    ]
+    return [line for one in summaries for line in (*_false_claims(one), *_narrow(one))]
 
 
 def _false_claims(summary: Summary) -> list[str]:

@@ -12,7 +12,7 @@ from analysis.estimates import LEVEL, BoolArray, FloatArray, Json
 from analysis.power.designs import Design
 from analysis.power.study_records import Asked, Records, mean_difference
 from analysis.statistics.corrections import holm_of_rows
-from protocol.registration.registration import NOTICED
+from protocol.registration.registration import NOTICED, OMNIBUS, implying_differences
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,7 @@ class EstimateQuality:
 class Summary:
     """What simulations tell of one design.
 
-    `unscored` is the share of studies in which somebody has no score under some condition;
-    `any_false_claim` that of null cohorts in which any test of the family is claimed.
+    `any_false_claim` is the share of null cohorts in which any test of the family is claimed.
     """
 
     design: Design
@@ -109,7 +108,6 @@ class Summary:
     tests: tuple[TestPower, ...]
     estimates: tuple[EstimateQuality, ...]
     any_false_claim: Measured
-    unscored: Measured
 
 
 def summary(design: Design, asked: Asked, studies: Records, null: Records) -> Summary:
@@ -131,23 +129,27 @@ def summary(design: Design, asked: Asked, studies: Records, null: Records) -> Su
             for name, sums in zip(asked.estimates, estimates, strict=True)
         ),
         any_false_claim=share(np.logical_or.reduce([*false.values(), np.zeros(len(null.p), bool)])),
-        unscored=share(~studies.complete),
     )
 
 
 def claims(asked: Asked, p: FloatArray) -> dict[str, BoolArray]:
     """Return in which studies the family's rule lets a report claim each of its tests.
 
-    The questions - do the conditions differ, do people's gains differ, with catch trials, are
-    changes noticed, and those of groups and factors - are one family with Holm's correction. Any
-    other test, corrected already, is claimed only if a question that it waits for is: a pair only
-    if the conditions differ. So any false claim has a chance of at most 5%.
+    The questions - do the conditions differ, do responses follow the prediction, with catch trials,
+    are changes noticed, and those of groups and factors - are one family with Holm's correction;
+    conditions also differ if one holds that implies it. Any other test, corrected already, is
+    claimed only if a question that it waits for is: a pair only if the conditions differ. So where
+    nothing has an effect any claim has a chance of at most 5%; beside a true effect false ones have
+    more (docs/mathematics/power.md).
     """
     questions = [place for place, after in enumerate(asked.family.values()) if not after]
     p = p.copy()
     # A missing p, as that of noticing without catch trials, is no part of the family.
     p[:, questions] = holm_of_rows(p[:, questions])
     below = dict(zip(asked.family, (p < LEVEL).T, strict=False))  # others stand after the family
+    if OMNIBUS in below:
+        grounds = [below[name] for name in implying_differences(asked.family)]
+        below[OMNIBUS] = np.logical_or.reduce([below[OMNIBUS], *grounds])
     return {
         name: below[name] & np.logical_or.reduce([below[question] for question in after])
         if after

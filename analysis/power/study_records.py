@@ -10,15 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from analysis.estimates import (
-    UPPER,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Interval,
-    NotEstimable,
-    ScoreTable,
-)
+from analysis.estimates import UPPER, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
 from analysis.power.people_cohorts import RatedCohort
 from analysis.sensitivity.linear_model import linear_lines, own_gains
 from analysis.sensitivity.lines import LineMixture, Medians, Ratings, medians
@@ -30,6 +22,7 @@ from analysis.statistics.factorial import SESSION, Crossed, effects_of, factoria
 from analysis.statistics.groups import CLAIMED, group_statistics
 from analysis.statistics.omnibus import omnibus_p
 from analysis.statistics.signed_rank import pairwise_signed_ranks
+from analysis.statistics.slope import FEWEST_CONDITIONS, slope
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import predicted_contrast, trial_change
 from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, effect_of
@@ -54,10 +47,10 @@ OF_MODELS = (
 class Asked:
     """What the report of a study asks: its tests and estimates by name.
 
-    Without two conditions nothing is asked of scores. `factors` have their levels, sessions of a
+    Without two conditions nothing is asked of responses. `factors` have their levels, sessions of a
     participant among them; `contrasts` is the predicted contrast of each condition as planned, for
-    the gains of groups; with `models` people's gains are estimated; `tracks` and the pairs of those
-    that are compared have thresholds.
+    the slope and the gains of groups; with `models` people's gains are estimated; `tracks` and the
+    pairs of those that are compared have thresholds.
     """
 
     conditions: tuple[str, ...] = ()
@@ -80,7 +73,7 @@ class Asked:
         groups = [between_groups(*pair) for pair in combinations(self.groups, 2)]
         in_conditions = [f"{condition}: {pair}" for condition in self.conditions for pair in groups]
         return {
-            **dict.fromkeys((OMNIBUS, GAINS), ()),
+            **dict.fromkeys((OMNIBUS, *[FOLLOWS] * self.is_predicted), ()),
             **dict.fromkeys(self.pairs, (OMNIBUS,)),
             NOTICED: (),
             **{f"{name} {NOTICED}": (NOTICED,) for name in self.conditions},
@@ -90,6 +83,11 @@ class Asked:
             **{effect_of(*effect): () for effect in effects_of(self.factors)},
         }
 
+    @property
+    def is_predicted(self) -> bool:
+        """Whether there are contrasts enough for a slope."""
+        return bool(np.isfinite(self.contrasts).sum() >= FEWEST_CONDITIONS)
+
     @cached_property
     def pairs(self) -> list[str]:
         """Each pair of conditions, as its test is called."""
@@ -98,8 +96,8 @@ class Asked:
     @cached_property
     def tests(self) -> list[str]:
         """All tests; those beside the family count by their own p alone."""
-        follows = [FOLLOWS] * (self.models and bool(self.conditions))
-        return [*self.family, *follows, *starmap(of_thresholds, self.track_pairs)]
+        gains = [GAINS] * bool(self.conditions)
+        return [*self.family, *gains, *starmap(of_thresholds, self.track_pairs)]
 
     @cached_property
     def estimates(self) -> list[str]:
@@ -152,31 +150,25 @@ class Estimate(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The p of each test of one study and its estimates, as far as there are any, by name.
-
-    `complete` tells whether everybody has a score under each condition.
-    """
+    """The p of each test of one study and its estimates, as far as there are any, by name."""
 
     tests: dict[str, float]
     estimates: dict[str, Estimate]
-    complete: bool = True
 
     def beside(self, other: "Record") -> "Record":
         """Return what there is in either."""
-        tests, estimates = self.tests | other.tests, self.estimates | other.estimates
-        return Record(tests, estimates, self.complete and other.complete)
+        return Record(self.tests | other.tests, self.estimates | other.estimates)
 
 
 class Records(NamedTuple):
     """The records of several studies as arrays, in the order of what is asked.
 
-    `p` has shape (studies, tests), NaN where there is no test, `estimates` (studies, estimates, 5)
-    and `complete` (studies,).
+    `p` has shape (studies, tests), NaN where there is no test, and `estimates` (studies, estimates,
+    5).
     """
 
     p: FloatArray
     estimates: FloatArray
-    complete: BoolArray
 
     @classmethod
     def of(cls, asked: Asked, records: Sequence[Record]) -> "Records":
@@ -189,7 +181,6 @@ class Records(NamedTuple):
         return cls(
             np.array(p, dtype=np.float64).reshape(len(records), len(asked.tests)),
             np.array(sums, dtype=np.float64).reshape(len(records), len(asked.estimates), 5),
-            np.array([record.complete for record in records], dtype=np.bool_),
         )
 
     @classmethod
@@ -202,31 +193,41 @@ class Records(NamedTuple):
 
 
 def record_of_tables(
-    asked: Asked, scores: FloatArray, noticed: IntArray, by_session: FloatArray, groups: IntArray
+    asked: Asked,
+    responses: FloatArray,
+    scores: FloatArray,
+    noticed: IntArray,
+    by_session: FloatArray,
+    groups: IntArray,
 ) -> Record:
     """Return what one study's tables tell, see `analysis.simulation.Tables`.
 
-    Subjects without any score count for nothing in the tests of scores, as in the report.
+    Subjects without any response count for nothing, as in the report.
     """
-    kept = ~np.isnan(scores).all(axis=1)
-    scores, by_session, groups = scores[kept], by_session[kept], groups[kept]
+    kept = ~np.isnan(responses).all(axis=1)
+    responses, scores, by_session = (each[kept] for each in (responses, scores, by_session))
+    groups = groups[kept]
     tests, differences = _of_noticing(asked, noticed), {}
-    if len(scores):
-        table = ScoreTable(
-            subjects=tuple(map(str, range(len(scores)))),
-            conditions=asked.conditions,
-            scores=scores,
-        )
-        tests |= {OMNIBUS: omnibus_p(table), GAINS: _gains_p(table)}
+    if len(responses):
+        table = _table(asked, responses)
+        tests |= {OMNIBUS: omnibus_p(table), GAINS: _gains_p(_table(asked, scores))}
+        if asked.is_predicted:
+            followed = slope(responses, np.array(asked.contrasts))
+            tests |= {} if isinstance(followed, NotEstimable) else {FOLLOWS: followed.p}
         tests |= {
             pair_of(pair.a, pair.b): pair.p_holm
             for pair in pairwise_signed_ranks(table)
             if not isinstance(pair.p_holm, NotEstimable)
         }
-        tests |= _of_groups(asked, scores, groups) | _of_factors(asked, scores, by_session)
-        pairs = zip(asked.pairs, combinations(scores.T, 2), strict=True)
+        tests |= _of_groups(asked, responses, groups) | _of_factors(asked, responses, by_session)
+        pairs = zip(asked.pairs, combinations(responses.T, 2), strict=True)
         differences = {mean_difference(name): _difference(a - b) for name, (a, b) in pairs}
-    return Record(tests, differences, complete=not np.isnan(scores).any())
+    return Record(tests, differences)
+
+
+def _table(asked: Asked, means: FloatArray) -> ScoreTable:
+    subjects = tuple(map(str, range(len(means))))
+    return ScoreTable(subjects=subjects, conditions=asked.conditions, scores=means)
 
 
 def _gains_p(table: ScoreTable) -> float:
@@ -265,21 +266,22 @@ def _of_noticing(asked: Asked, counts: IntArray) -> dict[str, float]:
     return {NOTICED: float(whole), **dict(zip(names, corrected.tolist(), strict=True))}
 
 
-def _of_groups(asked: Asked, scores: FloatArray, groups: IntArray) -> dict[str, float]:
+def _of_groups(asked: Asked, responses: FloatArray, groups: IntArray) -> dict[str, float]:
     """Return p of each test of groups that there is."""
     if len(asked.groups) < 2:
         return {}
-    contrasts = np.broadcast_to(asked.contrasts, scores.shape)
+    contrasts = np.broadcast_to(asked.contrasts, responses.shape)
     subject, condition = np.nonzero(np.isfinite(contrasts))
     ratings = Ratings(
-        subjects=tuple(map(str, range(len(scores)))),
+        subjects=tuple(map(str, range(len(responses)))),
         conditions=asked.conditions,
         subject=subject,
         condition=condition,
         contrast=contrasts[subject, condition],
-        rating=scores[subject, condition],
+        rating=responses[subject, condition],
     )
-    report = group_statistics(scores, own_gains(ratings), groups, asked.groups, asked.conditions)
+    gains = own_gains(ratings)
+    report = group_statistics(responses, gains, groups, asked.groups, asked.conditions)
     questions = {GROUP_SCORE: report.score, GROUP_GAIN: report.gain, BY_GROUP: report.interaction}
     p = {name: test.p for name, test in questions.items() if not isinstance(test, NotEstimable)}
     compared = {"": report.score, **{f"{name}: ": test for name, test in report.conditions.items()}}
@@ -291,15 +293,15 @@ def _of_groups(asked: Asked, scores: FloatArray, groups: IntArray) -> dict[str, 
     }
 
 
-def _of_factors(asked: Asked, scores: FloatArray, by_session: FloatArray) -> dict[str, float]:
+def _of_factors(asked: Asked, responses: FloatArray, by_session: FloatArray) -> dict[str, float]:
     """Return p of each effect of factors."""
     if not asked.factors:
         return {}
     within = {name: levels for name, levels in asked.factors.items() if name != SESSION}
     shape = [len(levels) for levels in within.values()]
-    crossed = Crossed(factors=within, scores=scores.reshape(-1, *shape))
+    crossed = Crossed(factors=within, responses=responses.reshape(-1, *shape))
     wide = Crossed(
-        factors=asked.factors, scores=by_session.reshape(-1, *shape, by_session.shape[-1])
+        factors=asked.factors, responses=by_session.reshape(-1, *shape, by_session.shape[-1])
     )
     p = factorial_p(crossed, wide if SESSION in asked.factors else None)
     names = (effect_of(*effect) for effect in effects_of(asked.factors))
@@ -310,22 +312,17 @@ def _of_factors(asked: Asked, scores: FloatArray, by_session: FloatArray) -> dic
 
 
 def record_of_models(cohort: RatedCohort) -> Record:
-    """Return what the sensitivity models estimate, and whether ratings follow the prediction.
+    """Return what the sensitivity models estimate.
 
     What a report tells besides is left out: neither the evidence of equal gains nor JNDs.
     """
     by_m2, by_m1 = ordinal_lines(cohort.ratings), linear_lines(cohort.ratings)
-    tests: dict[str, float] = {}
     estimates: dict[str, Estimate] = {}
     for model, mixture in (("M2", by_m2), ("M1", by_m1)):
         if not isinstance(mixture, NotEstimable):
             of_model = _estimates_of(mixture, cohort)
             estimates |= {f"{model} {name}": sums for name, sums in of_model.items()}
-    if not isinstance(by_m2, NotEstimable) and not by_m2.alone:
-        (above,) = by_m2.gain.part(slice(-1, None)).above_zero(by_m2.points.weights).tolist()
-        # Below .05 where the 95% interval of the group's gain lies above 0.
-        tests[FOLLOWS] = min(2 * (1 - above), 1.0)
-    return Record(tests, estimates)
+    return Record({}, estimates)
 
 
 def _estimates_of(mixture: LineMixture, cohort: RatedCohort) -> dict[str, Estimate]:

@@ -10,7 +10,8 @@ from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.sensitivity.two_stage_model import TwoStageSensitivity
 from analysis.statistics.omnibus import Friedman, MonteCarlo, SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
-from analysis.statistics.summary import Reading
+from analysis.statistics.slope import LevelSlope, Slope
+from analysis.statistics.summary import ConditionTests
 from analysis.trials.law_likelihood import LawOrder
 from analysis.trials.trial_statistics import LawScore
 
@@ -30,11 +31,42 @@ def with_reasons(record: object) -> Json:
     return found
 
 
-def friedman_json(reading: Reading) -> Json:
-    """Return Friedman's test, or `null` and the Skillings–Mack test if scores are missing."""
-    test = reading.friedman
+_COMPLETE = NotEstimable("no cell is empty, so Friedman's test applies")
+
+
+def tests_json(tests: ConditionTests, measure: str) -> Json:
+    """Return the tests of the conditions of a table; `measure` is what is in its cells."""
+    test = tests.friedman
+    w_ends = test if isinstance(test, NotEstimable) else test.kendall_w_interval
+    sums = () if isinstance(test, NotEstimable) else test.rank_sums
+    names = tests.table.conditions
+    return {
+        "friedman": {**friedman_json(tests), "of": measure},
+        "skillings_mack": skillings_mack_json(tests.skillings_mack),
+        **why("skillings_mack", tests.skillings_mack or _COMPLETE),
+        "kendall_w": None if isinstance(test, NotEstimable) else test.kendall_w,
+        **why("kendall_w", test),
+        "kendall_w_interval": or_null(w_ends),
+        **why("kendall_w_interval", w_ends),
+        "rank_sums": dict(zip(names, sums, strict=True)) if sums else None,
+        **why("rank_sums", test),
+        "pairwise": [pair_json(pair) for pair in tests.pairwise],
+    }
+
+
+def slope_json(slope: Slope | LevelSlope | NotEstimable) -> Json:
+    """Return the slope of responses on predicted contrasts, with its interval as `ci`."""
+    if isinstance(slope, NotEstimable):
+        return unknown(slope, "value", "ci", "p")
+    found = with_reasons(slope)
+    return {name.replace("interval", "ci"): value for name, value in found.items()}
+
+
+def friedman_json(tests: ConditionTests) -> Json:
+    """Return Friedman's test, or `null` and the Skillings–Mack test if cells are empty."""
+    test = tests.friedman
     if isinstance(test, NotEstimable):
-        instead = skillings_mack_json(reading.skillings_mack)
+        instead = skillings_mack_json(tests.skillings_mack)
         return {**unknown(test, "chi2", "df", "p", "p_exact"), "skillings_mack": instead}
     return {
         "chi2": test.chi2,
@@ -48,7 +80,7 @@ def friedman_json(reading: Reading) -> Json:
 
 
 def skillings_mack_json(test: SkillingsMack | NotEstimable | None) -> Json | None:
-    """Return the Skillings–Mack test, or `None` if no score is missing."""
+    """Return the Skillings–Mack test, or `None` if no cell is empty."""
     if isinstance(test, NotEstimable):
         return unknown(test, "statistic", "df", "p")
     if test is None:

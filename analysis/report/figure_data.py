@@ -279,9 +279,14 @@ _CLOUD_SD = 0.04
 
 
 def raincloud_figure(
-    table: ScoreTable, lines: FloatArray, means: FloatArray, scale: Scale, sheet: plot.Sheet
+    table: ScoreTable,
+    lines: FloatArray,
+    means: FloatArray,
+    measure: str,
+    scale: Scale,
+    sheet: plot.Sheet,
 ) -> None:
-    """Draw score densities by condition, with `lines` of subjects and means as diamonds."""
+    """Draw densities of the measure by condition, `lines` of subjects, and means as diamonds."""
     labels = plot.labels_of(table.conditions, "condition")
     # Names that are not cut need room below.
     axes = sheet.axes(plot.HEIGHT_IN + 0.08 * max(0, max(map(len, labels)) - 16))
@@ -308,7 +313,7 @@ def raincloud_figure(
         label="mean",
     )
     plot.name_places(axes, labels)
-    axes.set(ylim=plot.limits(scale), ylabel=f"score, {scale}", xlabel="condition")
+    axes.set(ylim=plot.limits(scale), ylabel=f"{measure}, {scale}", xlabel="condition")
     axes.legend(loc="lower left", frameon=False)
 
 
@@ -343,10 +348,11 @@ def factor_figure(
     factors: Mapping[str, tuple[str, ...]],
     means: FloatArray,
     halves: FloatArray,
+    measure: str,
     scale: Scale,
     sheet: plot.Sheet,
 ) -> None:
-    """Draw mean scores by level of a factor, with a line for each level of another one.
+    """Draw means by level of a factor, with a line for each level of another one.
 
     `factors` are one or two with their levels; `means`, and `halves` of their intervals, have
     shape (levels of the first factor, levels of the second or 1).
@@ -360,7 +366,7 @@ def factor_figure(
         at = places + (0.4 / lines) * (number - (lines - 1) / 2)
         axes.errorbar(at, middle, yerr=half, linewidth=1, **plot.marked(number), label=name)
     plot.name_places(axes, plot.labels_of(factors[first], first))
-    axes.set(xlabel=first, ylabel=f"mean score, {scale}")
+    axes.set(xlabel=first, ylabel=f"mean {measure}, {scale}")
     axes.margins(y=0.08)
     if lines > 1:
         plot.name_series(axes, last)

@@ -7,15 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimates import LEVEL, ScoreTable, plain
+from analysis.estimates import LEVEL, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.loading.records import values
-from analysis.loading.study_data import StudyData, notes, withheld_beside_scores
+from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
 from analysis.sensitivity.linear_model import own_gains
-from analysis.statistics.additive import gain_heterogeneity
 from analysis.statistics.corrections import holm
-from analysis.statistics.factorial import Factorial, factorial_tests
+from analysis.statistics.factorial import Factorial
 from analysis.statistics.groups import (
     CLAIMED,
     GAIN,
@@ -24,13 +23,19 @@ from analysis.statistics.groups import (
     GroupStatistics,
     group_statistics,
 )
-from analysis.statistics.summary import Reading, TableStatistics
+from analysis.statistics.summary import TableStatistics
 from analysis.trials.track_fits import Thresholds, thresholds
-from analysis.trials.trial_statistics import TrialStatistics, crossed_scores
+from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
 from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
-from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, effect_of
+from protocol.registration.registration import (
+    FOLLOWS,
+    NOTICED,
+    OMNIBUS,
+    effect_of,
+    implying_differences,
+)
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study import Study
@@ -83,22 +88,36 @@ CHANGES_NOTICED = f"changes {NOTICED}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Design:
-    """What a study with groups, factors or several sessions asks beside plain studies.
+class Questions:
+    """What a report asks of these data, and which of it holds.
 
-    Its report asks many kinds of question, which alone would be answered wrongly in 5% of studies
-    each. `p_holm` is corrected over all that have an answer, also in `groups` and `factors`; what
-    rests on a question, as pairs do on "conditions differ", counts only where that holds. So
-    without any effect something is claimed in at most 5% of studies. `touchbeam power` counts so.
+    A page that asks several kinds of question, each of which alone would be answered wrongly in 5%
+    of studies, needs one correction over them: `p_holm` has Holm's, of those with an answer, also
+    in `groups` and `factors`. The `primary` one of a registration is tested alone. What rests on a
+    question, as pairs do on "conditions differ", counts only where that holds. So where nothing has
+    an effect something is claimed in at most 5% of studies; with some true effects the others have
+    less protection (docs/mathematics/response.md).
+    `touchbeam power` counts so.
     """
 
     groups: GroupStatistics | None
     factors: Factorial | None
     p_holm: Mapping[str, float]
+    primary: str = ""
 
     def holds(self, question: str) -> bool:
-        """Return whether a question is answered by yes."""
-        return self.p_holm.get(question, 1.0) < LEVEL
+        """Return whether a question is answered by yes.
+
+        Conditions differ, too, if a question holds that could not without: no further claim can be
+        false by that.
+        """
+        by_itself = self.p_holm.get(question, 1.0) < LEVEL
+        return by_itself or (question == OMNIBUS and bool(self.grounds))
+
+    @property
+    def grounds(self) -> list[str]:
+        """The questions that hold and imply that conditions differ."""
+        return [name for name in implying_differences(self.p_holm) if self.p_holm[name] < LEVEL]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,16 +168,18 @@ class Findings:
         told = _TRIAL | (_TRACK if self.loaded.trials["track"].notna().any() else {})
         trials = zip(*(values(self.loaded.trials[of]) for of in told.values()), strict=True)
         by_law = zip(*(plain(contrast) for contrast in contrasts.by_law.values()), strict=True)
+        responses = plain(self.trials.responses)
         records: list[dict[str, Any]] = [
             {
                 **dict(zip(told, trial, strict=True)),
+                "response": response,
                 "touch_measured": measured,
                 "predicted": dict(zip(contrasts.by_law, predicted, strict=True)),
                 # The key is there in every study, so that programs need not ask for it.
                 "measured": None,
             }
-            for trial, measured, predicted in zip(
-                trials, contrasts.measured.tolist(), by_law, strict=True
+            for trial, response, measured, predicted in zip(
+                trials, responses, contrasts.measured.tolist(), by_law, strict=True
             )
         ]
         if self.measured is not None:
@@ -170,39 +191,24 @@ class Findings:
         return records
 
     @cached_property
-    def design(self) -> Design | None:
-        """The questions about groups and factors; None of a study that has neither."""
-        return self._design(self.table.main, self.trials.factorial)
-
-    @cached_property
-    def reread(self) -> Mapping[str, Design]:
-        """The same under each other reading of withheld scores, by its name.
-
-        Gains of people are those of given scores, and so are scores by session.
-        """
-        made = {}
-        for read in self.table.readings[1:]:
-            crossed = crossed_scores(self.study, self.loaded, read.table4.table)
-            made[read.name] = self._design(read, crossed and factorial_tests(crossed[0]))
-        return {name: design for name, design in made.items() if design is not None}
-
-    def _design(self, read: Reading, factors: Factorial | None) -> Design | None:
-        table = read.table4.table
-        groups = self._groups(table)
-        if factors is None and groups is None:
-            return None
-        is_main = read is self.table.main
+    def questions(self) -> Questions:
+        """The questions about conditions, people, groups and factors."""
+        groups, factors = self._groups(), self.trials.factorial
         tests: dict[str, Any] = {
-            OMNIBUS: read.omnibus_p,
-            GAINS: self.table.heterogeneity if is_main else gain_heterogeneity(table),
+            OMNIBUS: self.trials.response_tests.omnibus_p,
+            FOLLOWS: self.trials.slope if self.is_predicted else None,
             CHANGES_NOTICED: self.trials.noticed[-1].found if self.trials.noticed else None,
             **{claim: getattr(groups, of) for of, claim in CLAIMED.items() if groups},
             **{effect_of(*it.factors): it.effect for it in (factors.effects if factors else ())},
         }
         found = {of: getattr(test, "p", test) for of, test in tests.items()}
-        known = {of: p for of, p in found.items() if isinstance(p, float)}
-        p_holm = dict(zip(known, holm([*known.values()]), strict=True))
-        return Design(
+        tested = {of: p for of, p in found.items() if isinstance(p, float)}
+        lock = self.loaded.lock
+        primary = lock.registration.primary if lock and not lock.registration.earlier else ""
+        family = {of: p for of, p in tested.items() if of != primary}
+        p_holm = tested | dict(zip(family, holm([*family.values()]), strict=True))
+        return Questions(
+            primary=primary,
             groups=groups and replace(groups, p_holm=_of_groups(p_holm)),
             factors=factors
             and replace(
@@ -218,22 +224,22 @@ class Findings:
     @property
     def groups(self) -> GroupStatistics | None:
         """The comparisons between groups; None of a study without groups."""
-        return self.design.groups if self.design else None
+        return self.questions.groups
 
     @property
     def factors(self) -> Factorial | None:
         """The effects of factors and sessions; None of a study that has neither."""
-        return self.design.factors if self.design else None
+        return self.questions.factors
 
-    def _groups(self, table: ScoreTable) -> GroupStatistics | None:
-        known = self.loaded.groups
+    def _groups(self) -> GroupStatistics | None:
+        known, table = self.loaded.groups, self.trials.response_tests.table
         rows = [row for row, who in enumerate(table.subjects) if who in known]
         if not rows:
             return None
         names = tuple(dict.fromkeys((*self.study.groups, *known.values())))
         return group_statistics(
-            scores=table.scores[rows],
-            gains=own_gains(self.trials.scored.ratings)[rows],
+            responses=table.scores[rows],
+            gains=own_gains(self.trials.answered)[rows],
             groups=np.array([names.index(known[table.subjects[row]]) for row in rows]),
             names=names,
             conditions=table.conditions,
@@ -247,12 +253,14 @@ class Findings:
         return thresholds(self.study, loaded, self.origin.rig, friction)
 
     @property
-    def table_notes(self) -> list[str]:
-        loaded = self.loaded
-        return [
-            *notes(loaded.table, loaded.empty, self.scale.lowest, self.rating.score_when),
-            *withheld_beside_scores(loaded.trials, self.scale.lowest),
-        ]
+    def measure(self) -> str:
+        """What conditions are compared by: `response`, or `score` where nobody was asked."""
+        return "response" if self.trials.directions else "score"
+
+    @property
+    def response_scale(self) -> "Scale":
+        """The ends of the scale of responses."""
+        return Scale(0, self.scale.span + 1) if self.trials.directions else self.scale
 
     @property
     def rehearsals(self) -> bool:

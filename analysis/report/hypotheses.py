@@ -1,10 +1,11 @@
 """The hypotheses that a registration can name: each with its test in words and how results decide.
 
 A further one is a `Hypothesis` here and nothing else: `touchbeam register` knows its name and its
-test, and the report its verdict.
+test, and the report its verdict. What touchbeam 1 registered is judged by its tests, of scores, as
+far as they are still there.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, permutations
@@ -17,13 +18,18 @@ from analysis.report import results as page
 from analysis.report.blocks import at
 from analysis.report.findings import Findings
 from analysis.report.wording import interval, number, p_equals
+from analysis.statistics.groups import Compared, compared, mean_scores
 from analysis.statistics.signed_rank import signed_rank
+from analysis.statistics.slope import FEWEST_CONDITIONS
+from analysis.statistics.summary import ConditionTests
+from analysis.trials.law_likelihood import LawOrder
 from device.friction.changes import LAW
 from protocol.registration import registration as hypothesis
 from protocol.study.study import Study
 
 Judged = tuple[str, float | None, bool | None] | NotEstimable
 """What was found, p, and whether it supports the hypothesis; None where nothing decides."""
+_Orders = Mapping[str, LawOrder | NotEstimable]
 
 
 @dataclass(frozen=True)
@@ -31,8 +37,9 @@ class Hypothesis:
     """A hypothesis that a registration can name.
 
     `judge` decides by what a report found. `question` is that of the page whose answer is on it, ''
-    if there is none. One that is not `asked` belongs to no such study, but a study file may change
-    after it was registered. Nothing is claimed of one that is only `estimated`.
+    if there is none; `as_on_page` is whether that answer rests on the same test. One that is not
+    `asked` belongs to no such study, but a study file may change after it was registered. Nothing
+    is claimed of one that is only `estimated`, and one that is not `tested` has no test any more.
     """
 
     name: str
@@ -41,31 +48,35 @@ class Hypothesis:
     question: str = page.WHICH
     asked: bool = True
     estimated: bool = False
+    as_on_page: bool = True
+    tested: bool = True
 
 
-def how_tested(study: Study, named: Iterable[str] = ()) -> dict[str, str]:
+def how_tested(study: Study, named: Iterable[str] = (), earlier: str = "") -> dict[str, str]:
     """Return the test of each hypothesis of a study, by its name; those of conditions first.
 
-    `named` are some that may have a number of their own, such as the limit of a Weber fraction.
+    `named` are some that may have a number of their own, such as the limit of a Weber fraction;
+    `earlier` is that of the registration (`Registration.earlier`).
     """
-    return {each.name: each.test for each in _all(study, named) if each.asked}
+    return {each.name: each.test for each in _all(study, named, earlier) if each.asked}
 
 
-def registered(study: Study, names: Sequence[str]) -> list[Hypothesis]:
+def registered(study: Study, names: Sequence[str], earlier: str = "") -> list[Hypothesis]:
     """Return the hypotheses of these names; also one of which the study no longer has the parts."""
-    known = {each.name: each for each in _all(study, names)}
+    known = {each.name: each for each in _all(study, names, earlier)}
     return [known.get(name) or _gone(name) for name in names]
 
 
 def _gone(name: str) -> Hypothesis:
-    why, question = "these conditions have no scores to compare", page.WHICH
+    why, question = _NOT_COMPARED, page.WHICH
     if name.endswith(hypothesis.NOTICED):
         why, question = _NO_SUCH_TRIALS, page.NOTICE
     return Hypothesis(name, "", lambda _: NotEstimable(why), question)
 
 
-def _all(study: Study, named: Iterable[str]) -> Iterator[Hypothesis]:
-    return chain(_of_conditions(study), _of_tracks(study, named))
+def _all(study: Study, named: Iterable[str], earlier: str) -> Iterator[Hypothesis]:
+    own = _of_scores(study, earlier) if earlier else _of_responses(study)
+    return chain(own, _of_conditions(study), _of_tracks(study, named))
 
 
 def _is_predicted(study: Study) -> bool:
@@ -74,38 +85,85 @@ def _is_predicted(study: Study) -> bool:
     return study.surface.kind != "given" or any(touch.friction is not None for touch in touches)
 
 
-def _of_conditions(study: Study) -> Iterator[Hypothesis]:
+def _effects(study: Study) -> Iterator[tuple[str, ...]]:
+    """Yield the factors of each effect; sessions are a factor, too."""
+    factors = (*study.factors, *["session"] * (study.design.sessions > 1))
+    yield from (*zip(factors), *permutations(factors, 2))
+
+
+def _of_responses(study: Study) -> Iterator[Hypothesis]:
     named = partial(Hypothesis, asked=bool(study.condition))
     yield named(
         hypothesis.OMNIBUS,
-        "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
-        lambda found: _tested(found.table.main.omnibus_p),
+        "Friedman's test of mean responses, or the Skillings–Mack test where some are missing; "
+        "p < .05",
+        lambda found: _tested(found.trials.response_tests.omnibus_p),
         page.DIFFER,
     )
     for pair in permutations(study.conditions, 2):
-        yield named(hypothesis.above(*pair), _ABOVE, partial(_pair, *pair))
+        judge = partial(_pair, *pair, lambda found: found.trials.response_tests)
+        yield named(hypothesis.above(*pair), _ABOVE.format(of=" of mean responses"), judge)
+    predicted = partial(Hypothesis, asked=bool(study.condition) and _is_predicted(study))
+    # With fewer conditions no p of the slope is below .05.
+    can_follow = len(study.conditions) > FEWEST_CONDITIONS and _is_predicted(study)
+    yield Hypothesis(
+        hypothesis.FOLLOWS,
+        "slope of mean responses on predicted contrasts, with the contrasts permuted over the "
+        "conditions; p < .05 and a slope above 0",
+        _slope,
+        page.FOLLOW,
+        asked=can_follow,
+    )
+    judge_order = partial(_order, lambda found: found.trials.orders)
+    yield predicted(hypothesis.ORDER, _RANKED.format(of="responses"), judge_order, page.FOLLOW)
+    for pair in permutations(study.groups, 2):
+        judge = partial(_groups, *pair, _group_responses)
+        test = _BETWEEN.format(of="responses")
+        yield named(hypothesis.between(*pair), test, judge, page.GROUPS)
+    for of in _effects(study):
+        test = _MAIN_EFFECT if len(of) == 1 else _INTERACTION
+        yield named(hypothesis.effect_of(*of), test, partial(_effect, of), page.FACTORS)
+
+
+def _of_scores(study: Study, version: str) -> Iterator[Hypothesis]:
+    """Yield what touchbeam 1 registered, with its tests; `version` is the one that registered."""
+    named = partial(Hypothesis, asked=bool(study.condition), as_on_page=False)
     yield named(
+        hypothesis.OMNIBUS,
+        "Friedman's test, or the Skillings–Mack test where scores are missing; p < .05",
+        lambda found: _tested(found.table.score_tests.omnibus_p),
+        page.DIFFER,
+    )
+    for pair in permutations(study.conditions, 2):
+        judge = partial(_pair, *pair, lambda found: found.table.score_tests)
+        yield named(hypothesis.above(*pair), _ABOVE.format(of=""), judge)
+    gain = "gain of the ordinal mixed model M2; its 95 % interval lies above 0"
+    yield named(hypothesis.FOLLOWS, gain, _gain, page.FOLLOW)
+    judge_order = partial(_order, lambda found: found.trials.orders_of_scores())
+    yield named(hypothesis.ORDER, _RANKED.format(of="ratings"), judge_order, page.FOLLOW)
+    for pair in permutations(study.groups, 2):
+        judge = partial(_groups, *pair, _group_scores)
+        test = _BETWEEN.format(of="scores")
+        yield named(hypothesis.between(*pair), test, judge, page.GROUPS)
+    for of in _effects(study):
+        name = hypothesis.effect_of(*of)
+        why = (
+            f"registered with touchbeam {version}, whose test of {name} this version does not have"
+        )
+        test = f"{'main effect' if len(of) == 1 else 'interaction'} {_BY_FACTOR}"
+        judge = partial(_without_test, why)
+        yield named(name, test, judge, page.FACTORS, tested=False)
+
+
+def _of_conditions(study: Study) -> Iterator[Hypothesis]:
+    """Yield what touchbeam 1 tested as today."""
+    yield Hypothesis(
         hypothesis.GAINS,
         "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
         lambda found: _tested(at(found.table, "heterogeneity.p")),
         "",
+        asked=bool(study.condition),
     )
-    predicted = partial(Hypothesis, asked=bool(study.condition) and _is_predicted(study))
-    yield predicted(
-        hypothesis.FOLLOWS,
-        "gain of the ordinal mixed model M2; its 95 % interval lies above 0",
-        _gain,
-        page.FOLLOW,
-    )
-    yield predicted(
-        hypothesis.ORDER,
-        "Spearman's correlation of predicted contrasts and mean ratings of the conditions; "
-        "p < .05 and a correlation above 0",
-        _order,
-        page.ORDERED,
-    )
-    for pair in permutations(study.groups, 2):
-        yield named(hypothesis.between(*pair), _BETWEEN, partial(_groups, *pair), page.GROUPS)
     caught = partial(Hypothesis, asked=bool(study.condition and study.design.catch_trials))
     for each in ("", *study.conditions):
         corrected = ", corrected by Holm's method over all conditions" * bool(each)
@@ -113,11 +171,6 @@ def _of_conditions(study: Study) -> Iterator[Hypothesis]:
         yield caught(
             f"{each} {hypothesis.NOTICED}".strip(), test, partial(_noticed, each), page.NOTICE
         )
-    # Sessions are a factor, too.
-    factors = (*study.factors, *["session"] * (study.design.sessions > 1))
-    for of in (*zip(factors), *permutations(factors, 2)):
-        test = f"{'main effect' if len(of) == 1 else 'interaction'} {_BY_FACTOR}"
-        yield named(hypothesis.effect_of(*of), test, partial(_effect, of), page.FACTORS)
 
 
 def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
@@ -143,22 +196,30 @@ def _of_tracks(study: Study, names: Iterable[str]) -> Iterator[Hypothesis]:
 
 
 _ABOVE = (
-    "Wilcoxon's signed-rank test, two-sided, corrected by Holm's method over all pairs of "
+    "Wilcoxon's signed-rank test{of}, two-sided, corrected by Holm's method over all pairs of "
     "conditions; p < .05 and a mean difference above 0"
 )
+_RANKED = (
+    "Spearman's correlation of predicted contrasts and mean {of} of the conditions; "
+    "p < .05 and a correlation above 0"
+)
 _BETWEEN = (
-    "Wilcoxon-Mann-Whitney test of the participants' mean scores, two-sided, corrected by Holm's "
+    "Wilcoxon-Mann-Whitney test of the participants' mean {of}, two-sided, corrected by Holm's "
     "method over all pairs of groups; p < .05 and a Hodges-Lehmann shift above 0"
 )
 _EXACT = "exact test within people of reported changes against those on catch trials, one-sided"
-_BY_FACTOR = (
-    "within participants on mean scores: permutation of levels, and F with Greenhouse and "
-    "Geisser's correction; the larger p < .05"
+_LARGER = (
+    "permutation of levels, and F with Greenhouse and Geisser's correction; the larger p < .05"
 )
+_MAIN_EFFECT = f"main effect within participants on ranks of mean responses: {_LARGER}"
+_INTERACTION = f"interaction within participants on mean responses: {_LARGER}"
+_BY_FACTOR = f"within participants on mean scores: {_LARGER}"
 _WEBER = (
     "the 95% t interval of the geometric mean of the participants' Weber fractions, measured where "
     "friction was recorded of all of them, else predicted, lies below the limit"
 )
+_NO_GROUP = "no group has a response"
+_NOT_COMPARED = "these conditions have no responses to compare"
 _NO_SUCH_TRIALS = "there are no such trials to compare with catch trials"
 
 
@@ -169,8 +230,10 @@ def _tested(p: float | NotEstimable) -> Judged:
     return p if isinstance(p, NotEstimable) else (p_equals(p), p, p < LEVEL)
 
 
-def _pair(higher: str, lower: str, found: Findings) -> Judged:
-    for pair in found.table.main.pairwise:
+def _pair(
+    higher: str, lower: str, tests: Callable[[Findings], ConditionTests], found: Findings
+) -> Judged:
+    for pair in tests(found).pairwise:
         # Tests know a pair in one order, a hypothesis may name it in the other.
         if {pair.a, pair.b} == {higher, lower}:
             if isinstance(pair.test, NotEstimable):
@@ -180,7 +243,22 @@ def _pair(higher: str, lower: str, found: Findings) -> Judged:
                 return p
             told = f"mean difference {number(by, 2)}, {p_equals(p)} (Holm)"
             return told, p, by > 0 and p < LEVEL
-    return NotEstimable("these conditions have no scores to compare")
+    return NotEstimable(_NOT_COMPARED)
+
+
+def _slope(found: Findings) -> Judged:
+    fit = found.trials.slope
+    if isinstance(fit, NotEstimable):
+        return fit
+    ends = fit.interval
+    told = "" if isinstance(ends, NotEstimable) else f", 95% CI {interval(ends)}"
+    told = f"slope {number(fit.value, 2)}{told}, {p_equals(fit.p)}"
+    # Two-sided p, so that responses against the prediction must not count for it.
+    return told, fit.p, fit.value > 0 and fit.p < LEVEL
+
+
+def _without_test(why: str, _: Findings) -> Judged:
+    return NotEstimable(why)
 
 
 def _gain(found: Findings) -> Judged:
@@ -194,9 +272,9 @@ def _gain(found: Findings) -> Judged:
     return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
 
 
-def _order(found: Findings) -> Judged:
+def _order(orders: Callable[[Findings], _Orders], found: Findings) -> Judged:
     lock = found.loaded.lock
-    order = found.trials.orders.get(lock.registration.law if lock else LAW)
+    order = orders(found).get(lock.registration.law if lock else LAW)
     if order is None or isinstance(order, NotEstimable):
         return NotEstimable("too few conditions with a prediction")
     rho, p = order.spearman, order.p
@@ -208,16 +286,36 @@ def _order(found: Findings) -> Judged:
     return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
 
 
-def _groups(higher: str, lower: str, found: Findings) -> Judged:
-    score = NotEstimable("no group has a score") if found.groups is None else found.groups.score
-    if isinstance(score, NotEstimable):
-        return score
-    for pair in score.pairs:
+def _group_responses(found: Findings) -> Compared | NotEstimable:
+    return NotEstimable(_NO_GROUP) if found.groups is None else found.groups.score
+
+
+def _group_scores(found: Findings) -> Compared | NotEstimable:
+    """Return the comparison of mean scores, as touchbeam 1 made it."""
+    table, known = found.loaded.table, found.loaded.groups
+    rows = [row for row, who in enumerate(table.subjects) if who in known]
+    if not rows:
+        return NotEstimable(_NO_GROUP)
+    names = tuple(dict.fromkeys((*found.study.groups, *known.values())))
+    groups = np.array([names.index(known[table.subjects[row]]) for row in rows])
+    return compared(mean_scores(table.scores[rows]), groups, names)
+
+
+def _groups(
+    higher: str,
+    lower: str,
+    comparison: Callable[[Findings], Compared | NotEstimable],
+    found: Findings,
+) -> Judged:
+    groups = comparison(found)
+    if isinstance(groups, NotEstimable):
+        return groups
+    for pair in groups.pairs:
         if {pair.a, pair.b} == {higher, lower}:
             shift = pair.shift * (1 if pair.a == higher else -1)
             told = f"shift {number(shift, 2)}, {p_equals(pair.p_holm)} (Holm)"
             return told, pair.p_holm, shift > 0 and pair.differs
-    return NotEstimable("these groups have no scores to compare")
+    return NotEstimable("these groups have no responses to compare")
 
 
 def _noticed(condition: str, found: Findings) -> Judged:
@@ -238,7 +336,7 @@ def _effect(factors: Sequence[str], found: Findings) -> Judged:
     for it in tests.effects if tests else ():
         if {*it.factors} == {*factors}:
             return _tested(at(it.effect, "p"))
-    return NotEstimable("these conditions have no scores to compare")
+    return NotEstimable(_NOT_COMPARED)
 
 
 def _threshold(track: str, found: Findings) -> Judged:

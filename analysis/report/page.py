@@ -8,6 +8,9 @@ from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 
+import numpy as np
+
+from analysis.loading.response import IN_WORDS
 from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
 from analysis.report.findings import Findings
@@ -43,8 +46,10 @@ _TERMS = {
     "Growth of a swing: how much more friction varies along the way than before.",
     "d′": "how well a change is noticed: the contrast over the noise in a subject's perception.",
     "gain": "rating points per unit of contrast: a subject's sensitivity.",
-    "Holm's correction": "p-values of several tests, raised so that the chance of any false "
-    "difference stays below 5%.",
+    "as expected": "the answer that the study file expects of a condition; the other way is its "
+    "opposite, such as rougher in place of smoother.",
+    "Holm's correction": "p-values of several tests, raised so that where nothing has an effect "
+    "any is called significant in at most 5% of studies.",
     "JND": "just noticeable difference, by ratings: the contrast that moves a rating by one "
     "standard deviation of its noise, which is that deviation over the gain. It is no threshold "
     "of a psychometric function: nobody compared two changes.",
@@ -57,9 +62,10 @@ _TERMS = {
     "first models whether a change is noticed.",
     "own share": "how much of what is said of a subject comes from the subject's own trials; "
     "the rest is borrowed from the group.",
-    "p": "probability of scores at least as different as these if conditions made no difference.",
-    "r": "rank-biserial correlation: 1 if every subject whose ratings differ rated the first "
-    "condition higher. Its interval is for this pair alone; p is corrected for all pairs.",
+    "p": "probability of data at least as far from no effect as these, if there is none.",
+    "response": f"{IN_WORDS}. Every answer counts.",
+    "r": "rank-biserial correlation: 1 if every subject whose responses differ has more for the "
+    "first condition. Its interval is for this pair alone; p is corrected for all pairs.",
     "relative gain": "a subject's gain less the mean gain of all subjects.",
     "rung": "how the beam's motion is computed; the top rung is the most accurate.",
 }
@@ -116,9 +122,12 @@ def _participants(found: Findings) -> str:
     table = found.loaded.table
     if not table.conditions:
         return f"{len(table.subjects)}, in {count_of(len(found.study.track), 'track')} alone"
-    scored, conditions = (int(table.given.any(axis=axis).sum()) for axis in (1, 0))
+    given = found.trials.response_tests.table.given
+    people, conditions = (int(given.any(axis=axis).sum()) for axis in (1, 0))
+    answers = count_of(int(np.isfinite(found.trials.responses).sum()), "answer")
     ratings = count_of(int(found.loaded.scored["score"].notna().sum()), "rating")
-    return f"{scored}, with {ratings} of {count_of(conditions, 'condition')}"
+    told = ratings if found.measure == "score" else f"{answers} and {ratings}"
+    return f"{people}, with {told} of {count_of(conditions, 'condition')}"
 
 
 def _sessions(found: Findings) -> str:

@@ -107,15 +107,13 @@ def report(
         origin = replace(origin, rig=NOMINAL)
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
-    # Published scores are on the paper's scale, from 0.
-    least = 0 if loaded.kinds == ("published",) else study.rating.minimum
     trials = TrialStatistics(data=loaded, study=study, rig=origin.rig)
     result = Report(
         title=title,
         loaded=loaded,
         study=study,
         origin=origin,
-        table=TableStatistics(tables=loaded.readings(least)),
+        table=TableStatistics(table=loaded.table),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         shown=shown,
@@ -128,9 +126,11 @@ def report(
 
 _KEYS = (
     *("title", "kinds", "rehearsals", "broken_chains", "unfinished", "left_out", "exclusions"),
-    *("incidents", "table4", "friedman", "skillings_mack", "kendall_w", "kendall_w_interval"),
-    *("interval_coverage", "rank_sums", "pairwise"),
-    *("icc", "additive", "gain_heterogeneity", "missing_readings", "ordinal"),
+    *("left_out_for_not_noticing", "incidents", "table4"),
+    *("friedman", "skillings_mack", "kendall_w", "kendall_w_interval"),
+    *("interval_coverage", "rank_sums", "pairwise", "questions_p_holm", "responses", "scores"),
+    "directions",
+    *("icc", "additive", "gain_heterogeneity", "ordinal"),
     *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
     *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "measured"),
     *("recovery", "contrast_law", "contrast_rung", "contrast_ranges", "laws", "checks", "signal"),

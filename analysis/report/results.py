@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from analysis.estimates import LEVEL, Interval, NotEstimable
-from analysis.report.findings import CHANGES_NOTICED, Design, Findings
+from analysis.report.findings import CHANGES_NOTICED, Findings
 from analysis.report.wording import (
     bounded,
     chance,
@@ -22,7 +22,7 @@ from analysis.report.wording import (
 )
 from analysis.sensitivity.lines import UNEQUAL, Lines
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.statistics.factorial import Effect, Factorial, TestedEffect
+from analysis.statistics.factorial import Effect, Factorial, LevelMean, TestedEffect
 from analysis.statistics.groups import (
     GAIN,
     INTERACTION,
@@ -34,11 +34,12 @@ from analysis.statistics.groups import (
 )
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
-from analysis.statistics.summary import Reading
+from analysis.statistics.slope import Slope
+from analysis.statistics.summary import ConditionTests
 from analysis.trials.track_fits import CohortThreshold
 from device.friction.changes import LAW
 from protocol.errors import listed
-from protocol.registration.registration import GAINS, OMNIBUS
+from protocol.registration.registration import FOLLOWS, OMNIBUS
 
 _SKIN = "Without measured friction, skin and perception cannot be told apart."
 THRESHOLDS = "What are the thresholds?"
@@ -47,9 +48,9 @@ DIFFER = "Do the conditions differ?"
 WHICH = "Which ones?"
 GROUPS = "Do the groups differ?"
 FACTORS = "Which factors matter?"
-TOGETHER = "What holds for all of these questions together?"
-FOLLOW = "Do ratings follow the predicted change of friction?"
-ORDERED = "Does the model predict the order of the conditions?"
+TOGETHER = "What was found?"
+WHICH_WAY = "Which way were the changes felt?"
+FOLLOW = "Do responses follow the predicted change of friction?"
 MOST_PAIRS = 3
 """Pairs of conditions that are told with all their numbers; the table has the others."""
 
@@ -63,37 +64,35 @@ def paragraphs(found: Findings) -> Iterator[tuple[str, str]]:
 
 
 def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
-    main = found.table.main
-    if found.design is not None:
-        yield TOGETHER, _together(found.design)
+    main = found.trials.response_tests
+    if contrary := contrary_lines(found):
+        yield WHICH_WAY, " ".join(contrary)
+    if len(found.questions.p_holm) > 1:
+        yield TOGETHER, together(found)
     if found.trials.noticed:
         yield NOTICE, _noticed(found)
-    yield DIFFER, f"{_who(found)} {_omnibus(found, main)}"
+    yield DIFFER, " ".join([_who(found), _omnibus(found, main)])
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
     if found.groups is not None:
-        yield GROUPS, of_groups(found.groups, adjusted=not found.loaded.table.given.all())
+        yield GROUPS, of_groups(found.groups, adjusted=not main.table.is_complete)
     if found.factors is not None:
         yield FACTORS, _factors(found.factors)
     yield from _of_models(found)
 
 
 def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
-    """Yield what the models of sensitivity and friction answer."""
-    if isinstance(found.trials.m2, OrdinalSensitivity):
-        law = f"; law {LAW}" * (len(found.shown_laws) > 1)
-        predicted = f"predicted contrast (change of log friction{law})"
-        yield FOLLOW, _gain(found, found.trials.m2.lines, predicted)
+    """Yield what predictions and the models of sensitivity answer."""
+    if found.is_predicted:
+        yield FOLLOW, _slope(found)
     # Where friction was measured, skin is not in the gains: people are compared by these.
     felt = None if found.measured is None else found.measured.m2
     if isinstance(felt, OrdinalSensitivity):
-        contrast = "measured contrast (change of log friction at the finger)"
-        yield "Do they follow the change that was measured?", _gain(found, felt.lines, contrast)
+        yield "Do they follow the change that was measured?", _gain(felt.lines)
         measured = "Friction was measured, so this is not a matter of skin."
-        yield from _spread(found, felt.lines, measured)
+        yield from _spread(felt.lines, measured)
     elif isinstance(found.trials.m2, OrdinalSensitivity):
-        yield from _spread(found, found.trials.m2.lines, _SKIN)
-    yield from _ranking(found)
+        yield from _spread(found.trials.m2.lines, _SKIN)
 
 
 def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
@@ -116,15 +115,49 @@ def _mean_threshold(each: CohortThreshold) -> str:
     return f"{each.threshold:.3g}{unit}{said}{weber}, where {share} ({of}{note})."
 
 
-def counts(found: Findings, question: str) -> bool:
-    """Return whether what rests on a question is told: with a design, only where that holds."""
-    return found.design is None or found.design.holds(question)
+def contrary_lines(found: Findings) -> list[str]:
+    """Return a sentence for each condition whose changes were felt the other way, and what to do.
+
+    A condition of which so few changes were felt that chance explains their directions has none.
+    """
+    contrary = {name: ways for name, ways in found.trials.directions.items() if ways.is_contrary}
+    if not contrary:
+        return []
+    names = found.loaded.table.conditions
+    foreseen = [name for name in contrary if found.trials.predicted[names.index(name)] < 0]
+    others = [name for name in contrary if name not in foreseen]
+    return [
+        *(
+            f"{sentence(name)}: {_of(ways.expected)} of {ways.answers:,} answers as expected, "
+            f"{ways.contrary:,} the other way."
+            for name, ways in contrary.items()
+        ),
+        "These answers count as 0 in the tests.",
+        *[
+            f"The other way is also what {found.friction_source} predicts of {listed(foreseen)}: "
+            "look at the expected answer in the study file."
+        ]
+        * bool(foreseen),
+        *[
+            f"Look at the expected answer of {listed(others)} in the study file, at the wiring and "
+            "at the drive."
+        ]
+        * bool(others),
+    ]
+
+
+def _of(count: int) -> str:
+    return f"{count:,}" if count else "none"
 
 
 def _p(found: Findings, question: str, p: float) -> str:
-    """Return p and, with a design, that by one correction over all questions."""
-    corrected = found.design.p_holm.get(question) if found.design else None
-    return p_equals(p) + ("" if corrected is None else f" ({p_equals(corrected)} corrected)")
+    """Return p and, of several questions, that by one correction over all."""
+    questions = found.questions
+    corrected = questions.p_holm.get(question)
+    if corrected is None or len(questions.p_holm) < 2:
+        return p_equals(p)
+    how = "registered, tested alone" if question == questions.primary else ""
+    return f"{p_equals(p)} ({how or f'{p_equals(corrected)} corrected'})"
 
 
 def _noticed(found: Findings) -> str:
@@ -135,7 +168,7 @@ def _noticed(found: Findings) -> str:
         return f"Not known: {all_together.reason}."
     rates = (all_together.hits, all_together.false_alarms)
     hits, alarms = (f"{rate.share:.0%} of {rate.trials:,}" for rate in rates)
-    at_all = counts(found, CHANGES_NOTICED)
+    at_all = found.questions.holds(CHANGES_NOTICED)
     more = [each.of["condition"] for each in conditions if each.noticed and at_all]
     others = [each.of["condition"] for each in conditions if not each.noticed]
     told = (
@@ -154,28 +187,42 @@ def _noticed(found: Findings) -> str:
 
 
 def _who(found: Findings) -> str:
-    given = found.loaded.table.given
-    subjects, conditions = (int(given.any(axis=axis).sum()) for axis in (1, 0))
-    if not subjects:
-        return "Nobody gave a score."
+    given = found.trials.response_tests.table.given
+    people, conditions = (int(given.any(axis=axis).sum()) for axis in (1, 0))
+    if not people:
+        return f"Nobody gave a {found.measure}."
     of = count_of(conditions, "condition")
-    return sentence(f"{count_of(subjects, 'participant')} rated {of} from {found.scale}.")
+    ways = found.trials.directions.values()
+    if not ways:
+        return sentence(f"{count_of(people, 'participant')} rated {of} from {found.scale}.")
+    expected, answers = (sum(getattr(each, name) for each in ways) for name in _COUNTED)
+    return sentence(
+        f"{count_of(people, 'participant')} gave {answers:,} answers on {of}, {expected:,} of them "
+        f"as expected. Each answer counts as a response from {found.response_scale}: 0 if the "
+        "change was not answered as expected, else its score, counted from 1."
+    )
 
 
-def _omnibus(found: Findings, main: Reading) -> str:
+_COUNTED = ("expected", "answers")
+
+
+def _omnibus(found: Findings, main: ConditionTests) -> str:
     test = main.omnibus
     if isinstance(test, NotEstimable):
         return f"No test of all conditions could be computed: {test.reason}."
-    p = test.best_p
+    questions = found.questions
     differed = (
-        "Ratings differed between conditions"
-        if p < LEVEL and counts(found, OMNIBUS)
+        f"{sentence(found.measure)}s differed between conditions"
+        if questions.holds(OMNIBUS)
         else "No difference between conditions was found, which does not show that they are equal"
     )
-    told = _p(found, OMNIBUS, p)
+    if questions.holds(OMNIBUS) and questions.p_holm[OMNIBUS] >= LEVEL:
+        grounds = listed(_claim(found, name) for name in questions.grounds)
+        differed += f", as follows from this: {grounds}. Of all conditions at once it is not shown"
+    told = _p(found, OMNIBUS, test.best_p)
     if isinstance(test, SkillingsMack):
         t = f"Skillings–Mack T({test.df}) = {number(test.statistic, 2)}, {told}"
-        return f"{differed}, {t} (some scores are missing)."
+        return f"{differed}, {t} (some cells are empty)."
     w = f"Kendall's W = {bounded(test.kendall_w)}{_ci(test.kendall_w_interval, bounded=True)}"
     return f"{differed}, Friedman's χ²({test.df}) = {number(test.chi2, 2)}, {told}, {w}."
 
@@ -185,7 +232,9 @@ NO_FINDING = "because the conditions were not found to differ"
 
 def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
     """Tell the largest significant differences, or the largest one if none is."""
-    if not counts(found, OMNIBUS):
+    if isinstance(found.trials.response_tests.omnibus, NotEstimable):
+        return "No pair is told, because all conditions could not be tested together."
+    if not found.questions.holds(OMNIBUS):
         return f"No pair is told, {NO_FINDING}."
     # The largest first, because only some are told.
     differ = sorted((pair for pair in pairs if pair.differs), key=_size, reverse=True)
@@ -195,11 +244,20 @@ def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
         told = f"The largest difference: {_pair(found, largest)}"
         return (
             "No two conditions differed significantly (Wilcoxon's signed-rank tests, Holm's "
-            f"correction). {told if _size(largest) else 'No pair of means differs'}."
+            f"correction{_least_p(pairs)}). "
+            f"{told if _size(largest) else 'No pair of means differs'}."
         )
     more = len(differ) - MOST_PAIRS
     others = f" {sentence(count_of(more, 'other pair'))} differed, too." if more > 0 else ""
     return f"By Wilcoxon's signed-rank tests with Holm's correction, {told}.{others}"
+
+
+def _least_p(pairs: Sequence[PairwiseTest]) -> str:
+    """Return that so few people cannot show a difference, where that is so."""
+    tested = [pair.test for pair in pairs if isinstance(pair.test, SignedRank)]
+    # The smallest exact p of n differences is 2 of the 2^n signs, and Holm multiplies it.
+    least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
+    return f", whose p is at least {min(least, 1.0):.2g} of so few people" * (least >= LEVEL)
 
 
 def _size(pair: PairwiseTest) -> float:
@@ -209,12 +267,12 @@ def _size(pair: PairwiseTest) -> float:
 def _pair(found: Findings, pair: PairwiseTest) -> str:
     test = pair.test
     assert isinstance(test, SignedRank)
-    names, means = found.loaded.table.conditions, found.table.main.table4.column_means
+    names, means = found.loaded.table.conditions, found.trials.response_tests.means
     mean = dict(zip(names, means, strict=True))
     higher, lower, by = _higher_first(pair, test.mean_difference, test.mean_difference_interval)
     r = test.rank_biserial if higher == pair.a else -test.rank_biserial
     return (
-        f"{higher} (M = {number(mean[higher], 2)}) was rated above {lower} "
+        f"{higher} (M = {number(mean[higher], 2)}) was above {lower} "
         f"(M = {number(mean[lower], 2)}) by {by}, {p_equals(pair.p_holm)}, r = {bounded(r)}"
     )
 
@@ -234,16 +292,16 @@ def _higher_first(
 def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
     """Tell in which of the questions about groups they differ, and by how much.
 
-    Means are `adjusted` where somebody has no score of a condition: see `groups.mean_scores`.
+    Means are `adjusted` where somebody has no answer to a condition: see `groups.mean_scores`.
     """
-    means = f"Mean scores{', adjusted for conditions without a score,' * adjusted}"
+    means = f"Mean responses{', adjusted for conditions without an answer,' * adjusted}"
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
     most = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
         (
             _compared(made, SCORE, means, made.score),
             _profiles(made, made.interaction),
-            _compared(made, GAIN, "Gains", made.gain),
+            _compared(made, GAIN, "Slopes on predicted contrasts", made.gain),
             *([f"Conditions in which groups differed most: {most}."] if most else []),
         )
     )
@@ -256,9 +314,10 @@ def _compared(made: GroupStatistics, name: str, what: str, found: Compared | Not
     h = f"Kruskal–Wallis H = {number(found.statistic, 2)}, " if others else ""
     differed = "differed" if made.holds(name) else "were not found to differ"
     return (
-        f"{what} {differed} between groups ({h}{p_equals(made.p_holm[name])} by Holm's correction "
-        f"over all questions); {'most clearly ' * bool(others)}{_higher(first)}, Mann–Whitney "
-        f"U = {number(first.u, 1)}, {p_equals(first.p_holm)}."
+        f"{what} {differed} between groups ({h}{p_equals(found.p)}, "
+        f"{p_equals(made.p_holm[name])} corrected); {'most clearly ' * bool(others)}"
+        f"{_higher(first)}, Mann–Whitney U = {number(first.u, 1)}, {p_equals(first.p_holm)}"
+        f"{' over the pairs' * bool(others)}."
     )
 
 
@@ -268,7 +327,8 @@ def _profiles(made: GroupStatistics, found: GroupInteraction | NotEstimable) -> 
     differed = "differed" if made.holds(INTERACTION) else "were not found to differ"
     return (
         f"Effects of conditions {differed} between groups (group × condition, "
-        f"{p_equals(made.p_holm[INTERACTION])}; groups explain {bounded(found.share)} of the "
+        f"{p_equals(found.p)}, {p_equals(made.p_holm[INTERACTION])} corrected; groups explain "
+        f"{bounded(found.share)} of the "
         "variation of profiles)."
     )
 
@@ -287,62 +347,121 @@ def _factors(tests: Factorial) -> str:
     told = [_effect(tests, it) for it in known if it.found]
     rest = [it.name for it in known if not it.found]
     none = f"No effect was found of {listed(rest)}, which does not show that there is none."
-    how = "Permutation and F tests within people, the larger p corrected over all questions."
+    people = count_of(min(it.effect.people for it in known), "participant")  # type: ignore[union-attr]
+    how = (
+        f"Permutation and F tests within {people}, main effects on ranks, the larger p corrected "
+        "over all questions."
+    )
     return " ".join([*(f"{sentence(each)}." for each in told), *[none] * bool(rest), how])
 
 
 def _effect(tests: Factorial, it: TestedEffect) -> str:
     effect = it.effect
     assert isinstance(effect, Effect)
+    f = (
+        "everybody alike"
+        if isinstance(effect.f, NotEstimable)
+        else f"F({effect.df[0]}, {effect.df[1]}) = {number(effect.f, 2)}"
+    )
     said = (
-        f"F({effect.df[0]}, {effect.df[1]}) = {number(effect.f, 2)}, {p_equals(it.p_holm)}, "
-        f"partial η² = {bounded(effect.partial_eta2)}"
+        f"{f}, {p_equals(it.p_holm)}, partial η² = {bounded(effect.partial_eta2)}"
         f"{_ci(effect.partial_eta2_interval, bounded=True)}"
     )
     if len(it.factors) > 1:
         return f"the effect of {it.factors[0]} depended on {it.factors[1]}, {said}"
     levels = [each for each in tests.levels if each.factor == it.name]
     high, low = (pick(levels, key=lambda each: each.mean) for pick in (max, min))
-    return (
-        f"{it.name} mattered, from M = {number(low.mean, 2)} ({low.level}) to M = "
-        f"{number(high.mean, 2)} ({high.level}), {said}"
+    return f"{it.name} mattered, from {_level(low)} to {_level(high)}, {said}"
+
+
+def _level(each: LevelMean) -> str:
+    """Tell the mean response at a level, with the two things that it is made of."""
+    made_of = (
+        ""
+        if np.isnan(each.expected)
+        else f"; {each.expected:.0%} as expected, these scored {number(each.score, 2)}"
     )
+    return f"M = {number(each.mean, 2)} ({each.level}{made_of})"
 
 
-def _together(design: Design) -> str:
+def together(found: Findings) -> str:
     """Tell the questions that hold by one correction over all, because many err more often."""
-    left = [f"{name} ({p_equals(p)})" for name, p in design.p_holm.items() if p < LEVEL]
+    questions = found.questions
+    lock = found.loaded.lock
+    # One of version 1 may have no test any more; its section says what is tested.
+    is_tested = lock is not None and not lock.registration.earlier
+    alone = " The registered primary hypothesis is tested alone." * is_tested
+    held = [
+        f"{_claim(found, name)} ({p_equals(p)})"
+        for name, p in questions.p_holm.items()
+        if p < LEVEL
+    ]
+    count = count_of(len(questions.p_holm), "question")
+    if not held:
+        return (
+            f"None of {count} has the answer yes, which does not show that nothing has an effect "
+            f"(Holm's correction over all of them).{alone}"
+        )
     return (
-        f"This page asks {count_of(len(design.p_holm), 'question')} of groups, factors, conditions "
-        "and people. By Holm's correction over all of them, so that without any effect something "
-        f"is claimed in at most 5% of studies, hold: {'; '.join(left) or 'none'}. What rests on a "
-        "question counts only where that holds. A registered primary hypothesis is tested alone."
+        f"{sentence('; '.join(held))}. These are the answers yes to {count}, with one correction "
+        "over all (Holm's), by which a page says yes to anything in at most 5% of studies in which "
+        "nothing has an effect. Pairs, single conditions and pairs of groups count only after such "
+        f"a yes.{alone}"
     )
 
 
-def _gain(found: Findings, lines: Lines, contrast: str) -> str:
+def _claim(found: Findings, question: str) -> str:
+    """Return what is claimed where a question holds; the test of the prediction has two sides."""
+    slope = found.trials.slope
+    if question == FOLLOWS and isinstance(slope, Slope) and slope.value < 0:
+        return "responses go against the prediction"
+    return question.replace("ratings", "responses")
+
+
+def _slope(found: Findings) -> str:
+    """Tell whether responses follow the predicted contrasts, by one test."""
+    slope = found.trials.slope
+    if isinstance(slope, NotEstimable):
+        return f"Not tested: {slope.reason}."
+    shown = (
+        "these data do not show that they follow it"
+        if not found.questions.holds(FOLLOWS)
+        else "they follow it"
+        if slope.value > 0
+        else "they fall where a larger change is predicted"
+    )
+    few = (
+        f" ({slope.conditions} conditions with such contrasts cannot show it: p is at least "
+        f"{slope.least_p:.2g})"
+    ) * (slope.least_p >= LEVEL)
+    law = f"; law {LAW}" * (len(found.shown_laws) > 1)
+    return (
+        f"Per unit of predicted contrast (change of log friction{law}), mean {found.measure}s "
+        f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
+        f"is a change of about 10%){_ci(slope.interval)}, "
+        f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}."
+        f"{_in_order(found)}"
+    )
+
+
+def _gain(lines: Lines) -> str:
     if not lines.group_known:
         return "A single participant tells nothing about a group."
     low, high = lines.gain_interval
     shown = (
         "which includes 0, so these data do not show that ratings follow it."
         if low <= 0 <= high
-        else f"which is no finding, {NO_FINDING}."
-        if not counts(found, OMNIBUS)
         else "so ratings follow it."
         if low > 0
-        else "so ratings fall where a larger change is predicted."
+        else "so ratings fall where a larger change was measured."
     )
-    what, by, ends = ("rise", lines.gain, lines.gain_interval)
-    if lines.gain < 0:
-        what, by, ends = ("fall", -lines.gain, (-high, -low))
     return (
-        f"Per unit of {contrast}, the estimate is a {what} of {number(by, 2)} points in the group"
-        f"{_ci(ends)}, {shown}"
+        "Per unit of measured contrast (change of log friction at the finger), ratings change by "
+        f"{number(lines.gain, 2)} points in the group{_ci(lines.gain_interval)}, {shown}"
     )
 
 
-def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
+def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
     """Yield how much gains differ between subjects, if there are several."""
     if not lines.group_known:
         return
@@ -350,7 +469,7 @@ def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str
         line
         for line in lines.subjects
         if line.relative_gain_interval[0] > 0 or line.relative_gain_interval[1] < 0
-    ] * counts(found, GAINS)
+    ] * (lines.equal_gains < UNEQUAL)
     who = (
         f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
         f"({listed(line.subject for line in apart[:MOST_PAIRS])}"
@@ -361,7 +480,7 @@ def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str
     spread = f"SD {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)}"
     differ = (
         f"Gains differed between participants, {spread}"
-        if lines.equal_gains < UNEQUAL and counts(found, GAINS)
+        if lines.equal_gains < UNEQUAL
         else "These data do not show that gains differ between participants: equal gains have "
         f"{chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
         f"below {number(lines.gain_sd_upper, 2)} with {chance(0.95)}"
@@ -369,28 +488,17 @@ def _spread(found: Findings, lines: Lines, skin: str) -> Iterator[tuple[str, str
     yield "Are some people more sensitive?", f"{differ}; {who} {skin}"
 
 
-def _ranking(found: Findings) -> Iterator[tuple[str, str]]:
-    """Yield what the order of the conditions says of the law, if there is anything to say."""
+def _in_order(found: Findings) -> str:
+    """Return how the order of the conditions agrees with the law's, of which nothing is claimed."""
     order = found.trials.orders[LAW]
     if isinstance(order, NotEstimable):
-        return
+        return ""
     rho, p = order.spearman, order.p
     if isinstance(rho, NotEstimable) or isinstance(p, NotEstimable):
-        return
-    has_laws = len(found.shown_laws) > 1
-    predicted, law = ("law", f" (law {LAW})") if has_laws else ("prediction", "")
-    evidence = (
-        f"no evidence for or against the {predicted}"
-        if p >= LEVEL
-        else f"no finding, {NO_FINDING}"
-        if not counts(found, OMNIBUS)
-        else f"evidence {'for' if rho > 0 else 'against'} the {predicted}'s order"
-    )
-    yield (
-        ORDERED,
-        f"Predicted contrasts and mean ratings of {count_of(order.rated, 'condition')} "
-        f"correlated by Spearman's {unbroken(f'ρ = {bounded(rho)}')}, "
-        f"{p_equals(p)}{law}: {evidence}.",
+        return ""
+    return (
+        f" In order alone: Spearman's {unbroken(f'ρ = {bounded(rho)}')}, {p_equals(p)} (not "
+        "corrected; nothing is claimed of it)."
     )
 
 

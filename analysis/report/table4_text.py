@@ -33,6 +33,10 @@ _ESCAPED = {
     "]": "{]}",
     "\n": " ",
     "\r": " ",
+    # Marks of cells, which no font of pdfLaTeX has.
+    "⇄": r"$\rightleftharpoons$",
+    "×": r"$\times$",
+    "○": r"$\circ$",
 }
 
 
@@ -42,14 +46,14 @@ def table4_lines(
     """Return the header, a row per subject, and the row of averages, to two decimals.
 
     Whole scores have no decimals. A missing score is written as `missing`, or as the mark that
-    `marks` has for its row and column.
+    `marks` has for its row and column; a given one is followed by its mark.
     """
     table = result.table
     rows = []
     for row, (subject, mean) in enumerate(zip(table.subjects, result.row_means, strict=True)):
         # Whole scores as in the paper's Table 4; means of several trials need their decimals.
         scores = [
-            f"{score:.0f}" if score.is_integer() else _mean(score, marks.get((row, at), missing))
+            _cell(score, marks.get((row, at), ""), missing)
             for at, score in enumerate(table.scores[row])
         ]
         rows.append([subject, *scores, _mean(mean, missing)])
@@ -59,6 +63,13 @@ def table4_lines(
         *rows,
         ["average", *means, _mean(result.grand_mean, missing)],
     ]
+
+
+def _cell(score: float, mark: str, missing: str) -> str:
+    if math.isnan(score):
+        return mark or missing
+    text = f"{score:.0f}" if score.is_integer() else _mean(score, missing)
+    return f"{text} {mark}".rstrip()
 
 
 def _mean(mean: float, missing: str) -> str:
@@ -71,7 +82,12 @@ def table4_csv(result: Table4) -> str:
     return csv_text(header, rows)
 
 
-def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> str:
+def table4_tex(
+    result: Table4,
+    scale: str = "",
+    notes: Sequence[str] = (),
+    marks: Mapping[tuple[int, int], str] = MappingProxyType({}),
+) -> str:
     """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1).
 
     One of more than `FEW_CONDITIONS` also requires graphicx: its header is turned, and it shrinks
@@ -80,9 +96,10 @@ def table4_tex(result: Table4, scale: str = "", notes: Sequence[str] = ()) -> st
     Args:
         result: the table.
         scale: the scale in words, for the caption.
-        notes: sentences below the table.
+        notes: sentences below the table, which explain the `marks`.
+        marks: as in `table4_lines`.
     """
-    header, *rows, averages = table4_lines(result, _LATEX_MISSING)
+    header, *rows, averages = table4_lines(result, _LATEX_MISSING, marks)
     many = len(header) > FEW_CONDITIONS + 2
     of_scale = f", {scale}" if scale else ""
     caption = f"Scores by subject and condition{of_scale}. The last column and row are means."

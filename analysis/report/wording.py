@@ -6,7 +6,7 @@ from analysis.estimates import Interval, NotEstimable
 from analysis.loading.records import Exclusion
 from analysis.sensitivity.lines import Lines
 from analysis.statistics.omnibus import Friedman, MonteCarlo
-from analysis.statistics.summary import Reading
+from analysis.statistics.summary import ConditionTests
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, PredictionError
 from analysis.trials.trial_checks import Proportion
 from protocol.errors import listed
@@ -28,8 +28,6 @@ SIMPLE_ONLY = (
     "conditions depart from the line: its intervals are then too narrow, and the group's often "
     "excludes 0 although there is no gain."
 )
-READ_AS = {"zero": "withheld as lowest possible", "lowest": "withheld as lowest given"}
-"""How withheld scores are read otherwise, by the name of the reading."""
 
 
 def number(value: float | NotEstimable | None, digits: int = 3) -> str:
@@ -171,17 +169,17 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
     )
 
 
-def omnibus_line(reading: Reading) -> str:
-    """Return Friedman's test, or the Skillings–Mack test if scores are missing, in one sentence."""
-    test = reading.skillings_mack
+def omnibus_line(tests: ConditionTests) -> str:
+    """Return Friedman's test, or the Skillings–Mack test if cells are empty, in one sentence."""
+    test = tests.skillings_mack
     if test is None:
-        return _friedman_line(reading.friedman)
+        return _friedman_line(tests.friedman)
     if isinstance(test, NotEstimable):
         return f"No omnibus test could be computed: {test.reason}."
-    omitted = "; omitted for lack of scores: " + listed(test.left_out) if test.left_out else ""
+    omitted = "; omitted, since empty: " + listed(test.left_out) if test.left_out else ""
     return (
-        "Skillings–Mack test of equal conditions (in place of Friedman's test, because scores are "
-        f"missing{omitted}): T({test.df}) = {test.statistic:.4f}, {p_equals(test.p)}; "
+        "Skillings–Mack test of equal conditions (in place of Friedman's test, because cells are "
+        f"empty{omitted}): T({test.df}) = {test.statistic:.4f}, {p_equals(test.p)}; "
         f"{_monte_carlo(test.monte_carlo)}."
     )
 

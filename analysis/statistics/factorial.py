@@ -1,21 +1,23 @@
-"""Effects of factors within people: main effects and interactions of two, by permutation.
+"""Effects of factors within people: main effects on ranks, interactions of two on means.
 
-Numbers of equations are those of docs/mathematics/ordinal.md.
+Numbers of equations are those of docs/mathematics/response.md.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
-from math import factorial, prod
+from math import factorial, nan, prod
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtrc, fdtrc, ncfdtr, stdtrit
+from scipy.special import fdtrc, ncfdtr, stdtrit
 
-from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, IntArray, Interval, NotEstimable
-from analysis.statistics import corrections, intervals, ordinal, signed_rank
+from analysis.estimates import ENDS, LEVEL, BoolArray, FloatArray, Interval, NotEstimable
+from analysis.statistics import corrections, intervals, signed_rank
 from analysis.statistics.omnibus import SEED, MonteCarlo, shuffles_of
+from protocol.study.factor import CONDITION
 
 SESSION = "session"
 """Names the factor whose levels are the sessions of a participant."""
@@ -28,20 +30,37 @@ _SHUFFLES = 999
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crossed:
-    """Mean scores by person and by level of each factor; NaN where no score was given.
+    """Mean responses by person and by level of each factor; NaN where nothing was answered.
 
-    `factors` has the names of the levels of each factor; `scores` has shape (people, levels of the
-    first factor, levels of the second, ...).
+    `factors` has the names of the levels of each factor; `responses` has shape (people, levels of
+    the first factor, levels of the second, ...).
     """
 
     factors: Mapping[str, tuple[str, ...]]
-    scores: FloatArray
+    responses: FloatArray
 
     @property
     def complete(self) -> FloatArray:
-        """The scores of the people who have one in every cell."""
-        levels = tuple(range(1, self.scores.ndim))
-        return self.scores[~np.isnan(self.scores).any(axis=levels)]
+        """The responses of the people who answered in every cell."""
+        return self.responses[self.are_complete]
+
+    @property
+    def are_complete(self) -> BoolArray:
+        """Who answered in every cell, shape (people,)."""
+        levels = tuple(range(1, self.responses.ndim))
+        return np.asarray(~np.isnan(self.responses).any(axis=levels))
+
+    def tested(self, *names: str) -> FloatArray:
+        """Return what the effect of these factors is tested on, of the shape of `complete`.
+
+        A main effect is tested on each person's ranks of all cells, so that a rare answer of no
+        change counts no more than its place; ranks have no interactions to speak of.
+        """
+        cells = self.complete
+        if len(names) > 1:
+            return cells
+        ranks = signed_rank.doubled_midranks(cells.reshape(len(cells), prod(cells.shape[1:]))) / 2
+        return ranks.reshape(cells.shape)
 
     def places(self, names: Iterable[str]) -> tuple[int, ...]:
         """Return the positions of the named factors."""
@@ -59,27 +78,28 @@ class Effect:
     """Main effect of a factor, or the interaction of two, tested within `people`.
 
     `p` is the larger of two: `p_permuted`, of random shufflings if there is a `monte_carlo`, which
-    holds however scores are spread, and `p_f`, that of F with Greenhouse and Geisser's `epsilon`,
-    which holds also if people differ more at some levels than at others. Of the sizes,
-    `partial_eta2` is the share of the effect in what other effects and people's levels leave, and
-    `generalized_eta2` its share in all but the other effects (Olejnik and Algina, Psychological
-    Methods 8, 2003).
+    holds however responses are spread, and `p_f`, that of F with Greenhouse and Geisser's
+    `epsilon`, which holds also if people differ more at some levels than at others. Main effects
+    are of ranks, interactions of means; `partial_eta2` is the share of the effect in what other
+    effects and people's levels leave of these. Where everybody differs alike there is no F, and
+    `p_permuted` decides.
     """
 
     people: int
-    f: float
+    f: float | NotEstimable
     df: tuple[int, int]
-    epsilon: float
-    p_f: float
+    epsilon: float | NotEstimable
+    p_f: float | NotEstimable
     p_permuted: float
     monte_carlo: MonteCarlo | None
     partial_eta2: float
     partial_eta2_interval: Interval | NotEstimable
-    generalized_eta2: float
 
     @property
     def p(self) -> float:
         """The p that decides."""
+        if isinstance(self.p_f, NotEstimable):
+            return self.p_permuted
         return max(self.p_permuted, self.p_f)
 
 
@@ -104,13 +124,19 @@ class TestedEffect:
 
 @dataclass(frozen=True, kw_only=True)
 class LevelMean:
-    """Mean score at a level of a factor, and its difference from the mean of all its levels."""
+    """Mean response at a level of a factor, and its difference from the mean of all its levels.
+
+    `expected` is the share of the level's trials that were answered as expected, and `score` their
+    mean score: which of the two moved, the response alone does not tell. NaN where there are none.
+    """
 
     factor: str
     level: str
     mean: float
     difference: float
     difference_interval: Interval | NotEstimable
+    expected: float = nan
+    score: float = nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,11 +151,16 @@ class Factorial:
         return next((it for it in self.effects if set(it.factors) == set(factors)), None)
 
 
-def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Factorial:
+def factorial_tests(
+    crossed: Crossed,
+    by_session: Crossed | None = None,
+    answers: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType({}),
+) -> Factorial:
     """Return every main effect and interaction of two factors.
 
     `crossed` is over the sessions; `by_session` is the same by session as well, for the effects of
-    `SESSION`, so that who missed a session counts for the other effects.
+    `SESSION`, so that who missed a session counts for the other effects. `answers` has the
+    `expected` and `score` of a `LevelMean` by factor and level.
     """
     wide = by_session or crossed
     names = effects_of(wide.factors)
@@ -142,15 +173,18 @@ def factorial_tests(crossed: Crossed, by_session: Crossed | None = None) -> Fact
         levels=tuple(
             mean
             for name in wide.factors
-            for mean in _level_means(wide if name == SESSION else crossed, name)
+            for mean in _level_means(wide if name == SESSION else crossed, name, answers)
         ),
     )
 
 
 def effects_of(factors: Iterable[str]) -> list[tuple[str, ...]]:
-    """Return the factors of each effect: main effects, then interactions of two."""
+    """Return the factors of each effect: main effects, then interactions of two.
+
+    A study without factors has its conditions as one; whether these differ is asked already.
+    """
     names = list(factors)
-    return [*((name,) for name in names), *combinations(names, 2)]
+    return [*((name,) for name in names if name != CONDITION), *combinations(names, 2)]
 
 
 def factorial_p(crossed: Crossed, by_session: Crossed | None = None) -> list[float]:
@@ -162,7 +196,8 @@ def factorial_p(crossed: Crossed, by_session: Crossed | None = None) -> list[flo
     wide, found = by_session or crossed, []
     for of in effects_of(wide.factors):
         among = wide if SESSION in of else crossed
-        test = _f_test(among.complete, among.places(of)) if len(among.complete) > 1 else None
+        cells = among.tested(*of)
+        test = _f_test(cells, among.places(of)) if len(cells) > 1 else None
         if not isinstance(test, _FTest):
             found.append(float("nan"))
         elif test.p >= LEVEL:
@@ -173,49 +208,51 @@ def factorial_p(crossed: Crossed, by_session: Crossed | None = None) -> list[flo
 
 
 def _of(crossed: Crossed, factors: tuple[str, ...]) -> Effect | NotEstimable:
-    scores = crossed.complete
-    if len(scores) < 2:
-        cells = scores[0].size if len(scores) else prod(crossed.scores.shape[1:])
+    cells = crossed.tested(*factors)
+    if len(cells) < 2:
         return NotEstimable(
-            f"the test needs at least 2 people with a score in each of {cells} cells, got "
-            f"{len(scores)}"
+            f"the test needs at least 2 people with an answer in each of "
+            f"{prod(crossed.responses.shape[1:])} cells, got {len(cells)}"
         )
-    return within_effect(scores, crossed.places(factors))
+    return within_effect(cells, crossed.places(factors))
 
 
-def within_effect(scores: FloatArray, factors: tuple[int, ...]) -> Effect | NotEstimable:
+def within_effect(cells: FloatArray, factors: tuple[int, ...]) -> Effect | NotEstimable:
     """Return the effect of one factor or the interaction of several.
 
-    (21): F = n Σ r̄² / df over Σ (r - r̄)² / (df (n - 1)), where r are a person's means by level of
+    (6): F = n Σ r̄² / df over Σ (r - r̄)² / (df (n - 1)), where r are a person's means by level of
     these factors, less the means over each of them, and r̄ is their mean over n people. Under the
     hypothesis a person's levels are exchangeable, so that the levels of each factor may be shuffled
     within each person, for an interaction the rows and the columns of r. The permutation p is the
-    share of these arrangements whose F is at least as large. `scores` has shape (people, levels of
+    share of these arrangements whose F is at least as large. `cells` has shape (people, levels of
     each factor), none missing; `factors` are positions among the factors.
     """
-    if isinstance(test := _f_test(scores, factors), NotEstimable):
+    if isinstance(test := _f_test(cells, factors), NotEstimable):
         return test
     exact = exact_p(test.own)
     shuffled = _monte_carlo(test.own) if exact is None else None
-    # All that is not an effect: people's levels, and how people differ in effects.
-    rest = float(((scores - scores.mean(axis=0)) ** 2).sum())
-    between = scores.size / test.own.size * test.between
+    alike = np.isnan(test.f)
     return Effect(
-        people=len(scores),
-        f=test.f,
+        people=len(cells),
+        f=_ALIKE if alike else test.f,
         df=test.df,
-        epsilon=test.epsilon,
-        p_f=test.p,
+        epsilon=_ALIKE if alike else test.epsilon,
+        p_f=_ALIKE if alike else test.p,
         p_permuted=shuffled.p if shuffled else exact or 0.0,
         monte_carlo=shuffled,
         partial_eta2=test.between / test.total,
         partial_eta2_interval=_eta2_interval(test.f, *(test.epsilon * df for df in test.df)),
-        generalized_eta2=between / (between + rest),
     )
 
 
+_ALIKE = NotEstimable("everybody differs alike")
+
+
 class _FTest(NamedTuple):
-    """F of (21) with each person's deviations `own` and the sums of squares that it is made of."""
+    """F of (6) with each person's deviations `own` and the sums of squares that it is made of.
+
+    F is NaN where everybody differs alike.
+    """
 
     own: FloatArray
     between: float
@@ -226,19 +263,21 @@ class _FTest(NamedTuple):
     p: float
 
 
-def _f_test(scores: FloatArray, factors: tuple[int, ...]) -> _FTest | NotEstimable:
-    others = tuple(axis + 1 for axis in range(scores.ndim - 1) if axis not in factors)
-    own = scores.mean(axis=others)
+def _f_test(cells: FloatArray, factors: tuple[int, ...]) -> _FTest | NotEstimable:
+    others = tuple(axis + 1 for axis in range(cells.ndim - 1) if axis not in factors)
+    own = cells.mean(axis=others)
     for axis in range(1, own.ndim):
         own = own - own.mean(axis=axis, keepdims=True)
     people = len(own)
-    noise = own.size * (1e-12 * max(1.0, float(np.abs(scores).max()))) ** 2
+    noise = own.size * (1e-12 * max(1.0, float(np.abs(cells).max()))) ** 2
     total, between = float((own**2).sum()), people * float((own.mean(axis=0) ** 2).sum())
     if total <= noise:
-        return NotEstimable("nobody's scores differ in this way")
-    if total - between <= noise:
-        return NotEstimable("everybody's scores differ alike, so that F has no error to compare to")
+        return NotEstimable("nobody's responses differ in this way")
     df = prod(levels - 1 for levels in own.shape[1:])
+    both = (df, df * (people - 1))
+    if total - between <= noise:
+        # Everybody differs alike: F has no error to compare to, and shuffles alone decide.
+        return _FTest(own, between=total, total=total, f=nan, df=both, epsilon=1.0, p=0.0)
     f = between / df / ((total - between) / (df * (people - 1)))
     spread = np.linalg.eigvalsh(np.cov(own.reshape(people, -1), rowvar=False))
     epsilon = float(spread.sum() ** 2 / (df * (spread**2).sum()))
@@ -247,7 +286,7 @@ def _f_test(scores: FloatArray, factors: tuple[int, ...]) -> _FTest | NotEstimab
         between=between,
         total=total,
         f=f,
-        df=(df, df * (people - 1)),
+        df=both,
         epsilon=epsilon,
         p=float(fdtrc(epsilon * df, epsilon * df * (people - 1), f)),
     )
@@ -262,7 +301,7 @@ def exact_p(own: FloatArray) -> float | None:
     if prod(factorial(levels) for levels in shape) > MOST_ARRANGEMENTS:
         return None
     orders = [np.ix_(*order) for order in product(*(permutations(range(n)) for n in shape))]
-    # The same rearrangement of everybody changes nothing, so that the first person's scores stay.
+    # The same rearrangement of everybody changes nothing, so that the first person's cells stay.
     sums = own[:1].reshape(1, -1)
     for person in own[1:]:
         images = np.round([person[order].ravel() for order in orders], signed_rank.DECIMALS)
@@ -293,7 +332,7 @@ def _monte_carlo(own: FloatArray, most: int = MOST_SHUFFLES) -> MonteCarlo:
 def _reach(sums: FloatArray, own: FloatArray) -> BoolArray:
     """Return which sums over people are as unequal as those of `own`.
 
-    F rises with the sum of their squares, because shuffling leaves that of the scores as it is.
+    F rises with the sum of their squares, because shuffling leaves that of the cells as it is.
     """
     observed = float((own.sum(axis=0) ** 2).sum())
     return np.asarray((sums**2).sum(axis=1) >= observed * (1 - 1e-7))
@@ -302,10 +341,12 @@ def _reach(sums: FloatArray, own: FloatArray) -> BoolArray:
 def _eta2_interval(f: float, df: float, error_df: float) -> Interval | NotEstimable:
     """Return the 95% interval of partial η²: λ / (λ + df of the error), λ of the noncentral F.
 
-    (22): the ends are the λ for which an F as large, or as small, has a chance of 2.5% (Steiger,
+    (7): the ends are the λ for which an F as large, or as small, has a chance of 2.5% (Steiger,
     Psychological Methods 9, 2004). A lower end of 0 is no noncentrality at all. The degrees of
     freedom are those of the p of F, corrected by Greenhouse and Geisser's ε.
     """
+    if np.isnan(f):
+        return _ALIKE
 
     def excess(lam: float, chance: float) -> float:
         return float(ncfdtr(df, error_df, lam, f)) - chance
@@ -323,7 +364,9 @@ def _eta2_interval(f: float, df: float, error_df: float) -> Interval | NotEstima
     return low, high
 
 
-def _level_means(crossed: Crossed, name: str) -> list[LevelMean]:
+def _level_means(
+    crossed: Crossed, name: str, answers: Mapping[tuple[str, str], tuple[float, float]]
+) -> list[LevelMean]:
     by_level = crossed.over(name)
     if not len(by_level):
         return []
@@ -335,6 +378,8 @@ def _level_means(crossed: Crossed, name: str) -> list[LevelMean]:
             mean=float(by_level[:, place].mean()),
             difference=float(own[:, place].mean()),
             difference_interval=intervals.mean_interval(own[:, place]),
+            expected=answers.get((name, level), (nan, nan))[0],
+            score=answers.get((name, level), (nan, nan))[1],
         )
         for place, level in enumerate(crossed.factors[name])
     ]
@@ -343,7 +388,7 @@ def _level_means(crossed: Crossed, name: str) -> list[LevelMean]:
 def cell_intervals(crossed: Crossed, *names: str) -> tuple[FloatArray, FloatArray]:
     """Return the means by level of these factors, and halves of their 95% intervals.
 
-    The intervals are of scores without people's levels (Cousineau, Tutorials in Quantitative
+    The intervals are of responses without people's levels (Cousineau, Tutorials in Quantitative
     Methods for Psychology 1, 2005; corrected by Morey, the same 4, 2008).
     """
     cells = crossed.over(*names)
@@ -351,109 +396,3 @@ def cell_intervals(crossed: Crossed, *names: str) -> tuple[FloatArray, FloatArra
     level = cells.reshape(people, -1).mean(axis=1).reshape(-1, *[1] * (cells.ndim - 1))
     spread = (cells - level).std(axis=0, ddof=1) * np.sqrt(levels / (levels - 1) / people)
     return cells.mean(axis=0), float(stdtrit(people - 1, ENDS[1])) * spread
-
-
-# The same effects on the latent scale of an ordinal mixed model, which no end of the scale bends.
-
-
-@dataclass(frozen=True, kw_only=True)
-class LatentEffect:
-    """Wald's test of one effect: χ² of its coefficients by their covariance."""
-
-    factors: tuple[str, ...]
-    chi2: float
-    df: int
-    p: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class LatentLevel:
-    """Effect of a level relative to the mean of its factor's levels, and its standard error."""
-
-    factor: str
-    level: str
-    effect: float
-    standard_error: float
-
-    @property
-    def effect_interval(self) -> Interval:
-        """The 95% interval, which tables ask for by its name."""
-        half = ordinal.NORMAL_95 * self.standard_error
-        return self.effect - half, self.effect + half
-
-
-@dataclass(frozen=True, kw_only=True)
-class LatentFactorial:
-    """Effects in units of the latent residual's SD, with SDs of people and of their cells.
-
-    `cell_sd` is None where nobody scored a cell twice, or where it is 0.
-    """
-
-    effects: tuple[LatentEffect, ...]
-    levels: tuple[LatentLevel, ...]
-    subject_sd: float
-    cell_sd: float | None
-
-
-def latent_factorial(
-    scores: FloatArray, subject: IntArray, cell: IntArray, factors: Mapping[str, tuple[str, ...]]
-) -> LatentFactorial | NotEstimable:
-    """Return main effects and interactions of two in the cumulative probit model of (1).
-
-    (23): β of a cell is the sum of the coefficients of its levels and pairs of levels, which add
-    up to 0 over each factor. People differ in level, and, where cells were scored twice, in each
-    cell; if they differ in the effect of a whole factor, errors here are too small.
-
-    `scores`, finite, `subject`, whole numbers, and `cell` have shape (trials,); cells are positions
-    among all combinations of levels, of which the last factor is fastest.
-    """
-    # The effect of the last level is minus the sum of the others.
-    sums = {
-        name: np.concatenate([np.eye(len(levels) - 1), -np.ones((1, len(levels) - 1))])
-        for name, levels in factors.items()
-    }
-    terms = [(name,) for name in factors] + list(combinations(factors, 2))
-    places = np.indices([len(levels) for levels in factors.values()]).reshape(len(factors), -1)
-    main = {name: sums[name][at] for name, at in zip(factors, places, strict=True)}
-    columns = [
-        main[of[0]]
-        if len(of) == 1
-        else np.einsum("ci,cj->cij", *(main[name] for name in of)).reshape(places.shape[1], -1)
-        for of in terms
-    ]
-    design = np.concatenate(columns, axis=1)
-    if isinstance(counts := ordinal.score_counts(scores, subject, cell, len(design)), NotEstimable):
-        return counts
-    data = ordinal.ScoreCounts(counts=counts, link="probit", design=design)
-    if isinstance(fit := ordinal.fitted_levels(data), NotEstimable):
-        return fit
-    best, covariance = fit
-    wider = ordinal.fitted_cells(best, covariance, data)
-    if not isinstance(wider, NotEstimable):
-        best, covariance = wider
-    at = data.coefficients
-    values, errors = best.packed[at], covariance[at, at]
-    ends = np.cumsum([0, *(own.shape[1] for own in columns)])
-    spans = dict(zip(terms, map(slice, ends[:-1], ends[1:]), strict=True))
-    return LatentFactorial(
-        effects=tuple(_wald(of, values[own], errors[own, own]) for of, own in spans.items()),
-        levels=tuple(
-            LatentLevel(factor=name, level=level, effect=float(effect), standard_error=float(error))
-            for name, levels in factors.items()
-            for level, effect, error in zip(
-                levels,
-                sums[name] @ values[spans[(name,)]],
-                np.sqrt(
-                    np.diag(sums[name] @ errors[spans[(name,)], spans[(name,)]] @ sums[name].T)
-                ),
-                strict=True,
-            )
-        ),
-        subject_sd=abs(float(ordinal.unpacked(best.packed, data).sds[0])),
-        cell_sd=None if isinstance(wider, NotEstimable) else abs(float(best.packed[-1])) or None,
-    )
-
-
-def _wald(of: tuple[str, ...], values: FloatArray, errors: FloatArray) -> LatentEffect:
-    chi2 = float(values @ np.linalg.solve(errors, values))
-    return LatentEffect(factors=of, chi2=chi2, df=len(values), p=float(chdtrc(len(values), chi2)))

@@ -284,8 +284,8 @@ def interaction(scores: FloatArray, groups: IntArray) -> GroupInteraction | NotE
 SCORE, GAIN, INTERACTION = "mean score", "gain", "group × condition"
 """The questions that a study of groups asks, each once."""
 CLAIMED = {
-    "score": "mean scores differ between groups",
-    "gain": "gains differ between groups",
+    "score": "mean responses differ between groups",
+    "gain": "slopes differ between groups",
     "interaction": "effects of conditions differ between groups",
 }
 """What is claimed if these of `GroupStatistics` answer a question by yes."""
@@ -293,7 +293,7 @@ CLAIMED = {
 
 @dataclass(frozen=True, kw_only=True)
 class GroupStatistics:
-    """Groups compared by people's mean scores, gains, profiles, and scores of each condition.
+    """Groups compared by people's mean responses, gains, profiles, and responses to each condition.
 
     `p_holm` has the questions that have an answer, with p corrected over them: they are one family.
     `conditions` have p corrected over all pairs of groups and all conditions.
@@ -313,7 +313,7 @@ class GroupStatistics:
     def in_conditions(self) -> list[tuple[str, TwoGroups]]:
         """The conditions and pairs of groups that differ there.
 
-        They count only where mean scores or profiles differ, so that without any difference
+        They count only where mean responses or profiles differ, so that without any difference
         between groups something is claimed in at most 5% of studies.
         """
         if not (self.holds(SCORE) or self.holds(INTERACTION)):
@@ -328,7 +328,7 @@ class GroupStatistics:
 
 
 def group_statistics(
-    scores: FloatArray,
+    responses: FloatArray,
     gains: FloatArray,
     groups: IntArray,
     names: Sequence[str],
@@ -336,15 +336,15 @@ def group_statistics(
 ) -> GroupStatistics:
     """Return everything that is said of groups.
 
-    `scores` has shape (people, conditions), NaN if missing; `gains`, each from the person's own
+    `responses` has shape (people, conditions), NaN if missing; `gains`, each from the person's own
     trials alone, and `groups`, positions in `names`, have shape (people,).
     """
-    mean = compared(mean_scores(scores), groups, names)
+    mean = compared(mean_scores(responses), groups, names)
     gain = compared(gains, groups, names)
-    profiles = interaction(scores, groups)
+    profiles = interaction(responses, groups)
     asked = {SCORE: mean, GAIN: gain, INTERACTION: profiles}
     corrected_p = zip(asked, holm_of([*asked.values()]), strict=True)
-    found = [compared(own, groups, names) for own in scores.T]
+    found = [compared(own, groups, names) for own in responses.T]
     # All pairs in all conditions are one family.
     pairs = iter(corrected([it for own in found if isinstance(own, Compared) for it in own.pairs]))
     return GroupStatistics(

@@ -194,7 +194,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     (subjects, conditions), (between, within) = ranks.shape, _squares(ranks)
     middle = conditions + 1
     if within == 0:
-        return NotEstimable("every subject gave all conditions the same score")
+        return NotEstimable("every subject has the same score or response in all conditions")
     chi2, exact, shuffled = (conditions - 1) * between / within, exact_p(ranks), None  # (12)
     if isinstance(exact, NotEstimable) and not _chi_square_serves(subjects, conditions):
         centred = (ranks - middle).astype(np.float64)
@@ -226,7 +226,8 @@ def _refusal(table: ScoreTable) -> NotEstimable | None:
             return NotEstimable(f"it needs at least 2 {what}, got 1")
     if not table.is_complete:
         return NotEstimable(
-            f"it needs every score, but {table.missing_count} of {table.scores.size} are missing"
+            f"it needs a value in every cell, but {table.missing_count} of {table.scores.size} are "
+            "empty"
         )
     return None
 
@@ -339,7 +340,7 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
     deviations = np.where(given, ranks, 0.0) * np.sqrt(12 / (counts + 1))[:, None]
     variances = (deviations**2).sum(axis=1) / (counts - 1)
     if not variances.any():
-        return NotEstimable("every subject gave all conditions the same score")
+        return NotEstimable("every subject has the same score or response in all conditions")
     inverse, rank = _inverse(_covariance(scores, variances / counts))
     return _TiedRanks(
         conditions=kept.conditions, scores=scores, deviations=deviations, inverse=inverse, rank=rank

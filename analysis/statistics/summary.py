@@ -1,7 +1,6 @@
-"""Statistics of the score table, under each reading of its withheld scores."""
+"""Statistics of a table with a row per subject and a column per condition."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,15 +40,14 @@ def _mean_given(scores: FloatArray) -> float:
     return float(given.mean()) if given.size else math.nan
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """Table 4 under one reading of its withheld scores, with the tests of its conditions.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConditionTests:
+    """The tests of the conditions of one table, of mean responses or of scores.
 
-    `skillings_mack` is None if no score is missing, when it equals Friedman's test.
+    `skillings_mack` is None if no cell is empty, when it equals Friedman's test.
     """
 
-    name: str
-    table4: Table4
+    table: ScoreTable
     friedman: Friedman | NotEstimable
     skillings_mack: SkillingsMack | NotEstimable | None
     pairwise: tuple[PairwiseTest, ...]
@@ -64,57 +62,54 @@ class Reading:
         """Its p, exact or by shuffling."""
         return self.omnibus if isinstance(self.omnibus, NotEstimable) else self.omnibus.best_p
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TableStatistics:
-    """The statistics of one table, by reading of its withheld scores; computed when asked for.
-
-    All but `readings` are of the first reading, which leaves missing scores missing.
-    """
-
-    tables: Mapping[str, ScoreTable]
-
     @cached_property
-    def main(self) -> Reading:
-        """The first reading."""
-        return reading(*next(iter(self.tables.items())))
-
-    @cached_property
-    def readings(self) -> tuple[Reading, ...]:
-        others = list(self.tables.items())[1:]
-        return (self.main, *(reading(*named) for named in others))
-
-    @property
-    def _table(self) -> ScoreTable:
-        return next(iter(self.tables.values()))
-
-    @cached_property
-    def icc_subjects(self) -> IntraclassCorrelation | NotEstimable:
-        """How reliably scores measure a subject."""
-        return intraclass_correlation(self._table, target="subjects")
-
-    @cached_property
-    def icc_conditions(self) -> IntraclassCorrelation | NotEstimable:
-        """How reliably scores measure a condition."""
-        return intraclass_correlation(self._table, target="conditions")
-
-    @cached_property
-    def additive(self) -> effects.AdditiveEffects | NotEstimable:
-        """Effects of conditions and subjects."""
-        return effects.additive_effects(self._table)
-
-    @cached_property
-    def heterogeneity(self) -> effects.GainHeterogeneity | NotEstimable:
-        """Differences between subjects in the size of the conditions' effects."""
-        return effects.gain_heterogeneity(self._table)
+    def means(self) -> FloatArray:
+        """The mean of each condition; NaN where there is none."""
+        return table4(self.table).column_means
 
 
-def reading(name: str, table: ScoreTable) -> Reading:
-    """Return the tests of the conditions of one table, a reading of that name."""
-    return Reading(
-        name=name,
-        table4=table4(table),
+def condition_tests(table: ScoreTable) -> ConditionTests:
+    """Return the tests of the conditions of `table`."""
+    return ConditionTests(
+        table=table,
         friedman=friedman(table),
         skillings_mack=None if table.is_complete else skillings_mack(table),
         pairwise=pairwise_signed_ranks(table),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TableStatistics:
+    """The statistics of a table of scores, each computed when it is asked for."""
+
+    table: ScoreTable
+
+    @cached_property
+    def table4(self) -> Table4:
+        """The table with its means."""
+        return table4(self.table)
+
+    @cached_property
+    def score_tests(self) -> ConditionTests:
+        """The tests of its conditions, which compare only what was scored."""
+        return condition_tests(self.table)
+
+    @cached_property
+    def icc_subjects(self) -> IntraclassCorrelation | NotEstimable:
+        """How reliably scores measure a subject."""
+        return intraclass_correlation(self.table, target="subjects")
+
+    @cached_property
+    def icc_conditions(self) -> IntraclassCorrelation | NotEstimable:
+        """How reliably scores measure a condition."""
+        return intraclass_correlation(self.table, target="conditions")
+
+    @cached_property
+    def additive(self) -> effects.AdditiveEffects | NotEstimable:
+        """Effects of conditions and subjects."""
+        return effects.additive_effects(self.table)
+
+    @cached_property
+    def heterogeneity(self) -> effects.GainHeterogeneity | NotEstimable:
+        """Differences between subjects in the size of the conditions' effects."""
+        return effects.gain_heterogeneity(self.table)

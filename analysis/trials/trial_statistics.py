@@ -1,51 +1,66 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 
-from analysis.estimates import LEVEL, FloatArray, IntArray, NotEstimable, ScoreTable
+from analysis.estimates import LEVEL, FloatArray, NotEstimable
 from analysis.loading.published import SCALE
+from analysis.loading.response import (
+    NO_CHANGE,
+    Directions,
+    directions,
+    mean_responses,
+    responses,
+)
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity import laplace, linear_model, predictive_checks
 from analysis.sensitivity.lines import Ratings
 from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
 from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
-from analysis.statistics import corrections, summary
+from analysis.statistics import corrections
 from analysis.statistics.detection import Detection, detection
 from analysis.statistics.factorial import (
     SESSION,
     Crossed,
     Factorial,
-    LatentFactorial,
     factorial_tests,
-    latent_factorial,
 )
 from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
+from analysis.statistics.slope import LevelSlope, Slope, level_slope, slope
+from analysis.statistics.summary import ConditionTests, condition_tests, table4
 from analysis.trials import contrasts as trial_contrasts
 from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
-from analysis.trials.trial_checks import Discrimination, discrimination
+from analysis.trials.trial_checks import (
+    Discrimination,
+    Drift,
+    FTest,
+    carry_over,
+    discrimination,
+    drift,
+    order_effect,
+)
 from analysis.workers import done
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import AT_A_PLACE, LAW, Change
 from device.friction.surfaces import BeamSurface
 from protocol.study.factor import CONDITION
 from protocol.study.study import Study
-from protocol.study.study_question import QUESTIONS
 
 LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2
 """They fit the models of a large study; the larger takes 0.5 GB of 1,000 people."""
 FEWEST_AT_PLACES = 40
 """Of fewer ratings, gains at places alone would be the prior's rather than the data's."""
-_NO_CHANGE = frozenset(asked.same for asked in QUESTIONS.values())
+_NO_CHANGE = frozenset(NO_CHANGE.values())
 _Told = tuple[int, int]
 """Numbers of reported changes and of trials."""
+_Check = TypeVar("_Check", FTest, Drift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,6 +246,78 @@ class TrialStatistics(SensitivityModels):
         return trial_contrasts.trial_contrasts(self.study, data.trials, data.touches, self.rig)
 
     @cached_property
+    def responses(self) -> FloatArray:
+        """The response of each trial, shape (trials,)."""
+        return responses(self.data.trials, float(self.study.rating.minimum))
+
+    @cached_property
+    def response_tests(self) -> ConditionTests:
+        """The tests of the conditions, on mean responses."""
+        table = self.data.table
+        means = mean_responses(self.data.trials, self.responses, table.subjects, table.conditions)
+        return condition_tests(means)
+
+    @cached_property
+    def answered(self) -> Ratings:
+        """The predicted trials with their responses in place of ratings."""
+        contrast = self.contrasts.by_law[LAW]
+        chosen = np.isfinite(self.responses) & np.isfinite(contrast)
+        trials = trial_contrasts.ratings_of(self.data, self.data.trials[chosen], contrast[chosen])
+        return replace(trials, rating=self.responses[chosen])
+
+    # Checks of the order and the place of trials; scores of a published table have none.
+    @cached_property
+    def order_effect(self) -> FTest | NotEstimable:
+        """Whether ratings depend on the place in the session."""
+        return self._in_order(lambda of: order_effect(of.every, of.place))
+
+    @cached_property
+    def carry_over(self) -> FTest | NotEstimable:
+        """Whether they depend on the condition before."""
+        return self._in_order(lambda of: carry_over(of.every, of.previous))
+
+    @cached_property
+    def drift(self) -> Drift | NotEstimable:
+        """How they move with the place in the session."""
+        return self._in_order(lambda of: drift(of.every, of.place))
+
+    def _in_order(
+        self, check: Callable[[trial_contrasts.ScoredTrials], _Check | NotEstimable]
+    ) -> _Check | NotEstimable:
+        if not (self.scored.place > 0).any():
+            return NotEstimable("the order in which the scores were given is not known")
+        return check(self.scored)
+
+    @cached_property
+    def directions(self) -> Mapping[str, Directions]:
+        """How the changes of each condition were answered; nothing where nobody was asked."""
+        by_name = directions(self.data.trials, "condition")
+        names = self.data.table.conditions
+        return {name: by_name[name,] for name in names if (name,) in by_name}
+
+    @cached_property
+    def predicted(self) -> FloatArray:
+        """The mean predicted contrast of each condition, shape (conditions,), NaN without one."""
+        by_law = {LAW: self.scored.contrasts[LAW]}
+        return mean_contrasts(self.data, self.scored.ratings, by_law)[LAW]
+
+    @cached_property
+    def slope(self) -> Slope | NotEstimable:
+        """Whether mean responses follow the conditions' mean predicted contrasts."""
+        return slope(self.response_tests.table.scores, self.predicted)
+
+    @cached_property
+    def level_slope(self) -> LevelSlope | NotEstimable | None:
+        """The same within conditions; None where none has several levels."""
+        levels = self.data.scored.groupby("condition")["level"].nunique()
+        several = levels.reindex(self.data.table.conditions, fill_value=0).to_numpy() > 1
+        if not several.any():
+            return None
+        # Of one level alone contrasts differ by what was measured of each touch.
+        trials = self.answered.where(several[self.answered.condition])
+        return level_slope(trials.rating, trials.contrast, trials.subject, trials.condition)
+
+    @cached_property
     def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:
         """Effects of the conditions in the ordinal mixed model."""
         return {link: self._ordinal(link)() for link in LINKS}
@@ -272,21 +359,21 @@ class TrialStatistics(SensitivityModels):
 
     @cached_property
     def crossed(self) -> tuple[Crossed, Crossed | None] | None:
-        """Scores by factor, and by session beside them where there are several; or None."""
-        return crossed_scores(self.study, self.data)
+        """Responses by factor, and by session beside them where there are several; or None."""
+        return crossed_responses(self.study, self.data, self.responses)
 
     @cached_property
     def factorial(self) -> Factorial | None:
         """Effects of the factors and of the session; None of a study without both."""
-        return None if self.crossed is None else factorial_tests(*self.crossed)
-
-    @cached_property
-    def latent_factorial(self) -> LatentFactorial | NotEstimable | None:
-        """The same on the latent scale of an ordinal mixed model."""
         if self.crossed is None:
             return None
-        wide = self.crossed[1] or self.crossed[0]
-        return latent_factorial(*cell_scores(self.study, self.data, wide))
+        answers = {
+            of: numbers
+            for crossed in self.crossed
+            if crossed is not None
+            for of, numbers in level_answers(self.study, self.data, crossed).items()
+        }
+        return factorial_tests(*self.crossed, answers=answers)
 
     def fit_ahead(self, models: Iterable[str]) -> None:
         """Fit M2 and those of `models`, named `M3`, `M2 at places` or as in `LINKS`, two at a time.
@@ -335,13 +422,23 @@ class TrialStatistics(SensitivityModels):
         """How each law orders the conditions, by law; what `laws` says of it, without its fit."""
         return {law: law_order(*means) for law, means in self._means.items()}
 
+    def orders_of_scores(self) -> Mapping[str, LawOrder | NotEstimable]:
+        """The same of the mean scores that were given, as earlier versions had it."""
+        means = self._means_of(table4(self.data.table).column_means)
+        return {law: law_order(*each) for law, each in means.items()}
+
     @cached_property
     def _means(self) -> Mapping[str, "MeanContrasts"]:
-        means = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
+        return self._means_of(self.response_tests.means)
+
+    def _means_of(self, observed: FloatArray) -> Mapping[str, "MeanContrasts"]:
+        by_law = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
         if not isinstance(self.rig.surface, BeamSurface):  # there are no laws to compare
-            return {LAW: means[LAW]}
-        ranking = _papers_ranking(self.data)
-        return means if ranking is None else {**means, PAPERS_RANKING: ranking}
+            by_law = {LAW: by_law[LAW]}
+        elif (ranking := _papers_ranking(self.data)) is not None:
+            by_law = {**by_law, PAPERS_RANKING: ranking}
+        names = self.data.table.conditions
+        return {law: of_conditions(names, means, observed) for law, means in by_law.items()}
 
     @cached_property
     def noticed(self) -> tuple[Detected, ...]:
@@ -371,32 +468,60 @@ def _called(calls: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
     return {name: call() for name, call in calls.items()}
 
 
-def crossed_scores(
-    study: Study, data: StudyData, table: ScoreTable | None = None
+def crossed_responses(
+    study: Study, data: StudyData, responses: FloatArray
 ) -> tuple[Crossed, Crossed | None] | None:
-    """Return the scores of `table` by factor, and those of all trials by session as well.
+    """Return mean responses by factor, and those by session as well.
 
     A condition that the study file no longer has is in no cell. The conditions of a study without
-    factors are one where there are several sessions.
+    factors are one where there are several sessions. `responses` are those of `data.trials`.
     """
-    table = table or data.table
     sessions = sorted(data.scored["session"].unique())
     if data.kinds == ("published",) or not (study.factors or len(sessions) > 1):
         return None
     names, factors = _cells(study, data)
     shape = [len(levels) for levels in factors.values()]
-    place = {name: number for number, name in enumerate(table.conditions)}
-    padded = np.column_stack([table.scores, np.full(len(table.subjects), np.nan)])
-    columns = [place.get(name, len(place)) for name in names]
-    crossed = Crossed(factors=factors, scores=padded[:, columns].reshape(-1, *shape))
+    people = data.table.subjects
+    trials = data.trials.assign(response=responses)
+    over = mean_responses(trials, responses, people, names).scores.reshape(-1, *shape)
+    crossed = Crossed(factors=factors, responses=over)
     if len(sessions) < 2:
         return crossed, None
-    means = data.scored.groupby(["participant", "condition", "session"])["score"].mean()
-    cells = pd.MultiIndex.from_product([table.subjects, names, sessions])
+    means = trials.groupby(["participant", "condition", "session"])["response"].mean()
+    cells = pd.MultiIndex.from_product([people, names, sessions])
     return crossed, Crossed(
         factors={**factors, SESSION: tuple(map(str, sessions))},
-        scores=means.reindex(cells).to_numpy().reshape(-1, *shape, len(sessions)),
+        responses=means.reindex(cells).to_numpy().reshape(-1, *shape, len(sessions)),
     )
+
+
+def level_answers(
+    study: Study, data: StudyData, crossed: Crossed
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """Return by factor and level the share of answers as expected, and their mean score.
+
+    They are of the people in the tests: those who answered in every cell of `crossed`. Where that
+    is by session, they are of the sessions alone.
+    """
+    names, factors = _cells(study, data)
+    people = np.array(data.table.subjects, dtype=object)[crossed.are_complete]
+    is_tested = data.scored["participant"].isin(people) & data.scored["condition"].isin(names)
+    asked = data.scored[is_tested & data.scored["agrees"].notna()]
+    if SESSION in crossed.factors:
+        of = {SESSION: asked["session"].astype(str).to_numpy()}
+    else:
+        places = np.unravel_index(
+            pd.Index(names).get_indexer(pd.Index(asked["condition"])),
+            [len(levels) for levels in factors.values()] or [1],
+        )
+        of = {name: np.array(factors[name])[at] for name, at in zip(factors, places, strict=False)}
+    agrees = asked["agrees"].astype(bool)
+    score = asked["score"].where(agrees)
+    return {
+        (name, level): (float(agrees[at == level].mean()), float(score[at == level].mean()))
+        for name, at in of.items()
+        for level in crossed.factors[name]
+    }
 
 
 def _cells(study: Study, data: StudyData) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
@@ -408,23 +533,8 @@ def _cells(study: Study, data: StudyData) -> tuple[tuple[str, ...], dict[str, tu
     return names, {CONDITION: names} if len(names) > 1 else {}
 
 
-def cell_scores(
-    study: Study, data: StudyData, wide: Crossed
-) -> tuple[FloatArray, IntArray, IntArray, Mapping[str, tuple[str, ...]]]:
-    """Return each given score with its subject and its cell of `wide`, and the factors."""
-    place = {name: number for number, name in enumerate(_cells(study, data)[0])}
-    given = data.scored.dropna(subset=["score"])
-    given = given[given["condition"].isin(list(place))]
-    cell = np.array(given["condition"].map(place), np.int64)
-    if SESSION in wide.factors:
-        numbered = {int(number): at for at, number in enumerate(wide.factors[SESSION])}
-        cell = cell * len(numbered) + np.array(given["session"].map(numbered), np.int64)
-    subject = np.array(pd.factorize(given["participant"])[0], np.int64)
-    return np.array(given["score"], np.float64), subject, cell, wide.factors
-
-
 class MeanContrasts(NamedTuple):
-    """Mean predicted contrast and mean rating of the conditions that have a prediction."""
+    """Mean predicted contrast and mean response of the conditions that have a prediction."""
 
     conditions: tuple[str, ...]
     predicted: FloatArray
@@ -433,29 +543,31 @@ class MeanContrasts(NamedTuple):
 
 def mean_contrasts(
     data: StudyData, ratings: Ratings, contrasts: Mapping[str, FloatArray]
-) -> dict[str, MeanContrasts]:
-    """Return the means of contrasts of these trials, by law."""
+) -> dict[str, FloatArray]:
+    """Return the mean contrast of each condition, (conditions,), by law; NaN without any."""
     counts = np.bincount(ratings.condition, minlength=len(data.table.conditions))
     some = np.where(counts > 0, counts, np.nan)
     return {
-        law: _of_conditions(data, np.bincount(ratings.condition, values, len(counts)) / some)
+        law: np.bincount(ratings.condition, values, len(counts)) / some
         for law, values in contrasts.items()
     }
 
 
-def _of_conditions(data: StudyData, predicted: FloatArray) -> MeanContrasts:
+def of_conditions(
+    conditions: Sequence[str], predicted: FloatArray, observed: FloatArray
+) -> MeanContrasts:
+    """Return contrasts and means of the conditions that have a prediction."""
     known = ~np.isnan(predicted)
-    names = tuple(name for name, has in zip(data.table.conditions, known, strict=True) if has)
-    # The means of Table 4 itself, so that two parts of a page cannot contradict each other.
-    return MeanContrasts(names, predicted[known], summary.table4(data.table).column_means[known])
+    names = tuple(name for name, has in zip(conditions, known, strict=True) if has)
+    return MeanContrasts(names, predicted[known], observed[known])
 
 
-def _papers_ranking(data: StudyData) -> MeanContrasts | None:
+def _papers_ranking(data: StudyData) -> FloatArray | None:
     """Return the paper's own ranking in place of contrasts, if the study has its conditions."""
     conditions = data.table.conditions
     if not conditions or not set(_CLAIMED) <= set(conditions):
         return None
-    return _of_conditions(data, np.array([_CLAIMED.get(name, 0.0) for name in conditions]))
+    return np.array([_CLAIMED.get(name, 0.0) for name in conditions])
 
 
 def law_score(

@@ -47,6 +47,7 @@ class Conduct:
         withdrawn: how many sessions were erased, of which `withdrawn_completed` had been completed.
         study_sha256: digest of the present study file.
         law, rung: under which contrasts are predicted.
+        untested: the registered hypotheses whose tests the version that reports does not have.
         later: the origin of a calibration made since the last session, empty without one.
         broken_file: what is wrong with the file of the registration.
     """
@@ -63,6 +64,7 @@ class Conduct:
     groups: Mapping[str, int] = field(default_factory=dict)
     withdrawn: int = 0
     withdrawn_completed: int = 0
+    untested: Sequence[str] = ()
     later: str = ""
     broken_file: str = ""
 
@@ -138,6 +140,9 @@ def _of_analysis(registered: Registration, conduct: Conduct) -> Iterator[Deviati
     if conduct.touchbeam != registered.touchbeam:
         text = f"reported by touchbeam {conduct.touchbeam}, not {registered.touchbeam}"
         yield Deviation("version", text)
+    for name in conduct.untested:
+        text = f"{name}: not tested, as touchbeam {conduct.touchbeam} does not have its test"
+        yield Deviation("hypothesis", text)
     # Settings of either side: one that was added or dropped is a deviation, too.
     for name in sorted({*registered.analysis, *conduct.analysis}):
         before, used = registered.analysis.get(name), conduct.analysis.get(name)

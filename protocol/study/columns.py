@@ -365,13 +365,28 @@ PARTICIPANT_COLUMNS = (
 """Of a table of participants; the answers that each of them gave once follow."""
 
 
+def response_column(questions: Iterable[StudyQuestion]) -> Column:
+    """Return the column of responses; a question of an older study may have its name."""
+    name, taken = "response", set(names_of(question_columns(questions)))
+    while name in taken:
+        name = f"trial_{name}"
+    return Column(
+        name,
+        "The score, counted from 1 at the lowest, if the change was answered as expected; 0 if it "
+        "was answered otherwise; the score itself of a trial without a question. Missing where "
+        "nothing was answered.",
+    )
+
+
 def factor_columns(study: Study, questions: Iterable[StudyQuestion]) -> tuple[Column, ...]:
     """Return a column for each factor, and one for the value of each whose values are numbers.
 
     It has the factor's name, or `factor_` before one that is taken. Levels are in the order of the
     study file.
     """
-    taken = set(names_of((*COLUMNS, GROUP, *question_columns(questions))))
+    asked = tuple(questions)
+    others = (GROUP, response_column(asked), *question_columns(asked))
+    taken = set(names_of((*COLUMNS, *others)))
     taken |= set(names_of(TRACK_COLUMNS)) if study.track else set()
     crossed = {factor.name: factor for factor in study.factor}
     made = []

@@ -81,7 +81,7 @@ class Exclusions(Record):
     max_false_alarms: Share | None = None
     """a participant who reports a change on a larger share of catch trials is left out"""
     max_missing_scores: Share | None = None
-    """a participant with a larger share of missing scores is left out"""
+    """a participant with a larger share of planned trials without an answer is left out"""
     # A limit of more than half a minute would leave out everybody: it is in ms.
     min_reaction_s: Positive | None = setting(None, "a trial answered sooner is left out", le=30)
     # Nobody answers within 0.1 s, and 600 s leave out nobody.
@@ -96,6 +96,29 @@ class Exclusions(Record):
             rule = f"min_reaction_s must be less than max_reaction_s = {slowest:g}"
             raise ValueError(f"{rule}, got {fastest:g}")
         return self
+
+
+SELECTS = {
+    "max_false_alarms": "leaves out participants with a low criterion, who report changes where "
+    "there are none; it spares those who notice little.",
+    "max_missing_scores": "counts trials without an answer; a participant who notices little is "
+    "kept.",
+    "min_reaction_s": "leaves out trials, also good ones where a change is so clear that it is "
+    "answered fast.",
+    "max_reaction_s": "leaves out trials, more of them where a change is hard to feel and takes "
+    "long to answer.",
+    "min_trials": "counts answered trials, whatever the answers; a participant who notices little "
+    "is kept.",
+}
+"""Whom or what each rule of `Exclusions` selects, which is what its author should know of it."""
+
+
+def selections(rules: Exclusions) -> list[dict[str, str | float]]:
+    """Return each rule that the study settled, with its limit and what it selects."""
+    settled = rules.model_dump(exclude_none=True)
+    return [
+        {"rule": name, "limit": limit, "selects": SELECTS[name]} for name, limit in settled.items()
+    ]
 
 
 # The design of a study, the pauses and durations of its sessions, and facts for publication.

@@ -19,6 +19,7 @@ from protocol.preview.preview import Prediction, Resonance, preview, preview_rec
 from protocol.preview.text import preview_lines
 from protocol.proof.trial_checks import cohort_problems, cycle
 from protocol.study.participant_texts import read_in_reference, worded_as_built
+from protocol.study.rules import selections
 from protocol.study.study import Study
 from protocol.study.study_question import Question
 from protocol.study.touch import Touch
@@ -136,11 +137,13 @@ def checked(
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         record["tracks"] = [track.record() for track in tracks]
         record["surface"] = _surface_record(study, rig)
+        record["exclusions"] = selections(study.exclusions)
         record["warnings"] = warnings
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], []
     said = [*preview_lines(shown, model), *_surface_lines(study, rig), *[""] * bool(tracks)]
     said += [line for track in tracks for line in track.lines()]
+    said += _exclusion_lines(study)
     said += [line for warning in warnings for line in ("", *wrap(f"Warning: {warning}", 80))]
     said += _lock_lines(folder, registered, text)
     said += [
@@ -235,6 +238,16 @@ def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
         f"            bodies {1e3 * rig.body_height_m:g} mm high, friction at rest "
         f"{rig.structure.friction_coefficient:g}, damping ratio {rig.damping_ratio:g}"
     )
+
+
+def _exclusion_lines(study: Study) -> Iterator[str]:
+    """Yield what each rule of [exclusions] selects."""
+    rules = selections(study.exclusions)
+    if rules:
+        yield ""
+    for rule in rules:
+        text = f"{rule['rule']} = {rule['limit']:g} {rule['selects']}"
+        yield from wrap(text, 80, subsequent_indent="    ")
 
 
 def _at_kept_resonance(folder: StudyFolder, study: Study, source: str) -> tuple[Study, Resonance]:

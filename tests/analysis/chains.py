@@ -55,7 +55,7 @@ def opened(
         language="en",
         consent=None,
         seed=1,
-        versions={"touchbeam": "0.1.0", "python": "3.11.7"},
+        versions={"touchbeam": "2.0.0", "python": "3.11.7"},
     )
 
 
@@ -91,6 +91,43 @@ def scored_session(
     ]
     return [
         opened(participant, conditions, trials, session=session, kind=kind),
+        *answered,
+        SessionCompleted(),
+    ]
+
+
+def asked_session(
+    participant: str,
+    answers: Iterable[tuple[str, str, int | None]],
+    conditions: Sequence[str],
+    *,
+    session: int = 1,
+) -> list[Event]:
+    """A session of trials that expect "smoother": condition, answer and score of each one."""
+    given = list(answers)
+    trials = [
+        PlannedTrial.from_json(
+            {
+                "index": index,
+                "kind": "trial",
+                "condition": condition,
+                "question": "roughness",
+                "expected": "smoother",
+                "scored": True,
+            }
+        )
+        for index, (condition, _, _) in enumerate(given)
+    ]
+    answered = [
+        event
+        for trial, (_, change, score) in zip(trials, given, strict=True)
+        for event in (
+            TrialStarted(index=trial.index, kind=trial.kind),
+            answer(trial, score, change=change),
+        )
+    ]
+    return [
+        opened(participant, conditions, trials, session=session),
         *answered,
         SessionCompleted(),
     ]

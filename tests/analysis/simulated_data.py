@@ -33,6 +33,7 @@ def loaded_sessions(
     for person, name in enumerate(names):
         for planned, of in made:
             group, slot = planned.place(int(of.slots[person]))
+            trials = planned.plan(int(of.slots[person])).trials
             rows.sessions.append(
                 SessionRow(
                     participant=name,
@@ -45,6 +46,7 @@ def loaded_sessions(
                     group=group,
                     seed=seed,
                     virtual=truth_of(of.people[person], world),
+                    planned_trials=sum(trial.kind == "trial" for trial in trials),
                 )
             )
             _add_trials(rows, planned, of, person)

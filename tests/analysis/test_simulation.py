@@ -69,7 +69,7 @@ def test_a_cohort_is_the_same_alone_and_among_others() -> None:
     ("rules", "person"),
     [
         ({"max_false_alarms": 0.4}, replace(EXACT, felt_noise=0.1, criterion=0.1)),
-        ({"max_missing_scores": 0.4}, replace(EXACT, felt_noise=0.1, criterion=0.1)),
+        ({"max_missing_scores": 0.4}, replace(EXACT, dropout=0.05)),
         ({"min_reaction_s": 1.0}, EXACT),
         ({"max_reaction_s": 1.0, "min_trials": 12}, EXACT),
     ],

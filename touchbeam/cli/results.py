@@ -253,15 +253,22 @@ def write_report(
 
 def _print_results(result: "Report") -> None:
     """Print Table 4 and the lines that say what a report found."""
-    from analysis.loading.study_data import marks
     from analysis.report import results, table4_text, wording
     from analysis.report.sections import registration, session_checks
 
-    main = result.table.main
+    for line in results.contrary_lines(result):
+        output.say(line)
     if result.loaded.table.conditions:
-        lines = table4_text.table4_lines(main.table4, "–", marks(result.loaded.empty))
+        table, tests = result.table.table4, result.trials.response_tests
+        lines = table4_text.table4_lines(table, wording.MISSING, result.loaded.marks)
         output.print_table("Table 4", lines)
-        said = [*result.table_notes, wording.omnibus_line(main)]
+        of = "Responses. " * (result.measure == "response")
+        said = [
+            *result.loaded.notes,
+            f"{of}{wording.omnibus_line(tests)}",
+            *[f"{results.TOGETHER} {results.together(result)}"]
+            * (len(result.questions.p_holm) > 1),
+        ]
     else:
         said = ["No conditions: no table of scores."]
     for line in (

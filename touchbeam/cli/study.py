@@ -307,14 +307,12 @@ def register(
         text,
         checked,
         hypotheses=(primary, asked, known),
-        analysis=analysis_settings(checked.rating.minimum),
+        analysis=analysis_settings(),
         exclusions=rules_in_words(checked.exclusions),
     )
     made, replaced = write(folder, made, WallClock())
-    text = "".join(
-        f"{line}\n"
-        for line in registry_text(made, how_tested(checked, made.hypotheses), checked.surface)
-    )
+    tests = how_tested(checked, made.hypotheses, made.earlier)
+    text = "".join(f"{line}\n" for line in registry_text(made, tests, checked.surface))
     if as_json:
         print_json(
             {

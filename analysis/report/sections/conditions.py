@@ -8,14 +8,16 @@ from typing import TypeVar
 import numpy as np
 
 from analysis.estimates import LEVEL, Interval, Json, NotEstimable, ScoreTable, or_null, plain, why
+from analysis.loading.response import IN_WORDS
 from analysis.report import blocks, estimates_json, figure_data
 from analysis.report.findings import Findings
-from analysis.report.results import NO_FINDING, counts
+from analysis.report.results import NO_FINDING
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.ordinal import Interaction, OrdinalEffects
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank
-from analysis.statistics.summary import Reading, TableStatistics
+from analysis.statistics.slope import Slope
+from analysis.statistics.summary import TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
 from analysis.trials.trial_statistics import TrialStatistics
 from protocol.errors import listed
@@ -26,21 +28,109 @@ Fit = TypeVar("Fit")
 
 def tests(found: Findings) -> blocks.Section:
     """Return the tests of the conditions, and the scores that they compare."""
-    main = found.table.main
+    of, slope = found.trials.response_tests, found.trials.slope
     return blocks.Section(
         title="Do the conditions differ?",
         blocks=[
-            omnibus_line(main),
-            _pairs_line(main.pairwise, counts=counts(found, OMNIBUS)),
-            _pairwise_table(main.pairwise) if main.pairwise else None,
+            _COMPARED[found.measure],
+            omnibus_line(of),
+            _pairs_line(of.pairwise, counts=found.questions.holds(OMNIBUS)),
+            _pairwise_table(of.pairwise) if of.pairwise else None,
             "Share of 95% intervals that covered the truth in simulations "
             f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
-            if main.pairwise
+            if of.pairwise
             else None,
+            *([slope_line(slope), _level_line(found)] if found.is_predicted else []),
             scores_figure(found),
         ],
-        data=_tests_json(main),
+        data={
+            **estimates_json.tests_json(of, found.measure),
+            "interval_coverage": {"design": DESIGN, "coverage": dict(COVERAGE)},
+            "responses": _responses_json(found),
+            **_scores_json(found),
+            "questions_p_holm": dict(found.questions.p_holm),
+        },
     )
+
+
+_COMPARED = {
+    "response": f"Conditions are compared by each participant's mean response. {IN_WORDS}.",
+    "score": "Conditions are compared by each subject's scores.",
+}
+
+
+def slope_line(slope: Slope | NotEstimable) -> str:
+    """Return in a sentence whether responses follow the predicted contrasts."""
+    if isinstance(slope, NotEstimable):
+        return f"The slope on predicted contrasts could not be tested: {slope.reason}."
+    ends = (
+        f" (no interval: {slope.interval.reason})"
+        if isinstance(slope.interval, NotEstimable)
+        else f", 95% interval{beside(slope.interval)}"
+    )
+    error = f" (Monte Carlo standard error {slope.error:.1g})" if slope.error else ""
+    few = (
+        f" So few conditions cannot show it: p is at least {slope.least_p:.2g}."
+        if slope.least_p >= LEVEL
+        else ""
+    )
+    return (
+        f"Slope on predicted contrasts: {number(slope.value, 2)} points per unit of contrast"
+        f"{ends}; {p_equals(slope.p)}{error}, against {slope.assignments:,} orders of "
+        f"the contrasts of {slope.conditions} conditions.{few}"
+    )
+
+
+def _level_line(found: Findings) -> str:
+    slope = found.trials.level_slope
+    if slope is None:
+        return ""
+    if isinstance(slope, NotEstimable):
+        return f"The slope within conditions, over their levels, is not known: {slope.reason}."
+    return (
+        f"Within conditions, over their levels: {number(slope.value, 2)} points per unit of "
+        f"contrast, 95% interval{beside(slope.interval)}, {p_equals(slope.p)} (t test of "
+        f"{slope.people} participants' slopes)."
+    )
+
+
+def _responses_json(found: Findings) -> Json:
+    """Return the tests of the responses by question; `factors` are among them."""
+    trials, tests = found.trials, found.trials.response_tests
+    means = dict(zip(tests.table.conditions, plain(tests.means), strict=True))
+    slopes = {"slope": trials.slope, "level_slope": trials.level_slope or _NO_LEVELS}
+    if not found.is_predicted:
+        slopes = dict.fromkeys(slopes, _NOT_PREDICTED)
+    return {
+        "of": found.measure,
+        "means": means,
+        "omnibus": {
+            "test": "Friedman" if tests.skillings_mack is None else "Skillings-Mack",
+            "p": or_null(tests.omnibus_p),
+            **why("p", tests.omnibus_p),
+        },
+        **{name: estimates_json.slope_json(slope) for name, slope in slopes.items()},
+        "factors": [
+            {"factors": list(each.factors), "p": or_null(blocks.at(each.effect, "p"))}
+            for each in (found.factors.effects if found.factors else ())
+        ],
+    }
+
+
+_NO_LEVELS = NotEstimable("no condition has several levels")
+_NOT_PREDICTED = NotEstimable("no friction is known of these touches")
+
+
+def _scores_json(found: Findings) -> Json:
+    """Return the tests of scores, of which registrations of 1.x speak; null if one is missing."""
+    if found.measure == "response" and found.loaded.table.is_complete:
+        return {"scores": estimates_json.tests_json(found.table.score_tests, "score")}
+    none = (
+        "some scores were not given"
+        if found.measure == "response"
+        else "scores are the responses, whose tests stand beside this"
+    )
+    return {"scores": None, **why("scores", NotEstimable(none))}
 
 
 def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
@@ -54,7 +144,7 @@ def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
         # The smallest exact p of n differences is 2 of the 2ⁿ signs; Holm's first step multiplies
         # it by the number of tests.
         least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
-        few = f" So few differences cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
+        few = f" So few participants cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
         return none + (few if least >= LEVEL else "")
     if not counts:
         return f"No pair is told, {NO_FINDING}."
@@ -93,54 +183,40 @@ def _pair_cells(pair: PairwiseTest) -> list[str | blocks.Cell]:
 
 
 def scores_figure(found: Findings) -> blocks.Figure:
-    """Return the scores, which stand among the results."""
-    table, means = found.loaded.table, found.table.main.table4.column_means
-    lines = table.scores[figure_data.thinned(len(table.subjects), figure_data.MOST_LINES)]
-    drawn = of_all(len(lines), len(table.subjects), "subjects' lines")
+    """Return the responses, or scores, that are compared; they stand among the results."""
+    of, what = found.trials.response_tests, f"{found.measure}s"
+    lines = of.table.scores[figure_data.thinned(len(of.table.subjects), figure_data.MOST_LINES)]
+    drawn = of_all(len(lines), len(of.table.subjects), "subjects' lines")
     return blocks.Figure(
         name="scores",
-        title="Scores by condition",
-        caption="Scores by condition. Lines with circles show subjects, clouds the density of "
-        "eight scores or more, bars the interquartile range with the median, and diamonds the "
-        f"means.{drawn}",
-        draw=partial(figure_data.raincloud_figure, table, lines, means, found.scale),
-        table=_quartile_table(table),
+        title=f"{what.capitalize()} by condition",
+        caption=f"{what.capitalize()} by condition. Lines with circles show subjects, clouds the "
+        f"density of eight {what} or more, bars the interquartile range with the median, and "
+        f"diamonds the means.{drawn}",
+        draw=partial(
+            figure_data.raincloud_figure,
+            of.table,
+            lines,
+            of.means,
+            found.measure,
+            found.response_scale,
+        ),
+        table=_quartile_table(of.table, found.measure),
         front=True,
     )
 
 
-def _quartile_table(table: ScoreTable) -> blocks.Table:
+def _quartile_table(table: ScoreTable, measure: str) -> blocks.Table:
     given = (column[~np.isnan(column)] for column in table.scores.T)
     name, count, *quartiles = blocks.spread_columns("condition")
     mean = blocks.Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
+    of = "Table 4" if measure == "score" else "The section Trials"
     return blocks.Table.over(
         zip(table.conditions, given, strict=True),
         [name, count, mean, *quartiles],
         name="quartiles",
-        caption="Numbers shown in the figure; Table 4 lists the individual scores.",
+        caption=f"Numbers shown in the figure. {of} lists each {measure}.",
     )
-
-
-# A `null` always has its reason beside it.
-_COMPLETE = NotEstimable("no score is missing, so Friedman's test applies")
-
-
-def _tests_json(main: Reading) -> Json:
-    test, w_ends = main.friedman, blocks.at(main.friedman, "kendall_w_interval")
-    sums = () if isinstance(test, NotEstimable) else test.rank_sums
-    return {
-        "friedman": estimates_json.friedman_json(main),
-        "skillings_mack": estimates_json.skillings_mack_json(main.skillings_mack),
-        **why("skillings_mack", main.skillings_mack or _COMPLETE),
-        "kendall_w": or_null(blocks.at(test, "kendall_w")),
-        **why("kendall_w", test),
-        "kendall_w_interval": or_null(w_ends),
-        **why("kendall_w_interval", w_ends),
-        "interval_coverage": {"design": DESIGN, "coverage": dict(COVERAGE)},
-        "rank_sums": dict(zip(main.table4.table.conditions, sums, strict=True)) if sums else None,
-        **why("rank_sums", test),
-        "pairwise": [estimates_json.pair_json(pair) for pair in main.pairwise],
-    }
 
 
 # Agreement between subjects, and effects of conditions and subjects.
@@ -324,7 +400,7 @@ def _people_figure(found: Findings) -> blocks.Figure:
         if len(scores) < len(table.subjects)
         else ""
     )
-    means = found.table.main.table4.column_means
+    means = found.table.table4.column_means
     return blocks.Figure(
         name="people",
         title="Every subject",

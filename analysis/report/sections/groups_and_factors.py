@@ -1,7 +1,7 @@
 """Comparisons that a design makes: between groups of people, and by factors and sessions."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import partial
 from types import SimpleNamespace
@@ -14,32 +14,31 @@ from analysis.report.blocks import Column, Figure, Section, Table, columns, esti
 from analysis.report.estimates_json import unknown, with_reasons
 from analysis.report.findings import Findings
 from analysis.report.results import of_groups
-from analysis.report.wording import MISSING, READ_AS, interval, number, of_all, p_equals, p_value
+from analysis.report.wording import MISSING, interval, number, of_all, p_value
 from analysis.statistics.factorial import (
     SESSION,
     Effect,
-    LatentFactorial,
     LevelMean,
     TestedEffect,
     cell_intervals,
 )
-from analysis.statistics.groups import GAIN, SCORE, Compared, GroupStatistics
+from analysis.statistics.groups import GAIN, Compared, GroupStatistics
 from analysis.statistics.intervals import mean_interval
 from protocol.errors import listed
 
 # Groups of participants.
 
 _METHOD = (
-    "Groups are compared by one number of each participant: the mean score, the score of a "
-    "condition, or the gain, which is the least-squares slope of the participant's own scores on "
-    "predicted contrasts. The gains of the models are not compared, because each borrows from the "
-    "other participants, which draws groups together. Scores at an end of the scale make gains "
-    "smaller and profiles flatter. p counts the ways in which these people "
-    "could have come into groups of these sizes: all of them, or random ones where an error is "
-    "given. Group × condition permutes people with their whole profiles, less their own mean, so "
-    "that a group that scores higher throughout does not count. p of mean score, gain and "
+    "Groups are compared by one number of each participant: the mean response, the response to a "
+    "condition, or the gain, which is the least-squares slope of the participant's own responses "
+    "on predicted contrasts. The gains of the models are not compared, because each borrows from "
+    "the other participants, which draws groups together. Responses at an end of the scale make "
+    "gains smaller and profiles flatter. p counts the ways in which these people could have come "
+    "into groups of these sizes: all of them, or random ones where an error is given. Group × "
+    "condition permutes people with their whole profiles, less their own mean, so that a group "
+    "that responds more strongly throughout does not count. p of mean response, gain and "
     "group × condition are corrected over all questions of this page; differences in a condition "
-    "count only if mean scores or profiles differ."
+    "count only if mean responses or profiles differ."
 )
 
 
@@ -48,16 +47,14 @@ def groups(found: Findings) -> Section:
     made = found.groups
     if made is None:
         return Section()
-    tests = {SCORE: made.score, GAIN: made.gain, **made.conditions}
-    readings = {name: of.groups.p_holm for name, of in found.reread.items() if of.groups}
+    tests = {"mean response": made.score, GAIN: made.gain, **made.conditions}
     people = _people(found)
     return Section(
         title="Do the groups differ?",
         blocks=[
-            of_groups(made, adjusted=not found.loaded.table.given.all()),
+            of_groups(made, adjusted=not found.trials.response_tests.table.is_complete),
             _METHOD,
             _without(found),
-            _reread_groups(readings),
             Table(
                 name="groups-people",
                 caption="Participants by group: planned, with a session that is not excluded, and "
@@ -105,19 +102,9 @@ def groups(found: Findings) -> Section:
                     {"condition": name, "a": pair.a, "b": pair.b}
                     for name, pair in made.in_conditions
                 ],
-                "p_holm_by_reading": plain(readings),
             }
         },
     )
-
-
-def _reread_groups(readings: Mapping[str, Mapping[str, float]]) -> str:
-    """Tell the questions about groups under the other readings of withheld scores."""
-    told = [
-        f"{READ_AS[name]}, {'; '.join(f'{of}: {p_equals(p)}' for of, p in p_holm.items())}"
-        for name, p_holm in readings.items()
-    ]
-    return f"Withheld scores read otherwise, by Holm's correction: {'. '.join(told)}." * bool(told)
 
 
 def _names(made: GroupStatistics) -> list[str]:
@@ -157,10 +144,10 @@ def _without(found: Findings) -> str:
 
 
 def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
-    """Return mean scores by condition and group; nothing where no group can be compared."""
+    """Return mean responses by condition and group; nothing where no group can be compared."""
     if not names:
         return Figure(name="groups")
-    table, known = found.loaded.table, found.loaded.groups
+    table, known = found.trials.response_tests.table, found.loaded.groups
     of = np.array([known.get(who, "") for who in table.subjects])
     shown = figure_data.thinned(len(table.conditions), figure_data.MOST_INTERVALS)
     own = [
@@ -173,10 +160,12 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
     factors = {"condition": tuple(table.conditions[c] for c in shown), "group": tuple(names)}
     return Figure(
         name="groups",
-        title="Scores by group",
-        caption="Mean scores of participants by condition and group, with the 95% interval (t) of "
-        f"each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
-        draw=partial(figure_data.factor_figure, factors, means, halves, found.scale),
+        title="Responses by group",
+        caption="Mean responses of participants by condition and group, with the 95% interval (t) "
+        f"of each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
+        draw=partial(
+            figure_data.factor_figure, factors, means, halves, found.measure, found.response_scale
+        ),
     )
 
 
@@ -196,39 +185,19 @@ def factors(found: Findings) -> Section:
     tests = found.factors
     if tests is None:
         return Section()
-    latent = found.trials.latent_factorial
-    readings = {
-        name: {it.name: it.p_holm for it in (of.factors.effects if of.factors else ())}
-        for name, of in found.reread.items()
-    }
     return Section(
         title="Factors",
-        blocks=[
-            _effects(tests.effects, latent, readings),
-            _model(latent),
-            _levels(tests.levels, latent),
-            *_figures(found),
-        ],
+        blocks=[_effects(tests.effects), _levels(tests.levels), *_figures(found)],
         data={
             "factors": {
                 "effects": [_effect_json(it) for it in tests.effects],
                 "levels": [with_reasons(it) for it in tests.levels],
-                "latent": plain(latent),
-                "p_holm_by_reading": {
-                    name: {effect: or_null(p) for effect, p in again.items()}
-                    for name, again in readings.items()
-                },
             }
         },
     )
 
 
-_Latent = LatentFactorial | NotEstimable | None
-_Readings = dict[str, dict[str, float | NotEstimable]]
-
-
-def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Readings) -> Table:
-    wald = {it.factors: it for it in latent.effects} if isinstance(latent, LatentFactorial) else {}
+def _effects(effects: tuple[TestedEffect, ...]) -> Table:
     return Table.over(
         effects,
         [
@@ -240,24 +209,15 @@ def _effects(effects: tuple[TestedEffect, ...], latent: _Latent, readings: _Read
             Column("p, F", "effect.p_f", p_cell),
             Column("p, Holm", "p_holm", p_cell),
             *estimate("partial η²", "effect.partial_eta2"),
-            Column("general η²", "effect.generalized_eta2", 2),
-            *[Column("latent p", lambda it: wald[it.factors].p, p_cell)] * bool(wald),
-            *(
-                Column(
-                    f"Holm, {READ_AS[name]}", partial(lambda of, it: of.get(it.name), again), p_cell
-                )
-                for name, again in readings.items()
-            ),
         ],
         name="factor-effects",
-        caption="Main effects and interactions of two factors within people. p, shuffled: the "
-        "levels of these factors are shuffled within each person (exact where all arrangements "
-        "could be listed); p, F: the same F, with Greenhouse and Geisser's correction. The larger "
-        "one decides, corrected by Holm's method over all questions of this page. Partial η² with "
-        "its 95% interval: share of an effect in what other effects and people's levels leave; "
-        "general η²: its share in all but the other effects. Latent: Wald's test in the ordinal "
-        "mixed model below, which an end of the scale does not bend; if people differ in an "
-        "effect, its p is too small.",
+        caption="Main effects and interactions of two factors on responses, within people. A main "
+        "effect is tested on each person's ranks over all conditions; an interaction on means, so "
+        "that it is one of the scale of responses. p, shuffled: the levels of these factors are "
+        "shuffled within each person (exact where all arrangements could be listed); p, F: the "
+        "same F, with Greenhouse and Geisser's correction. The larger one decides, corrected by "
+        "Holm's method over all questions of this page. Partial η² with its 95% interval: share of "
+        "an effect in what other effects and people's levels leave.",
     )
 
 
@@ -267,41 +227,26 @@ def _df(effect: Effect | NotEstimable) -> str:
     return f"{effect.df[0]}, {effect.df[1]}"
 
 
-def _model(latent: _Latent) -> str:
-    if not isinstance(latent, LatentFactorial):
-        why = latent.reason if latent else ""
-        return f"Ordinal mixed model of the factors: not estimable ({why})."
-    cells = (
-        "" if latent.cell_sd is None else f", between a subject's cells {number(latent.cell_sd)}"
-    )
-    return (
-        "Ordinal mixed model of the factors (cumulative probit; main effects and interactions of "
-        f"two): between-subject standard deviation {number(latent.subject_sd)}{cells}, in standard "
-        "deviations of the latent residual."
-    )
-
-
-def _levels(levels: Sequence[LevelMean], latent: _Latent) -> Table:
-    known = latent.levels if isinstance(latent, LatentFactorial) else ()
-    model = {(it.factor, it.level): it for it in known}
+def _levels(levels: Sequence[LevelMean]) -> Table:
     return Table.over(
         levels,
         [
             Column("factor", "factor", kind="text"),
             Column("level", "level", kind="text"),
-            Column("mean", "mean", 2),
+            Column("mean response", "mean", 2),
             *estimate("difference", "difference"),
-            *(
-                Column(own.name, partial(lambda own, it: own.cell(model[it.factor, it.level]), own))
-                for own in estimate("latent", "effect")
-                if known
-            ),
+            Column("as expected", "expected", _share),
+            Column("their score", "score", 2),
         ],
         name="factor-levels",
-        caption="Mean score by level, over the other factors; its difference from the mean of all "
-        "levels, in points, and the same in the ordinal mixed model, in standard deviations of its "
-        "latent residual, each with its 95% interval.",
+        caption="Mean response by level, over the other factors, and its difference from the mean "
+        "of all levels with its 95% interval; beside it what the response is made of: the share of "
+        "changes that were answered as expected, and the mean score of these.",
     )
+
+
+def _share(value: float) -> str:
+    return MISSING if np.isnan(value) else f"{value:.0%}"
 
 
 def _figures(found: Findings) -> Iterator[Figure]:
@@ -320,10 +265,17 @@ def _figures(found: Findings) -> Iterator[Figure]:
         by = f" and {beside}" * (len(shown) > 1)
         yield Figure(
             name=f"factor-{place}",
-            title=f"Scores by {name}",
-            caption=f"Mean scores by {name}{by}, over the other factors, with 95% intervals that "
-            "leave out differences between people's levels (Cousineau and Morey).",
-            draw=partial(figure_data.factor_figure, factors, means, halves, found.scale),
+            title=f"Responses by {name}",
+            caption=f"Mean responses by {name}{by}, over the other factors, with 95% intervals "
+            "that leave out differences between people's levels (Cousineau and Morey).",
+            draw=partial(
+                figure_data.factor_figure,
+                factors,
+                means,
+                halves,
+                found.measure,
+                found.response_scale,
+            ),
         )
 
 

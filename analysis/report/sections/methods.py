@@ -2,10 +2,15 @@
 
 import json
 import platform
+from collections.abc import Iterator
 from hashlib import sha256
 from importlib.metadata import version
 
-from analysis.loading.study_data import StudyData, changed_journal, rules_in_words, unscored
+import numpy as np
+
+from analysis.estimates import NotEstimable
+from analysis.loading.response import IN_WORDS
+from analysis.loading.study_data import StudyData, changed_journal, rules_in_words
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
 from analysis.report.wording import SKIN
@@ -13,29 +18,32 @@ from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
 from analysis.sensitivity.predictive_checks import SEED
+from analysis.statistics.detection import Detection
+from analysis.statistics.factorial import Effect
+from analysis.statistics.groups import Compared, GroupInteraction, GroupStatistics
+from analysis.statistics.omnibus import Friedman
+from analysis.statistics.signed_rank import SignedRank
+from analysis.statistics.slope import LevelSlope, Slope
+from analysis.statistics.summary import ConditionTests
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
-from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import Calibration
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
 from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
-from protocol.errors import listed
 from protocol.study.study import Study
 
 
 def section(found: Findings) -> Section:
-    """Return the methods in three paragraphs: data, tests and models."""
-    model = [_model(found)] if found.is_predicted else []
-    return Section(title="Methods", blocks=[_data(found), _tests(found.trials), *model])
+    """Return the methods in three paragraphs, data, tests and models, of what was done alone."""
+    paragraphs = (_data(found), _tests(found), _model(found))
+    return Section(title="Methods", blocks=[each for each in paragraphs if each])
 
 
 def _data(found: Findings) -> str:
-    study, given = found.study, found.loaded.table.given
-    subjects, conditions = given.any(axis=1).sum(), given.any(axis=0).sum()
-    rules = rules_in_words(study.exclusions)
-    names = [name for unused in unscored(found.loaded.table) for name in unused]
-    without = f"; without scores: {listed(names)}" if names else ""
+    study, given = found.study, found.trials.response_tests.table.given
+    people, conditions = given.any(axis=1).sum(), given.any(axis=0).sum()
+    rules = rules_in_words(study.exclusions, older=found.loaded.older_rules)
     origin = (
         "The scores are those of a published table."
         if found.published
@@ -48,53 +56,167 @@ def _data(found: Findings) -> str:
         }[study.rating.score_when]
         + f" scored the strength of the effect from {found.scale_in_words}."
     )
+    response = (
+        f"{IN_WORDS}, so that no answered trial is missing. A subject's response to a condition is "
+        "the mean over the trials."
+        if found.measure == "response"
+        else "A subject's score for a condition is the mean over the trials."
+    )
     return (
-        f"{origin} {subjects} {'subject' if subjects == 1 else 'subjects'} and {conditions} "
-        f"{'condition' if conditions == 1 else 'conditions'} had scores and were analysed"
-        f"{without}. A subject's score for a condition is the mean over the scored trials. A score "
-        "that was not given is treated as missing, not as zero, and the subject is kept. "
+        f"{origin} {people} {'subject' if people == 1 else 'subjects'} and {conditions} "
+        f"{'condition' if conditions == 1 else 'conditions'} were analysed. {response} "
         f"Prespecified exclusion rules: {'; '.join(rules) or 'none'}."
     )
 
 
-def _tests(trials: TrialStatistics) -> str:
-    unit = "single trials" if trials.has_repeats else "one score per subject and condition"
-    return (
-        "Conditions were compared with Friedman's test, corrected for ties, with an exact p-value "
-        "over all within-subject permutations of the scores where these could be enumerated, and "
-        "otherwise a Monte Carlo one over random permutations from a fixed seed (with "
-        "the Skillings–Mack test where scores were missing), and pairwise with Wilcoxon "
-        "signed-rank tests, exact for up to 200 differences, with zero differences dropped and "
-        "p-values corrected by Holm's method. Intraclass correlations and additive effects were "
-        "estimated by least squares, with moment estimates of the variances; equality of slopes "
-        "(Mandel's F) was tested by shuffling scores and residuals within subjects, from a fixed "
-        "seed, with subjects weighted by 1 / variance, and the larger p taken. The ordinal mixed "
-        "model (cumulative link, random intercept per subject, maximum likelihood) was fitted to "
-        f"{unit}{_BESIDE if trials.has_repeats else ''}. Carry-over and order effects were tested "
-        "by within-subject F tests adjusted for condition, drift by a t test of the subjects' "
-        "slopes on the place in the session, adjusted likewise."
-    )
+def _tests(found: Findings) -> str:
+    return " ".join(said for _, said in tests_in_words(found))
 
 
-_BESIDE = (
-    ", and again with a random intercept of each subject under each condition, whose standard "
-    "deviation was tested by the likelihood ratio at the boundary"
-)
+def tests_in_words(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield each analysis that was made with these data, by a name, in a sentence."""
+    trials, measure = found.trials, found.measure
+    yield from _of_conditions(trials.response_tests, measure)
+    if found.is_predicted and isinstance(trials.slope, Slope):
+        which = "random orders" if trials.slope.error else "all orders"
+        yield (
+            "slope",
+            f"Whether {measure}s follow the predicted contrasts was tested by their common slope "
+            f"over conditions, against {which} of the contrasts over the conditions.",
+        )
+    if found.is_predicted and isinstance(trials.level_slope, LevelSlope):
+        yield (
+            "level slope",
+            "Slopes within conditions, over their levels, were tested by a t test over "
+            "participants.",
+        )
+    if found.factors is not None and any(
+        isinstance(each.effect, Effect) for each in found.factors.effects
+    ):
+        yield (
+            "factors",
+            "Factors were tested within participants by shuffling levels, main effects on ranks "
+            "and interactions on means, and by F with Greenhouse and Geisser's correction; the "
+            "larger p was taken.",
+        )
+    if found.groups is not None:
+        yield from _of_groups(found.groups)
+    if any(isinstance(each.found, Detection) for each in trials.noticed):
+        yield (
+            "noticed",
+            "Reported changes were compared with those on catch trials by exact tests within "
+            "participants, with Holm's correction over the conditions.",
+        )
+    if len(found.questions.p_holm) > 1:
+        yield (
+            "questions",
+            "The p of all questions of the report were corrected by Holm's method.",
+        )
+    yield from _of_scores(found)
+    lock = found.loaded.lock
+    if lock is not None and lock.registration.earlier:
+        yield (
+            "registration",
+            f"Hypotheses that were registered with touchbeam {lock.registration.earlier} were "
+            "tested on scores, as registered, as far as their tests exist.",
+        )
+
+
+def _of_groups(made: GroupStatistics) -> Iterator[tuple[str, str]]:
+    if any(isinstance(number, Compared) for number in (made.score, made.gain)):
+        yield (
+            "groups",
+            "Groups were compared by Mann and Whitney's or Kruskal and Wallis' test of one number "
+            "per participant, by permutation.",
+        )
+    if isinstance(made.interaction, GroupInteraction):
+        yield (
+            "profiles",
+            "Groups' profiles over conditions were compared by permuting participants.",
+        )
+
+
+def _of_conditions(tests: ConditionTests, measure: str) -> Iterator[tuple[str, str]]:
+    test = tests.omnibus
+    if not isinstance(test, NotEstimable):
+        name = "Friedman's test" if isinstance(test, Friedman) else "the Skillings–Mack test"
+        p = (
+            f"{test.monte_carlo.shuffles:,} random permutations within subjects from a fixed seed"
+            if test.monte_carlo is not None
+            else "all permutations within subjects"
+            if isinstance(test, Friedman) and not isinstance(test.p_exact, NotEstimable)
+            else "the chi-square distribution"
+        )
+        yield (
+            "friedman" if isinstance(test, Friedman) else "skillings_mack",
+            f"Conditions were compared on mean {measure}s with {name}, corrected for ties, with p "
+            f"from {p}.",
+        )
+    if any(isinstance(pair.test, SignedRank) for pair in tests.pairwise):
+        yield (
+            "pairwise",
+            "Pairs of conditions were compared with Wilcoxon's signed-rank test, zero differences "
+            "dropped, with Holm's correction; they count only where the conditions differ.",
+        )
+
+
+def _of_scores(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield what was computed of scores alone."""
+    table, trials = found.table, found.trials
+    if not isinstance(table.additive, NotEstimable):
+        yield (
+            "additive",
+            "Additive effects of participants and conditions on scores were estimated by least "
+            "squares.",
+        )
+    if not all(isinstance(icc, NotEstimable) for icc in (table.icc_subjects, table.icc_conditions)):
+        yield (
+            "icc",
+            "Intraclass correlations of the scores (Shrout and Fleiss) were estimated from the "
+            "mean squares of the same fit.",
+        )
+    if not isinstance(table.heterogeneity, NotEstimable):
+        yield (
+            "gain_heterogeneity",
+            "Equality of slopes (Mandel's F) was tested by shuffling scores and residuals within "
+            "subjects, with subjects weighted by 1 / variance, and the larger p taken.",
+        )
+    if any(not isinstance(fit, NotEstimable) for fit in trials.ordinal.values()):
+        unit = "single trials" if trials.has_repeats else "one score per subject and condition"
+        yield (
+            "ordinal",
+            "An ordinal mixed model (cumulative link, random intercept per subject, maximum "
+            f"likelihood) was fitted to {unit}.",
+        )
+    checks = {
+        "order": (trials.order_effect, "An effect of the place in the session"),
+        "carry_over": (trials.carry_over, "Carry-over"),
+    }
+    for name, (test, what) in checks.items():
+        if not isinstance(test, NotEstimable):
+            yield (
+                name,
+                f"{what} was tested by an F test within subjects, adjusted for condition.",
+            )
+    if not isinstance(trials.drift, NotEstimable):
+        yield (
+            "drift",
+            "Drift was tested by a t test of the subjects' slopes on the place in the session.",
+        )
 
 
 def _model(found: Findings) -> str:
+    if not (found.is_predicted and found.loaded.table.conditions):
+        return ""
     trials, rig = found.trials, found.origin.rig
     # APA style writes numbers below ten as words.
     count = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
     has_laws = isinstance(rig.surface, BeamSurface)
-    laws, law = (f" under {count} laws", f" under the law '{LAW}'") if has_laws else ("", "")
+    laws = f" under {count} laws" if has_laws else ""
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     # Trials of tracks have no contrast of their own.
     touched = trials.contrasts.measured[trials.data.trials["track"].isna()]
     measured = int(touched.sum())
-    # Large studies need fewer of the points that they are integrated with.
-    large = len(trials.scored.ratings.given.rating) > LARGE
-    least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
     touches = (
         f"in {measured} of {len(touched)} trials, measured force or place "
         f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
@@ -103,21 +225,50 @@ def _model(found: Findings) -> str:
         if measured
         else "touches were not measured, so planned or standard values were used"
     )
-    return (
-        f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
-        f"{calibrated}; {touches}. Sensitivities were estimated{law} by "
-        "M2, an ordinal mixed model: a latent rating, bias + gain × contrast + an effect of "
-        "the condition + noise, is mapped to scores through ordered thresholds common to all "
-        "subjects. A relative gain is a subject's gain less the mean gain of the subjects; "
-        "the just noticeable difference (JND) is the standard deviation of the noise over the"
-        " gain, and no threshold of a psychometric function. M1, the simple comparison, is a "
-        "linear mixed model, rating = bias + gain × contrast; "
-        "M3 first models whether a change is noticed, from the answers to all "
-        "trials, by a probit model with noise and criterion of each subject, and then, by M2,"
-        " how noticed changes are rated. Intervals are integrated over the variance "
-        "parameters instead of fixing these at their best-fitting values; a fit with fewer "
-        f"than {least:.0f} effective points of this integration is withheld. {SKIN}"
+    if not np.isfinite(trials.contrasts.by_law[LAW]).any():
+        return ""
+    models = [said for _, said in models_in_words(found)]
+    return " ".join(
+        [
+            f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
+            f"{calibrated}; {touches}.",
+            *models,
+            *[SKIN] * bool(models),
+        ]
     )
+
+
+def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield each model of sensitivity that was fitted, by its name, in a sentence or two."""
+    trials = found.trials
+    law = f" under the law '{LAW}'" if isinstance(found.origin.rig.surface, BeamSurface) else ""
+    if not isinstance(trials.m2, NotEstimable):
+        # Large studies need fewer of the points that they are integrated with.
+        large = len(trials.scored.ratings.given.rating) > LARGE
+        least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
+        yield (
+            "M2",
+            f"Sensitivities were estimated{law} by M2, an ordinal mixed model: a latent rating, "
+            "bias + gain × contrast + an effect of the condition + noise, is mapped to scores "
+            "through ordered thresholds common to all subjects. A relative gain is a subject's "
+            "gain less the mean gain of the subjects; the just noticeable difference (JND) is the "
+            "standard deviation of the noise over the gain, and no threshold of a psychometric "
+            "function. Intervals are integrated over the variance parameters instead of fixing "
+            f"these at their best-fitting values; a fit with fewer than {least:.0f} effective "
+            "points of this integration is withheld.",
+        )
+    if not isinstance(trials.m1, NotEstimable):
+        yield (
+            "M1",
+            "M1, the simple comparison, is a linear mixed model, rating = bias + gain × contrast.",
+        )
+    if not isinstance(trials.m3, NotEstimable):
+        yield (
+            "M3",
+            "M3 first models whether a change is noticed, from the answers to all trials, by a "
+            "probit model with noise and criterion of each subject, and then, by M2, how noticed "
+            "changes are rated.",
+        )
 
 
 _LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json, NotEstimable, plain
-from analysis.loading.study_data import WITHHELD_AS
 from analysis.report import figure_data
 from analysis.report.blocks import Column, Figure, Section, Table, at, estimate, p_cell
 from analysis.report.estimates_json import with_reasons
@@ -37,7 +36,6 @@ def section(found: Findings) -> Section:
         blocks=[
             _noticed_by_condition(conditions, whole, parts),
             _each_person(parts["subjects"]),
-            _scores_line(found),
         ],
         data={
             "detection": {
@@ -143,24 +141,6 @@ def _each_person(people: Sequence[Detected]) -> Table:
         name="noticed-subjects",
         caption="The same by subject. Intervals hold for independent trials; with few catch "
         "trials they are wide.",
-    )
-
-
-def _scores_line(found: Findings) -> str:
-    """Return what it does to the tests of scores that some trials have none by the study's rule."""
-    why = WITHHELD_AS[found.rating.score_when]
-    scored = found.loaded.scored
-    missing = scored["score"].isna()
-    if found.rating.score_when == "always" or not missing.any():
-        return ""
-    by_condition = missing.groupby(scored["condition"], sort=False).mean()
-    most = str(by_condition.idxmax())
-    return (
-        f"Tests of scores compare what was noticed: {missing.sum()} of {len(scored)} trials have "
-        f"no score, as {why}, most of all of {most} ({by_condition[most]:.0%}). The mean of such a "
-        "condition is of the trials, and of the people, in which it was felt most, so that it is "
-        "too high, differences from other conditions look smaller, and fewer people can be "
-        "compared. Whether changes are noticed at all is tested here, on every trial."
     )
 
 

@@ -135,15 +135,15 @@ def _levels_figure(found: Findings) -> Figure:
 
 
 def _prediction_table(found: Findings) -> Table:
-    laws, means = found.trials.laws, found.table.main.table4.column_means
+    laws, means = found.trials.laws, found.trials.response_tests.means
     # The paper's own ranking has ranks, which would look like contrasts here.
     physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
     return Table(
         name=PREDICTIONS,
         caption="Mean predicted contrast of each condition under each friction law, from "
         f"{found.friction_source} (change of log friction; positive in the expected direction), "
-        "with the mean score.",
-        columns=columns("condition", "mean score", *(score.law for score in physical)),
+        f"with the mean {found.measure}.",
+        columns=columns("condition", f"mean {found.measure}", *(score.law for score in physical)),
         rows=[
             [name, number(mean, 2), *(number(score.predicted.get(name), 4) for score in physical)]
             for name, mean in zip(found.loaded.table.conditions, means, strict=True)
@@ -175,8 +175,8 @@ def _law_table(laws: Sequence[LawScore]) -> Table:
         law_columns("law", "without a law"),
         name="laws",
         caption="Each friction law compared with the ratings. Order of the conditions: Spearman's "
-        "correlation of predicted contrasts with mean scores, p over all orders, and the smallest "
-        "correlation of these ranks, including ties, that has p < .05. Prediction "
+        "correlation of predicted contrasts with mean responses, p over all orders, and the "
+        "smallest correlation of these ranks, including ties, that has p < .05. Prediction "
         "error: root mean square error, in points, of the mean rating of each condition predicted "
         "from the other conditions, and the same without a law, from the subjects' levels alone; a "
         "prediction outside the scale counts as its end, and conditions whose mean prediction is "

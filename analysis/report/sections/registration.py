@@ -12,42 +12,70 @@ from analysis.loading.study_lock import StudyLock
 from analysis.report import results as in_words
 from analysis.report.blocks import Block, Column, Items, Section, Table, columns
 from analysis.report.findings import Findings
-from analysis.report.hypotheses import registered
+from analysis.report.hypotheses import Hypothesis, registered
 from analysis.report.wording import number, place_of
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
+from analysis.statistics.factorial import MOST_ARRANGEMENTS
+from analysis.statistics.factorial import MOST_SHUFFLES as FACTOR_SHUFFLES
 from analysis.statistics.omnibus import LEAST_SHUFFLES, MOST_SHUFFLES
 from analysis.statistics.omnibus import SEED as SHUFFLED_BY
 from analysis.statistics.signed_rank import LARGEST_EXACT
+from analysis.statistics.slope import MOST_CONDITIONS, SHUFFLES
 from analysis.trials.contrasts import FORCE_STEP, FREQUENCY_DIGITS, PLACE_STEP_M, trial_contrasts
 from device.friction.changes import LAW, RUNG
 from device.friction.rungs import present_name
 from protocol.errors import listed
 from protocol.journal.events import UNKNOWN_UTC
 from protocol.registration.deviations import PAPER, Conduct, Deviation, deviations
+from protocol.registration.registration import SCHEMA
 
 # The settings of the analysis that a registration fixes beside the study file.
 
 
-def analysis_settings(least: float = 0) -> dict[str, str | float]:
+def analysis_settings(schema: int = SCHEMA) -> dict[str, str | float]:
     """Return what this version's tests and estimates depend on, by name.
 
-    Every value is a text or a number, so that a registration can hold it. `least` is the lowest
-    score of the scale; where it is 0 the words stay, since a registration's digest depends on them.
+    Every value is a text or a number, so that a registration can hold it. Under schema 1 these are
+    the settings, by the names of touchbeam 1, with which its registered tests are done today.
     """
-    zero = "as zero" if least == 0 else "as the lowest score of the scale"
-    lowest = "as the lowest score" if least == 0 else "as the lowest score given"
-    return {
-        "significance level": LEVEL,
-        "omnibus test": "Friedman, corrected for ties; exact by enumeration, else Monte Carlo; "
-        "Skillings–Mack where scores are missing",
-        "pairwise test": "Wilcoxon signed rank, two-sided, zeros dropped",
-        "correction of pairwise tests": "Holm, over all pairs",
+    shuffles: dict[str, str | float] = {
         "differences tested exactly": LARGEST_EXACT,
         "permutations, fewest": LEAST_SHUFFLES,
         "permutations, most": MOST_SHUFFLES,
         "permutations, seed": SHUFFLED_BY,
+    }
+    of_scores = {
+        "omnibus test": "Friedman, corrected for ties; exact by enumeration, else Monte Carlo; "
+        "Skillings–Mack where scores are missing",
+        "pairwise test": "Wilcoxon signed rank, two-sided, zeros dropped",
+        "correction of pairwise tests": "Holm, over all pairs",
+        **shuffles,
         "score of a condition": "mean over a participant's scored trials",
-        "withheld scores": f"missing; beside it read {zero} and {lowest}",
+        "withheld scores": "missing",
+    }
+    of_responses = {
+        "response of a trial": "score - lowest score + 1 if the change was answered as expected, 0 "
+        "if it was answered otherwise; the score where no change was asked for",
+        "response of a condition": "mean over a participant's answered trials",
+        "omnibus test": "Friedman of responses, corrected for ties; exact by enumeration, else "
+        "Monte Carlo; Skillings–Mack where responses are missing",
+        "pairwise test": "Wilcoxon signed rank of responses, two-sided, zeros dropped",
+        "correction of pairwise tests": "Holm, over all pairs",
+        **shuffles,
+        "test of the prediction": "slope of responses on predicted contrasts, permuted over the "
+        "conditions",
+        "conditions whose contrasts are permuted exactly": MOST_CONDITIONS,
+        "permutations of contrasts": SHUFFLES,
+        "tests of factors": "permutation of levels within participants, of ranks of responses for "
+        "main effects and of responses for interactions, and F of these with Greenhouse and "
+        "Geisser's correction; the larger p",
+        "arrangements of levels listed, most": MOST_ARRANGEMENTS,
+        "shuffles of levels, most": FACTOR_SHUFFLES,
+        "correction of the questions of a report": "Holm, over all that have an answer",
+    }
+    return {
+        "significance level": LEVEL,
+        **(of_scores if schema < SCHEMA else of_responses),
         "sensitivity model": "M2, ordinal mixed model, integrated over its variances",
         "effective points of the integration, fewest": LEAST_EFFECTIVE,
         "measured force, step relative to the planned one": FORCE_STEP,
@@ -65,7 +93,9 @@ class NamedResult:
 
     `supported` is None where it cannot be computed; `found` says why, or what was found. A
     secondary hypothesis is supported only if the primary one is, so that without any effect one of
-    them is supported in 5% of studies at most.
+    them is supported in 5% of studies at most. One that was registered with a test that this
+    version does not have is not `tested`; if that is the primary one, the secondary ones are not
+    `protected`: each is supported by its own p.
     """
 
     name: str
@@ -74,19 +104,28 @@ class NamedResult:
     p: float | None
     supported: bool | None
     estimated: bool = False
+    tested: bool = True
+    protected: bool = True
 
     @property
     def verdict(self) -> str:
+        if not self.tested:
+            return "not tested"
         if self.supported is None:
             # Nothing is claimed of a single threshold.
             return "estimated" if self.estimated else "not known"
         return "supported" if self.supported else "not supported"
 
 
+def _asked(found: Findings, lock: StudyLock) -> list[Hypothesis]:
+    settled = lock.registration
+    return registered(found.study, settled.hypotheses, settled.earlier)
+
+
 def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
     """Return the results of the registered hypotheses, the primary one first."""
     results = []
-    for each in registered(found.study, lock.registration.hypotheses):
+    for each in _asked(found, lock):
         made = each.judge(found)
         told, p, supported = (made.reason, None, None) if isinstance(made, NotEstimable) else made
         results.append(
@@ -97,6 +136,7 @@ def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
                 p=p,
                 supported=supported,
                 estimated=each.estimated,
+                tested=each.tested,
             )
         )
     # A registration names its primary hypothesis first.
@@ -106,6 +146,9 @@ def named_results(found: Findings, lock: StudyLock) -> list[NamedResult]:
 
 def gated(primary: NamedResult, other: NamedResult) -> NamedResult:
     """Return the result of a secondary hypothesis, which counts only after the primary one."""
+    if not primary.tested and other.supported is not None:
+        why = "not protected by a primary hypothesis"
+        return replace(other, protected=False, found=f"{other.found}; {why}")
     # Gatekeeping needs no further correction: a secondary one cannot be supported unless the
     # primary one is.
     if primary.supported or not other.supported:
@@ -120,7 +163,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     if lock is None:
         yield from in_words.paragraphs(found)
         return
-    asked = registered(found.study, lock.registration.hypotheses)
+    asked = _asked(found, lock)
     secondary = f", {listed(lock.registration.secondary)}" * bool(lock.registration.secondary)
     yield (
         "What was registered?",
@@ -129,8 +172,25 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
         "and all deviations.",
     )
     for question, answer in in_words.paragraphs(found):
-        names = listed(each.name for each in asked if each.question == question)
-        yield f"{question} ({f'registered: {names}' if names else 'not registered'})", answer
+        there = [each for each in asked if each.question == question]
+        names = {
+            how: listed(each.name for each in there if each.as_on_page is same)
+            for how, same in (("registered", True), ("registered with another test", False))
+        }
+        marks = [f"{how}: {of}" for how, of in names.items() if of]
+        yield f"{question} ({'; '.join(marks) or 'not registered'})", answer
+
+
+_WITH_ITS_TESTS = (
+    "This registration names tests of touchbeam 1. They compare scores, not responses, and are "
+    "done here as registered, so that their results may differ from those of the "
+    "same name elsewhere."
+)
+_GATED = "Secondary ones count only if the primary one is supported."
+_UNGATED = (
+    "The primary one is not tested, so that nothing protects the secondary ones: each is judged by "
+    "its own test, and the more there are, the likelier is a false one among them."
+)
 
 
 def section(found: Findings) -> Section:
@@ -150,6 +210,7 @@ def section(found: Findings) -> Section:
             f"{lock.registration.touchbeam}, before the first session. The digest of the "
             f"registration, SHA-256 {lock.registration.digest}, seeded every order. Not "
             "registered: every result that this table does not name.",
+            _WITH_ITS_TESTS if lock.registration.earlier else None,
             Table.over(
                 results,
                 [
@@ -161,8 +222,7 @@ def section(found: Findings) -> Section:
                     Column("verdict", "verdict", kind="text"),
                 ],
                 name="registered",
-                caption="Registered hypotheses. Secondary ones count only if the primary one is "
-                "supported.",
+                caption=f"Registered hypotheses. {_GATED if results[0].tested else _UNGATED}",
             ),
             Items(
                 name="deviations",
@@ -182,6 +242,8 @@ def registered_lines(found: Findings) -> Iterator[str]:
     """Yield for the terminal what was registered, how it came out, and the deviations."""
     lock = found.loaded.lock
     if lock is not None:
+        if earlier := lock.registration.earlier:
+            yield f"Registered with touchbeam {earlier}: its tests, of scores, are done as then."
         for result in named_results(found, lock):
             yield f"Registered: {result.name}: {result.verdict} ({result.found})"
         for kind, text in deviations(lock.registration, conduct(found, lock)):
@@ -205,7 +267,8 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
         law=LAW,
         # Of several names of one rung, that which was registered.
         rung=registered if present_name(registered) == RUNG else RUNG,
-        analysis=analysis_settings(found.rating.minimum),
+        analysis=analysis_settings(lock.registration.schema),
+        untested=[each.name for each in _asked(found, lock) if not each.tested],
         touchbeam=version("touchbeam"),
         later=origin.later.origin if origin.later else "",
         broken_file=origin.unlocked,
@@ -268,6 +331,7 @@ def _record(
 ) -> Json:
     settled = lock.registration
     return {
+        "schema": settled.schema,
         "digest": settled.digest,
         "utc": lock.utc.isoformat() if lock.utc > UNKNOWN_UTC else None,
         "primary": settled.primary,

@@ -1,18 +1,18 @@
-"""Table 4 and the trials behind it, its results under each reading of missing scores, answers."""
+"""Table 4 and the trials behind it, how changes were answered, answers to own questions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.estimates import Json, plain
+from analysis.loading.response import IN_WORDS
 from analysis.loading.sessions import SCORED_KINDS
-from analysis.loading.study_data import LABELS, WITHHELD_AS, marks, unscored, withheld
+from analysis.loading.study_data import KINDS, unscored
 from analysis.report import blocks
-from analysis.report.estimates_json import friedman_json, pair_json
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
 from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
-from analysis.report.wording import MISSING, number, omnibus_line
-from analysis.statistics.summary import Reading, Table4
+from analysis.report.wording import MISSING, number
+from analysis.statistics.summary import Table4
 from analysis.trials.answers import Answers, answers_by_question
 from protocol.study.languages import REFERENCE
 from protocol.study.study_question import StudyQuestion
@@ -22,19 +22,42 @@ MOST_COLUMNS = 12
 
 
 def section(found: Findings) -> blocks.Section:
-    """Return the scores, and the means under each reading of missing scores."""
-    main = found.table.main.table4
+    """Return the scores with their marks, and how the changes of each condition were answered."""
+    main = found.table.table4
     return blocks.Section(
-        title="Other readings of withheld scores",
-        blocks=[score_table(found), notes(found), _readings_table(found)],
+        title="How the changes were answered",
+        blocks=[score_table(found), notes(found), _directions_table(found)],
         data={
             "table4": {**_means_json(main), **_empty_json(found)},
-            "missing_readings": _readings_json(found.table.readings),
+            "directions": [
+                {"condition": name, **ways._asdict()}
+                for name, ways in found.trials.directions.items()
+            ],
         },
         files={
             "table4.csv": table4_csv(main),
-            "table4.tex": table4_tex(main, found.scale_in_words, found.table_notes),
+            "table4.tex": table4_tex(
+                main, found.scale_in_words, found.loaded.notes, found.loaded.marks
+            ),
         },
+    )
+
+
+def _directions_table(found: Findings) -> blocks.Table | str:
+    """Return the directions of the answers, and the mean response, of each condition."""
+    directions = found.trials.directions
+    if not directions:
+        return "These scores come without answers, so that each is a response as it stands."
+    means = dict(zip(found.loaded.table.conditions, found.trials.response_tests.means, strict=True))
+    return blocks.Table(
+        name="directions",
+        caption="How often a change was answered as expected, which is the answer that the study "
+        "file names, the other way, and as no change; and the mean response over participants. "
+        f"{IN_WORDS}, so that every answer counts.",
+        columns=blocks.columns(
+            "condition", "as expected", "the other way", "no change", "mean response"
+        ),
+        rows=[[name, *map(str, ways), number(means[name], 2)] for name, ways in directions.items()],
     )
 
 
@@ -92,26 +115,28 @@ def _caption(question: StudyQuestion) -> str:
 
 
 def notes(found: Findings) -> blocks.Items:
-    return blocks.Items(name="table4-notes", lines=found.table_notes, front=True)
+    return blocks.Items(name="table4-notes", lines=found.loaded.notes, front=True)
 
 
 def score_table(found: Findings) -> blocks.Table:
     """Return Table 4; each score links to its trials, each mean to the predictions."""
-    table, empty = found.loaded.table, found.loaded.empty
-    header, *rows, averages = table4_lines(found.table.main.table4, MISSING, marks(empty))
+    table, empty, ways = found.loaded.table, found.loaded.empty, found.loaded.ways
+    header, *rows, averages = table4_lines(found.table.table4, MISSING, found.loaded.marks)
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if _is_scored(r)}
 
     def score(row: int, column: int, text: str) -> blocks.Cell:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
-        why = LABELS[empty[row, column]] if (row, column) in empty else ""
+        is_empty = (row, column) in empty
+        counts = str(ways[row, column]) if (row, column) in ways else ""
+        why = counts or (KINDS[empty[row, column]].words if is_empty else "")
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(
             text=text,
             target=_anchor("trials", row, column) if has_trials else "",
-            label=why and f"{why}: its trials",
+            label=f"{why}: its trials" if is_empty else "",
             why=why,
-            missing=bool(why),
+            missing=is_empty,
             anchor=_anchor("cell", row, column) if has_trials else "",
         )
 
@@ -121,7 +146,7 @@ def score_table(found: Findings) -> blocks.Table:
     ]
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
-    note = "Notes below distinguish the empty cells. " if empty else ""
+    note = "Notes below explain the marks. " if found.loaded.marks else ""
     shown = blocks.Table(
         name="table4",
         label="Table 4",
@@ -144,41 +169,6 @@ def _is_wide(found: Findings) -> bool:
 
 def _mean(text: str, target: str = "") -> blocks.Cell:
     return blocks.Cell(text=text, target=target, missing=text == MISSING)
-
-
-def _readings_table(found: Findings) -> blocks.Table | None:
-    """Return means and omnibus test by reading of withheld scores, or None without any."""
-    readings, table = found.table.readings, found.loaded.table
-    # Cells that are empty for another reason are missing in every reading, so that there is nothing
-    # to compare.
-    if len(readings) == 1 or not withheld(table, found.loaded.trials).any():
-        return None
-    least = f"as {found.scale.lowest:g}"
-    words = {"missing": "left missing", "zero": least, "lowest": "as the lowest observed score"}
-    numbers = (*table.conditions, "all", "pairs that differ (Holm)")
-    shown = blocks.Table(
-        name="readings",
-        caption="Sensitivity of the results to scores withheld because "
-        f"{WITHHELD_AS[found.rating.score_when]}: condition means and omnibus test with these "
-        "scores left missing, read "
-        f"{least}, or read as the lowest observed score. Blank cells of a published table "
-        "count as withheld; cells whose trials were excluded or never reached stay missing.",
-        columns=[
-            *blocks.columns("withheld scores", *numbers),
-            blocks.Column(name="test", kind="sentence"),
-        ],
-        rows=[
-            [
-                words[reading.name],
-                *(number(mean, 2) for mean in reading.table4.column_means),
-                number(reading.table4.grand_mean, 2),
-                str(sum(pair.differs for pair in reading.pairwise)),
-                omnibus_line(reading),
-            ]
-            for reading in readings
-        ],
-    )
-    return shown.turned("withheld scores") if _is_wide(found) else shown
 
 
 def _means_json(result: Table4) -> Json:
@@ -213,21 +203,6 @@ def _empty_json(found: Findings) -> Json:
         ],
         "unscored_subjects": list(subjects),
         "unscored_conditions": list(conditions),
-    }
-
-
-def _readings_json(readings: tuple[Reading, ...]) -> Json:
-    # The table itself is the only reading then, and `report.json` has it already.
-    if len(readings) == 1:
-        return {}
-    return {
-        reading.name: {
-            "column_means": _column_means(reading.table4),
-            "grand_mean": plain(reading.table4.grand_mean),
-            "friedman": friedman_json(reading),
-            "pairwise": [pair_json(pair) for pair in reading.pairwise],
-        }
-        for reading in readings
     }
 
 
@@ -271,7 +246,7 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
         blocks.Column(name="kind", kind="word"),
         blocks.Column(name="level"),
         blocks.Column(name="answer", kind="word"),
-        *blocks.columns("as expected", "score", *predicted, "touch"),
+        *blocks.columns("as expected", "score", "response", *predicted, "touch"),
     ]
     return [
         blocks.Table(
@@ -319,6 +294,7 @@ def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
         record["change"] or MISSING,
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
         MISSING if record["score"] is None else f"{record['score']:g}",
+        MISSING if record["response"] is None else f"{record['response']:g}",
         *(number(record["predicted"][law], 4) for law in laws),
         touch,
     ]

@@ -18,19 +18,15 @@ from analysis.trials import trial_checks
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_checks import OrderAsRun, order_as_run
 from analysis.trials.trial_statistics import CatchAnswers, catch_answers
+from protocol.errors import listed
 
 FIGURES = ("course", "reaction-times", "forces", "places")
-_UNORDERED = NotEstimable("the order in which the scores were given is not known")
 
 
 def section(found: Findings) -> blocks.Section:
     """Return the checks of whole sessions."""
-    scored, catch = found.trials.scored, catch_answers(found.loaded.trials)
-    as_run = order_as_run(found.loaded, found.study)
-    known = (scored.place > 0).any()
-    order = trial_checks.order_effect(scored.every, scored.place) if known else _UNORDERED
-    carried = trial_checks.carry_over(scored.every, scored.previous) if known else _UNORDERED
-    moved = trial_checks.drift(scored.every, scored.place) if known else _UNORDERED
+    catch, as_run = catch_answers(found.loaded.trials), order_as_run(found.loaded, found.study)
+    order, carried, moved = found.trials.order_effect, found.trials.carry_over, found.trials.drift
     return blocks.Section(
         title="Sessions, touches and reaction times",
         blocks=[
@@ -279,7 +275,8 @@ _text = partial(blocks.Column, kind="text")
 
 def left_out(found: Findings) -> blocks.Section:
     """Return the exclusions, and the incidents of the sessions."""
-    loaded, rules = found.loaded, rules_in_words(found.study.exclusions)
+    loaded = found.loaded
+    rules = rules_in_words(found.study.exclusions, older=loaded.older_rules)
     counts = _counts(loaded)
     unfinished = "; ".join(_unfinished(loaded)) or "none"
     if found.published:
@@ -291,6 +288,7 @@ def left_out(found: Findings) -> blocks.Section:
             f"Prespecified exclusion rules: {'; '.join(rules)}."
             if rules
             else "The study prespecified no exclusion rules.",
+            _unnoticing(loaded),
             blocks.Items(
                 lines=[
                     f"rehearsals left out: {counts['rehearsals']}",
@@ -318,6 +316,7 @@ def left_out(found: Findings) -> blocks.Section:
             "unfinished": list(loaded.unfinished),
             "left_out": counts,
             "exclusions": plain(loaded.left_out),
+            "left_out_for_not_noticing": list(loaded.unnoticing),
             "incidents": plain(loaded.incidents),
         },
     )
@@ -330,6 +329,17 @@ def _table(
     where = ("participant", "session", "trial")
     columns = [*(_text(name, name, place) for name in where), *further]
     return blocks.Table.over(entries, columns, **told) if entries else None
+
+
+def _unnoticing(loaded: StudyData) -> str:
+    """Return who is left out for not noticing, by a rule of version 1; '' if nobody is."""
+    if not loaded.unnoticing:
+        return ""
+    return (
+        f"Left out only because they noticed few changes: {listed(loaded.unnoticing)}. By the rule "
+        "of touchbeam 1 a score that was not asked for is a missing one; this selects by the "
+        "answers, so that the others notice more than the participants did."
+    )
 
 
 _MOST_LINES = 12
@@ -347,6 +357,7 @@ def left_out_lines(loaded: StudyData) -> list[str]:
     said += [f"{of}: {counts[of]}" for of in _TOLD if counts.get(of)]
     return [
         *(f"Left out: {each}" for each in said),
+        *filter(None, [_unnoticing(loaded)]),
         *(f"Not finished: {which}" for which in _unfinished(loaded)[:_MOST_LINES]),
     ]
 

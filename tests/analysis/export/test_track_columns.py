@@ -27,7 +27,9 @@ def tables(text: str) -> dict[str, str]:
 def test_trials_of_tracks_have_their_level_and_what_became_of_it() -> None:
     study, made = parsed_study(BOTH), tables(BOTH)
     rows = list(csv.DictReader(io.StringIO(made["trials.csv"])))
-    assert list(rows[0])[-len(NEW) :] == NEW
+    assert list(rows[0])[-len(NEW) - 1 :] == [*NEW, "response"]
+    # A trial of a track counts for no condition, any other here has an answer.
+    assert all((row["response"] == "") == (row["track"] != "") for row in rows)
     assert {(row["trial_kind"], row["track"] != "") for row in rows} == {
         ("trial", False),
         ("track", True),
@@ -70,8 +72,8 @@ def test_events_of_a_data_set_have_the_levels_too() -> None:
 
 def test_tables_for_python_have_the_same_columns() -> None:
     found = with_measures(parsed_study(BOTH), load_sessions([session(BOTH, "P01")]))
-    frames = Frames(found=found, kept=found.sessions, questions=())
-    assert list(frames.trials.columns[-len(NEW) :]) == NEW
+    frames = Frames(found=found, kept=found.sessions, questions=(), lowest=0.0)
+    assert list(frames.trials.columns[-len(NEW) - 1 :]) == [*NEW, "response"]
     assert frames.trials["reversal"].sum() == 12
     described = frames.described("0 to 10")
     assert described.loc[("trials", "correct"), "levels"] == "true: yes; false: no"

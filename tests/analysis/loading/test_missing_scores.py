@@ -1,29 +1,30 @@
-"""Cells without a score: which may be read as an answer, and how the others are told apart."""
+"""Cells of Table 4: why one has no score, and which way its changes were felt."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.loading.study_data import (
-    StudyData,
-    Why,
-    load_study_data,
-    notes,
-    withheld_beside_scores,
-)
-from analysis.report.report import Report, report, report_html, report_json
+from analysis.loading.response import Directions
+from analysis.loading.study_data import StudyData, Why, load_study_data
+from analysis.report.report import Report, report, report_files, report_html, report_json
 from protocol.journal.events import Event, TrialExcluded
 from protocol.study.rules import Exclusions
-from tests.analysis.chains import chain, scored_session
+from tests.analysis.chains import asked_session, chain, scored_session
 from tests.analysis.reports import ORIGIN, PAPER, made
 
 NAMES = ["voltage", "structure", "pressure"]
+SAME = "same"
+OTHER = "rougher"
 
 
-def session(who: str, scores: list[int | None], *, finished: bool = True) -> list[Event]:
-    """A session that answered as many trials as there are scores; None where one was withheld."""
-    events = scored_session(who, zip(NAMES, scores, strict=False), NAMES)
+def session(who: str, given: list[int | str | None], *, finished: bool = True) -> list[Event]:
+    """A session of as many trials: scores after the expected answer, or another answer."""
+    told = [
+        (name, own, None) if isinstance(own, str) else (name, "smoother", own)
+        for name, own in zip(NAMES, given, strict=False)
+    ]
+    events = asked_session(who, told, NAMES)
     return events if finished else events[:-1]
 
 
@@ -32,11 +33,11 @@ def loaded(*sessions: list[Event], rules: Exclusions | None = None) -> StudyData
 
 
 def a_study() -> StudyData:
-    """A withheld score, a trial excluded, a session cut short, and one of which nothing is left."""
+    """Both other answers, a trial excluded, a session cut short, one of which nothing is left."""
     excluded = [TrialExcluded(index=index, reason="a noise") for index in range(3)]
     return loaded(
-        session("P01", [9, None, 5]),
-        [*session("P02", [8, 7, 6]), excluded[1]],
+        session("P01", [9, SAME, 5]),
+        [*session("P02", [8, 7, OTHER]), excluded[1]],
         session("P03", [7], finished=False),
         [*session("P04", [4, 4, 4]), *excluded],
         session("P05", [8, 6, 5]),
@@ -50,8 +51,9 @@ def reported(found: StudyData) -> Report:
 
 def test_each_empty_cell_knows_why() -> None:
     assert a_study().empty == {
-        (0, 1): Why.WITHHELD,
+        (0, 1): Why.SAME,
         (1, 1): Why.EXCLUDED,
+        (1, 2): Why.CONTRARY,
         (2, 1): Why.NOT_REACHED,
         (2, 2): Why.NOT_REACHED,
         (3, 0): Why.EXCLUDED,
@@ -60,9 +62,17 @@ def test_each_empty_cell_knows_why() -> None:
     }
 
 
+def test_an_answer_is_a_response_and_what_was_not_answered_is_none() -> None:
+    responses = reported(a_study()).trials.response_tests.table.scores
+    none = [np.nan] * 3
+    expected = [[10, 0, 6], [9, np.nan, 0], [8, np.nan, np.nan], none, [9, 7, 6]]
+    np.testing.assert_array_equal(responses, expected)
+
+
 def test_programs_read_why_in_words_that_stay() -> None:
     cells = report_json(reported(a_study()))["table4"]["empty"]
-    assert [cell["why"] for cell in cells[:3]] == ["withheld", "excluded", "not reached"]
+    why = [cell["why"] for cell in cells[:4]]
+    assert why == ["same", "excluded", "contrary", "not reached"]
 
 
 def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
@@ -71,104 +81,126 @@ def test_a_trial_left_out_by_a_rule_is_excluded_too() -> None:
     assert found.empty == {(0, 0): Why.EXCLUDED}
 
 
-def test_only_a_withheld_score_is_read_as_0_or_as_the_lowest() -> None:
-    numbers = report_json(reported(a_study()))
-    means = {name: read["column_means"] for name, read in numbers["missing_readings"].items()}
-    assert means["missing"]["structure"] == 6
-    assert means["zero"] == {"voltage": 8, "structure": 3, "pressure": pytest.approx(16 / 3)}
-    assert means["lowest"]["structure"] == pytest.approx(5.5)
-    assert means["lowest"]["pressure"] == pytest.approx(16 / 3)
+@pytest.mark.parametrize(
+    ("answers", "why"),
+    [
+        ([OTHER], Why.CONTRARY),
+        ([SAME], Why.SAME),
+        ([SAME, OTHER, SAME], Why.CONTRARY),
+        ([SAME, SAME], Why.SAME),
+    ],
+)
+def test_a_change_that_was_ever_felt_the_other_way_says_so(answers: list[str], why: Why) -> None:
+    given = [("voltage", answer, None) for answer in answers]
+    found = loaded(asked_session("P01", given, NAMES), session("P02", [7, 8, 9]))
+    assert found.empty[0, 0] is why
 
 
-def test_a_score_withheld_beside_others_is_one_of_the_scores_that_are_averaged() -> None:
-    """P01 withheld one of three scores of voltage; the lowest of single scores is 4."""
-    repeated = [("voltage", 9), ("voltage", None), ("voltage", 6), ("structure", 4)]
-    found = loaded(
-        scored_session("P01", [*repeated, ("structure", 8), ("pressure", 5)], NAMES),
-        session("P02", [7, 8, 9]),
+def test_a_cell_that_was_not_asked_has_no_way() -> None:
+    published = load_study_data(
+        [chain(scored_session("P01", [("voltage", 9)], NAMES))], rehearsals=False
     )
-    assert found.table.is_complete
-    first = {name: table.scores[0].tolist() for name, table in found.readings().items()}
-    assert first == {
-        "missing": [7.5, 6, 5],
-        "zero": [pytest.approx(15 / 3), 6, 5],
-        "lowest": [pytest.approx(19 / 3), 6, 5],
-    }
-    assert all(table.scores[1].tolist() == [7, 8, 9] for table in found.readings().values())
-    numbers = report_json(reported(found))["missing_readings"]
-    assert numbers["zero"]["column_means"]["voltage"] == pytest.approx(6)
-    assert 'id="readings"' in report_html(reported(found))
+    assert published.ways == {}
 
 
-@pytest.mark.parametrize("score", [None, 7])
-def test_an_empty_and_a_complete_table_have_one_reading(score: int | None) -> None:
-    found = loaded(session("P01", [score] * 3))
-    assert found.readings() == {"missing": found.table}
+def test_a_score_is_the_mean_of_those_given_and_bears_a_mark_beside_other_ways() -> None:
+    """P01 felt the voltage change the other way twice of three times, and the structure once."""
+    repeated = [
+        ("voltage", OTHER, None),
+        ("voltage", "smoother", 6),
+        ("voltage", OTHER, None),
+        ("structure", "smoother", 4),
+        ("structure", OTHER, None),
+        ("structure", "smoother", 8),
+        ("pressure", SAME, None),
+    ]
+    found = loaded(asked_session("P01", repeated, NAMES), session("P02", [7, 8, 9]))
+    np.testing.assert_array_equal(found.table.scores[0], [6, 6, np.nan])
+    assert found.ways[0, 0] == Directions(expected=1, contrary=2, same=0)
+    assert found.ways[0, 1] == Directions(expected=2, contrary=1, same=0)
+    assert dict(found.marks) == {(0, 0): "⇄", (0, 1): "⇄", (0, 2): "="}
+    result = reported(found)
+    page = report_html(result)
+    assert 'title="1 as expected, 2 the other way"' in page
+    assert ">6 ⇄</a>" in page
+    np.testing.assert_allclose(result.trials.response_tests.table.scores[0], [7 / 3, 14 / 3, 0])
 
 
-def test_a_blank_cell_of_a_published_table_is_read_as_withheld() -> None:
+def test_a_blank_cell_of_a_published_table_is_unknown() -> None:
     numbers = report_json(made([[5, 7, np.nan], [8, 6, 7], [6, 6, 10]]))
     blank = {"subject": "P00", "condition": "pressure", "why": "blank"}
     assert numbers["table4"]["empty"] == [blank]
-    assert numbers["missing_readings"]["zero"]["column_means"]["pressure"] == pytest.approx(17 / 3)
+    assert numbers["responses"]["means"]["pressure"] == 8.5
+    assert numbers["friedman"]["of"] == "score"
+    assert numbers["skillings_mack"]["df"] == 2
 
 
 def test_the_page_marks_and_counts_each_kind() -> None:
     page = report_html(reported(a_study()))
-    link = '<a href="#trials-1-2" aria-label="not given: its trials">–</a>'
-    assert f'title="not given">{link}' in page
+    for at, mark, ways in (("1-2", "=", "1 no change"), ("2-3", "⇄", "1 the other way")):
+        link = f'<a href="#trials-{at}" aria-label="{ways}: its trials">{mark}</a>'
+        assert f'title="{ways}">{link}' in page
     assert page.count('title="excluded">×</td>') == 4
     assert page.count('title="not reached">○</td>') == 2
     for said in (
-        "– not given, as the answer disagreed with the expectation: 1 cell, also read as 0",
-        "× without a score, as the trials are excluded: 4 cells, missing throughout.",
-        "○ without a trial, as the session did not get there: 2 cells, missing throughout.",
-        "No score at all, and not among the subjects analysed: P04.",
+        "⇄ some or all changes were felt the other way: 1 cell.",
+        "= no change was noticed: 1 cell.",
+        "× without a score, as the trials are excluded: 4 cells.",
+        "○ without a trial, as the session did not get there: 2 cells.",
+        "Subjects without any score: P04.",
     ):
         assert said in page
 
 
-def test_without_a_withheld_score_the_page_has_no_readings() -> None:
-    found = loaded(session("P01", [9, 8], finished=False), session("P02", [9, 8, 7]))
-    assert 'id="readings"' not in report_html(reported(found))
-    assert 'id="readings"' in report_html(reported(a_study()))
+def test_latex_can_set_the_marks_that_its_note_explains() -> None:
+    tex = report_files(reported(a_study()), figures=False)["table4.tex"].decode()
+    assert r"P01 & 9 & = & 5 & 7.00 \\" in tex
+    assert r"P02 & 8 & $\times$ & $\rightleftharpoons$ & 8.00 \\" in tex
+    assert r"P03 & 7 & $\circ$ & $\circ$ & 7.00 \\" in tex
+    assert r"$\rightleftharpoons$ some or all changes were felt the other way: 1 cell." in tex
+    assert not set("⇄×○") & set(tex)
 
 
-def test_who_has_no_score_is_named_and_not_counted() -> None:
+def test_who_has_no_answer_is_named_and_not_counted() -> None:
     result = reported(a_study())
-    page = report_html(result)
-    assert "4 subjects and 3 conditions had scores and were analysed" in page
-    assert "analysed; without scores: P04." in page
+    assert "4 subjects and 3 conditions were analysed" in report_html(result)
     assert report_json(result)["table4"]["unscored_subjects"] == ["P04"]
 
 
-def test_a_condition_nobody_scored_is_named_and_not_counted() -> None:
+def test_who_scored_nothing_but_answered_is_counted() -> None:
+    found = loaded(session("P01", [9, 8, 7]), session("P02", [SAME, OTHER, SAME]))
+    result = reported(found)
+    assert "2 subjects and 3 conditions were analysed" in report_html(result)
+    assert report_json(result)["table4"]["unscored_subjects"] == ["P02"]
+    assert "Subjects without any score: P02." in found.notes
+
+
+def test_a_condition_nobody_reached_is_named_and_not_counted() -> None:
     found = loaded(session("P01", [9, 8]), session("P02", [7, 8]))
-    assert "Scored by nobody, and not among the conditions analysed: pressure." in notes(
-        found.table, found.empty
-    )
-    page = report_html(reported(found))
-    assert "2 subjects and 2 conditions had scores and were analysed" in page
-    assert "analysed; without scores: pressure." in page
+    assert "Conditions without any score: pressure." in found.notes
+    assert "2 subjects and 2 conditions were analysed" in report_html(reported(found))
 
 
 def test_a_complete_table_has_nothing_to_note() -> None:
     assert 'id="table4-notes"' not in report_html(made())
+    assert loaded(session("P01", [9, 8, 7])).notes == []
 
 
-def test_scores_withheld_in_cells_with_other_scores_are_counted() -> None:
-    repeated = [("voltage", 9), ("structure", None), ("structure", 7), ("voltage", 8)]
-    found = loaded(
-        scored_session("P01", repeated, NAMES), scored_session("P02", repeated[:3], NAMES)
-    )
-    page = report_html(reported(found))
-    assert "Not given in cells with other scores: 2 of 7 scores (structure 2)." in page
-    assert "also read as 0 and as the lowest score." in page
-    assert "Notes below distinguish" in page, "of pressure, which nobody scored"
-    assert withheld_beside_scores(found.trials[found.trials["score"].notna()]) == []
-    assert withheld_beside_scores(a_study().trials) == []
+def test_scores_given_after_another_answer_are_in_the_table_and_are_counted() -> None:
+    given = [("voltage", OTHER, 4), ("structure", SAME, 2), ("pressure", "smoother", 8)]
+    found = loaded(asked_session("P01", given, NAMES), session("P02", [7, 8, 9]))
+    assert found.table.scores[0].tolist() == [4, 2, 8]
+    assert dict(found.marks) == {(0, 0): "⇄"}
+    result = reported(found)
+    assert result.trials.response_tests.table.scores[0].tolist() == [0, 0, 9]
+    beside = "2 of these scores were given after another answer than the expected one; the tests"
+    assert f"{beside} count those trials as 0." in report_html(result)
+    numbers = report_json(result)
+    assert numbers["friedman"]["of"] == "response"
+    assert numbers["scores"]["friedman"]["of"] == "score", "where nobody withheld one"
 
 
-def test_a_study_whose_scores_were_all_withheld_has_a_report() -> None:
-    page = report_html(reported(loaded(session("P01", [None] * 3))))
-    assert "No score at all, and not among the subjects analysed: P01." in page
+def test_a_study_whose_changes_were_all_felt_as_none_has_a_report() -> None:
+    page = report_html(reported(loaded(session("P01", [SAME] * 3))))
+    assert "Subjects without any score: P01." in page
+    assert "1 subject and 3 conditions were analysed" in page

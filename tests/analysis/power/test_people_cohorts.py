@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray
+from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import NothingToReport
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.simulation import Simulation
+from analysis.simulation import Simulation, counted_trials, responses
 from analysis.trials.contrasts import scored_trials, trial_contrasts
+from analysis.trials.trial_statistics import TrialStatistics
+from benchmarks.response import how_to
 from device.friction.calibration import Calibration
 from device.people.person import DEFAULT, Population, World
 from protocol.study.rules import Exclusions
@@ -25,6 +28,8 @@ RULES = Exclusions(
     max_reaction_s=2.5,
     min_trials=4,
 )
+# Of few changes that are noticed, too many scores would be missing.
+SOME_RULES = RULES.model_copy(update={"max_missing_scores": None, "max_false_alarms": 0.7})
 CARELESS = replace(
     DEFAULT,
     typical=replace(DEFAULT.typical, dropout=0.08, lapse=0.2, place_offset_m=0.001, criterion=0.1),
@@ -86,3 +91,43 @@ def _as_reported(
     }
     truths = [data.virtual[name] for name in data.table.subjects]
     return data.table.subjects, arrays, np.array([each.gain * each.skin for each in truths])
+
+
+@pytest.mark.parametrize("score_when", ["agrees", "noticed", "always"])
+@pytest.mark.parametrize("people", [DEFAULT, CARELESS])
+@pytest.mark.parametrize(
+    ("name", "rules"),
+    [("paper", NO_RULES), ("extended", RULES), ("factorial", SOME_RULES)],
+)
+def test_responses_are_those_that_a_report_makes_of_the_trials(
+    name: str, rules: Exclusions, people: Population, score_when: str
+) -> None:
+    text = how_to() if name == "factorial" else template(name)
+    study = parsed_study(text).model_copy(update={"exclusions": rules})
+    design = study.design.model_copy(update={"sessions": 2})
+    rating = study.rating.model_copy(update={"score_when": score_when, "minimum": -3})
+    study = study.model_copy(update={"design": design, "rating": rating})
+    simulation = Simulation(study=study, population=people)
+    tables, everybody = simulation.studies(12, "a")
+    data = simulated_data(simulation, 12, "a")
+    trials = TrialStatistics(data=data, study=study)
+    rows = [int(who[1:]) - 1 for who in data.table.subjects]
+    left_out = np.delete(np.arange(12), rows)
+    table = tables.responses[0]
+    np.testing.assert_allclose(table[rows], trials.response_tests.table.scores, rtol=1e-12)
+    assert np.isnan(table[left_out]).all()
+    crossed = trials.crossed
+    assert crossed is not None
+    over, wide = crossed
+    assert wide is not None
+    apart = tables.by_session[0][rows]
+    np.testing.assert_allclose(table[rows].ravel(), over.responses.ravel(), rtol=1e-12)
+    np.testing.assert_allclose(apart.ravel(), wide.responses.ravel(), rtol=1e-12)
+    # Trial by trial, of those who answered.
+    answered = responses(simulation.planned, everybody)
+    counted, *_ = counted_trials(simulation.planned, everybody)
+    for who, row in zip(data.table.subjects, rows, strict=True):
+        own = trials.responses[(data.trials["participant"] == who) & is_scored(data.trials)]
+        np.testing.assert_array_equal(answered[row, counted[row]], own[~np.isnan(own)])
+    assert (answered == 0).any()
+    assert (answered > 0).any()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from analysis.power.power_report import (
     lines_of_estimates,
     warnings,
 )
-from analysis.power.power_summary import Summary, ratio, summary, too_often
+from analysis.power.power_summary import Summary, claims, ratio, summary, too_often
 from analysis.power.study_records import (
     BY_GROUP,
     GROUP_SCORE,
@@ -25,20 +26,20 @@ from analysis.power.study_records import (
     Records,
     record_of_tables,
 )
-from protocol.registration.registration import GAINS, OMNIBUS
+from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
 
 DESIGN = Design(participants=9, repeats=1)
 NAMES = Asked(conditions=("a", "b", "c", "d", "e"))
 
 
 def records_of(tables: Sequence[FloatArray], asked: Asked | None = None) -> Records:
-    """Records of tables without catch trials; people alternate between groups."""
+    """Records of tables in which every change is noticed; people alternate between groups."""
     people, conditions = tables[0].shape
     asked = asked or Asked(conditions=tuple("abcdefghijkl"[:conditions]))
     groups = np.arange(people) % max(1, len(asked.groups))
     noticed = np.zeros((people, conditions + 1, 2), dtype=np.int64)
     of_studies = (
-        record_of_tables(asked, scores, noticed, scores[..., None], groups) for scores in tables
+        record_of_tables(asked, each, each, noticed, each[..., None], groups) for each in tables
     )
     return Records.of(asked, list(of_studies))
 
@@ -95,9 +96,15 @@ def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
     claimed = summed(null, null).any_false_claim
     assert claimed.value <= 0.05 + 2 * claimed.error
     assert claimed.error == pytest.approx(np.sqrt(0.05 * 0.95 / 2000), rel=0.3)
-    # Each test on its own would have made more: 5% of each of two, and pairs beside them.
-    alone = (null.p[:, :2] < 0.05).any(axis=1).mean()
-    assert alone > claimed.value
+    # Two questions, each on its own, would have made more than one correction over both.
+    asked = replace(NAMES, contrasts=(0.1, 0.2, 0.3, 0.4, 0.6))
+    p = np.random.default_rng(7).uniform(size=(4000, len(asked.tests)))
+    p[:, len(asked.family) :] = np.nan
+    p[:, asked.tests.index(NOTICED)] = np.nan
+    either = np.logical_or(*(claims(asked, p)[name] for name in (OMNIBUS, FOLLOWS)))
+    assert either.mean() <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / 4000)
+    questions = [asked.tests.index(name) for name in (OMNIBUS, FOLLOWS)]
+    assert (p[:, questions] < 0.05).any(axis=1).mean() > 0.08
 
 
 def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> None:
@@ -107,7 +114,7 @@ def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> 
     differ = by_name["conditions differ"]
     assert differ.power.value == pytest.approx((p_of(NAMES, records, OMNIBUS) < 0.05).mean())
     assert differ.power.value > 0.9
-    for test in report.tests[2:]:
+    for test in (by_name[name] for name in NAMES.pairs):
         assert test.after == ("conditions differ",)
         assert test.supported.value <= min(test.power.value, differ.supported.value)
     assert by_name["a - e"].power.value > by_name["a - b"].power.value
@@ -171,7 +178,7 @@ def test_subjects_who_are_left_out_count_for_nothing() -> None:
 
 def test_the_answer_says_which_condition_is_above_which() -> None:
     records = records_by(6, 200, (0, 0, 0, 0, 3.5))
-    begin = "9 participants x 1 repeat: 98% power to tell that the conditions"
+    begin = "9 participants x 1 repeat: 99% power to tell that the conditions"
     assert design_answer(summed(records)).startswith(begin)
     nothing = design_answer(summed(records_by(5, 50)))
     assert ", less than 80% power for every pair of conditions." in nothing
@@ -198,18 +205,17 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     scatter = np.geomspace(0.05, 2.5, 9)[:, None]
     null = records_of(list(5 + scatter * rng.standard_normal((400, 9, 5))))
     records = records_by(6, 50, (0, 0, 0, 0, 2.5))
-    held = next(test for test in summed(records, null).tests if test.name == GAINS)
+    held = next(test for test in summed(records, null).tests if test.name == OMNIBUS)
     assert np.isfinite(held.supported.value)  # however differently people scatter
-    p_of(NAMES, null, GAINS)[::5] = 0.001
+    p_of(NAMES, null, OMNIBUS)[::5] = 0.001
     report = summed(records, null)
-    differ, gains, *_ = report.tests
-    assert gains.false.value > 0.1
-    assert np.isfinite(gains.power.value)
-    assert np.isnan(gains.supported.value)
-    assert differ.supported.value > 0.9
+    differ, *_ = report.tests
+    assert differ.false.value > 0.1
+    assert np.isfinite(differ.power.value)
+    assert np.isnan(differ.supported.value)
     (line,) = warnings([report])
     assert line.startswith("9 participants x 1 repeat: without any effect ")
-    assert "where at most 5% should; do not claim 'gains differ', which" in line
+    assert "where at most 5% should; do not claim 'conditions differ', which" in line
     assert warnings([summed(records, records_by(5, 400))]) == []
 
 
@@ -218,16 +224,6 @@ def test_intervals_that_miss_the_truth_are_told() -> None:
     records.estimates[:, NAMES.estimates.index("mean difference a - b"), -1] /= 3
     (line,) = warnings([summed(records, records_by(5, 400))])
     assert "the 95% intervals of mean difference a - b hold the truth in " in line
-
-
-def test_scores_that_are_not_asked_for_are_told() -> None:
-    records = records_by(6, 400, (0, 0, 0, 0, 2.5))
-    records.complete[:100] = False
-    report = summed(records, records_by(5, 400))
-    assert warnings([report]) == []
-    (line,) = warnings([report], "agrees")
-    assert "scores are asked for only where the answer agrees with the expectation" in line
-    assert "so that in 25% of studies somebody has none under some condition" in line
 
 
 DESIGNED = Asked(
@@ -261,6 +257,23 @@ def test_groups_and_factors_are_tested_and_any_claim_without_effect_is_rare() ->
     assert (p < 0.05).any(axis=1).mean() > 0.1
     assert by_name["young - old between groups"].supported.value > 0.9
     assert f"80% power for '{GROUP_SCORE}', " in design_answer(report)
+
+
+def test_responses_follow_the_prediction_only_in_the_order_of_the_contrasts() -> None:
+    asked = Asked(conditions=NAMES.conditions, contrasts=(0.1, 0.2, 0.3, 0.4, 0.5))
+    rising, folded = (-2.0, -1.0, 0.0, 1.0, 2.0), (-2.0, 1.0, 2.0, 1.0, -2.0)
+    along, across = (records_of(list(tables(13, 60, of)), asked) for of in (rising, folded))
+    null = records_of(list(tables(14, 200)), asked)
+    for records, follows in ((along, True), (across, False)):
+        report = summary(DESIGN, asked, records, null)
+        by_name = {test.name: test for test in report.tests}
+        assert by_name[OMNIBUS].supported.value > 0.9, "the conditions differ in either order"
+        assert by_name[FOLLOWS].after == ()
+        # The least p of five conditions is 1/60, where contrasts rise or fall.
+        supported = by_name[FOLLOWS].supported.value
+        assert supported > 0.7 if follows else supported < 0.1
+        assert not too_often(by_name[FOLLOWS].false)
+        assert "% power to tell that responses follow the prediction, " in design_answer(report)
 
 
 def test_a_group_of_which_nobody_is_left_has_no_test() -> None:

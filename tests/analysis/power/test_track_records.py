@@ -105,7 +105,7 @@ def test_errors_are_those_of_the_estimates_and_nobody_beyond_the_levels_counts()
     noise = LogNormal(median=0.1, log_sd=1.5)
     population = replace(DEFAULT, typical=Person(), varied={"felt_noise": noise})
     cohorts = PeopleCohorts(study=study, participants=40, population=population)
-    ((_, estimates, _),) = track_records(asked_by(study), cohorts, ["1"], first=0)
+    ((_, estimates),) = track_records(asked_by(study), cohorts, ["1"], first=0)
     names = [person_name("1", who) for who in names_of(40)]
     people = people_of(population, names)
     truth = truths(track, shares(study, track, people, NOMINAL), by_chance(track, people))

@@ -40,7 +40,7 @@ def cloud(highest: float) -> list[float]:
     table = imported(np.tile(SCORES, (2, 1)) * highest / 10).table
     scale = Scale(0, highest)
     words, scores = Words(name="scores", title="", description=""), table.scores
-    draw = partial(raincloud_figure, table, scores, scores.mean(axis=0), scale)
+    draw = partial(raincloud_figure, table, scores, scores.mean(axis=0), "score", scale)
     svg = drawing(draw, words).svg
     _, _, rest = svg.partition('id="scores-FillBetweenPolyCollection_1"')
     outline = re.search(r' d="([^"]*)"', rest)
@@ -61,7 +61,7 @@ def test_many_conditions_have_room(count: int) -> None:
     table, scale = imported(scores, names=names).table, Scale(0, 10)
     words = Words(name="scores", title="", description="")
     means = table.scores.mean(axis=0)
-    drawing(partial(raincloud_figure, table, table.scores, means, scale), words)
+    drawing(partial(raincloud_figure, table, table.scores, means, "response", scale), words)
     ratings = Ratings(
         subjects=table.subjects,
         conditions=names,
@@ -117,7 +117,7 @@ def test_long_names_leave_room_for_the_axes_on_a_page_and_in_a_column() -> None:
     }
     words = Words(name="groups", title="Groups", description="")
     cells = np.full((30, 6), 5.0), np.ones((30, 6))
-    means = drawing(partial(factor_figure, factors, *cells, Scale(0, 10)), words)
+    means = drawing(partial(factor_figure, factors, *cells, "response", Scale(0, 11)), words)
     assert f"{name} 29<" in means.svg
     shares = {f"{name} {number}": np.full((30, 3), 0.5) for number in range(6)}
     for drawn in (means, drawing(partial(noticed_figure, factors["condition"], shares), words)):

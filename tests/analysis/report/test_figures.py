@@ -34,7 +34,7 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     scores = np.clip(np.arange(70)[:, None] * 0.1 + np.array([0.0, 1.0, 2.0]), 0, 10)
     scores[5] = [0, 10, 0]
     loaded = imported(scores)
-    table = TableStatistics(tables=loaded.readings())
+    table = TableStatistics(table=loaded.table)
     found = people(replace(plain_report(), loaded=loaded, table=table))
     assert MOST_PEOPLE < len(scores) == 70
     assert {"P00", "P05", "P069"} <= found.keys()

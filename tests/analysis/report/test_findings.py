@@ -71,13 +71,13 @@ def test_captions_methods_and_figures_name_the_studys_scale() -> None:
     scale = escape(SCALE)
     assert f"condition, {scale}." in shown
     assert f"strength of the effect from {scale}." in shown
-    assert ">score, 1 to 7</text>" in shown
+    assert ">response, 0 to 7</text>" in shown
     assert ">rating, 1 to 7</text>" in shown
     assert "0 to 10 -->" not in shown
     latex = report_files(to_seven(), figures=False)["table4.tex"].decode()
     assert rf"condition, {SCALE}.".replace("&", r"\&") in latex
     for text in (shown, latex):
-        assert not re.search("no effect|very effective|to 10 ", text)
+        assert not re.search("0: no effect|very effective|to 10 ", text)
 
 
 @pytest.mark.parametrize("form", EXPORTS)
@@ -104,14 +104,13 @@ def test_only_the_highest_score_of_the_scale_is_at_the_ceiling() -> None:
     assert warning not in report_html(to_seven())
 
 
-def test_a_withheld_score_is_never_read_as_one_that_the_scale_lacks() -> None:
-    """The scale begins at 1."""
-    numbers = report_json(to_seven())
-    assert numbers["table4"]["empty"]
-    shown = report_html(to_seven())
-    assert "also read as 1 and as the lowest score." in shown
-    assert "read as 0" not in shown
-    readings = to_seven().loaded.readings(1)
-    assert np.nanmin(readings["zero"].scores) == 1
-    given = [reading.table4.table.scores.tolist() for reading in to_seven().table.readings[1:]]
-    assert given[0] == readings["zero"].scores.tolist()
+def test_responses_count_from_the_lowest_score_of_the_scale() -> None:
+    """The scale begins at 1, so that the response of an expected answer is its score."""
+    trials = [row for row in report_json(to_seven())["trials"] if row["kind"] == "trial"]
+    assert {row["score"] for row in trials if row["agrees"]} == {4, 5}
+    assert all(row["response"] == row["score"] for row in trials if row["agrees"])
+    otherwise = [row for row in trials if not row["agrees"]]
+    assert otherwise
+    assert all((row["response"], row["score"]) == (0, None) for row in otherwise)
+    assert to_seven().response_scale == Scale(0, 7)
+    assert plain_report().response_scale == Scale(0, 10), "scores of a published table"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.special import fdtrc, ncfdtr
+from scipy.stats import rankdata
 
 import analysis.statistics.factorial as module
 from analysis.estimates import NotEstimable
@@ -15,10 +16,10 @@ from analysis.statistics.factorial import (
     SESSION,
     Crossed,
     Effect,
-    LatentFactorial,
+    Factorial,
     cell_intervals,
+    factorial_p,
     factorial_tests,
-    latent_factorial,
     within_effect,
 )
 
@@ -38,7 +39,7 @@ def crossed(scores: Array) -> Crossed:
     factors = {
         names[at]: tuple(map(str, range(count))) for at, count in enumerate(scores.shape[1:])
     }
-    return Crossed(factors=factors, scores=scores)
+    return Crossed(factors=factors, responses=scores)
 
 
 def effect_of(scores: Array, *factors: int) -> Effect:
@@ -85,7 +86,9 @@ def test_p_is_the_share_of_all_arrangements(shape: tuple[int, ...], seed: int) -
         ]
         assert found.p_permuted == pytest.approx(np.mean(reached), abs=1e-12)
         assert found.monte_carlo is None
-        assert found.p == max(found.p_permuted, found.p_f)
+        p_f = 0.0 if isinstance(found.p_f, NotEstimable) else found.p_f
+        assert isinstance(found.p_f, NotEstimable) == (observed > 1 - 1e-9)
+        assert found.p == max(found.p_permuted, p_f)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -101,6 +104,8 @@ def test_f_is_that_of_least_squares(seed: int) -> None:
         differences = (own**2).sum() * prod(levels) * people / own.size - effect
         of_effect = prod(levels[factor] - 1 for factor in factors)
         assert found.df == (of_effect, of_effect * (people - 1))
+        assert isinstance(found.f, float)
+        assert isinstance(found.epsilon, float)
         assert found.f == pytest.approx(effect * (people - 1) / differences, rel=1e-9)
         assert found.partial_eta2 == pytest.approx(effect / (effect + differences), rel=1e-9)
         ends = found.partial_eta2_interval
@@ -126,6 +131,8 @@ def test_f_is_that_of_statsmodels(
     seed: int, shape: tuple[int, ...], factors: tuple[int, ...], f: float, df: int, p: float
 ) -> None:
     found = effect_of(scores_of(seed, *shape, effect=0.5), *factors)
+    assert isinstance(found.f, float)
+    assert isinstance(found.epsilon, float)
     assert (found.f, found.df[1]) == pytest.approx((f, df))
     assert fdtrc(*found.df, found.f) == pytest.approx(p)
     corrected = [found.epsilon * each for each in found.df]
@@ -140,6 +147,7 @@ def test_the_interval_of_partial_eta2_excludes_0_where_its_p_is_below_a_fortieth
         slopes = rng.normal(0.6, 1.0, (10, 1))
         found = effect_of(slopes * np.arange(4) + rng.normal(0, 0.5, (10, 4)), 0)
         assert not isinstance(found.partial_eta2_interval, NotEstimable)
+        assert isinstance(found.p_f, float)
         low, high = found.partial_eta2_interval
         assert (low > 0) == (found.p_f < 0.025)
         assert low <= found.partial_eta2 <= high or low == 0
@@ -166,7 +174,7 @@ def test_an_effect_is_found_and_others_are_not() -> None:
     p = holm([each.p for each in effects if isinstance(each, Effect)])
     assert [it.p_holm for it in found.effects] == p
     differences = [it.difference for it in found.levels if it.factor == "a"]
-    assert differences == sorted(differences)
+    assert differences == sorted(differences), "of means, though ranks are tested"
     assert sum(differences) == pytest.approx(0, abs=1e-12)
     assert found.of("b", "a") is found.effects[2]
     assert found.of("c") is None
@@ -177,24 +185,20 @@ def test_who_has_an_empty_cell_is_left_out_but_a_missed_session_is_no_empty_cell
     both = np.stack([scores, scores + 1.0], axis=-1)
     both[0, ..., 1] = np.nan
     averaged = crossed(scores)
-    wide = Crossed(factors={**averaged.factors, SESSION: ("1", "2")}, scores=both)
+    wide = Crossed(factors={**averaged.factors, SESSION: ("1", "2")}, responses=both)
     found = factorial_tests(averaged, wide)
     people = {it.name: getattr(it.effect, "people", None) for it in found.effects}
     assert (people["a"], people["a × b"]) == (7, 7)
-    session = found.of(SESSION)
-    assert session is not None
-    # Everybody changes by one point: there is no difference between people to compare it with.
-    assert isinstance(session.effect, NotEstimable)
-    assert "alike" in session.effect.reason
+    assert people[SESSION] == 6
     scores[1:, 0, 0] = np.nan
     (first, *_) = factorial_tests(crossed(scores)).effects
     assert isinstance(first.effect, NotEstimable)
-    assert "at least 2 people with a score in each of 6 cells, got 1" in first.effect.reason
+    assert "at least 2 people with an answer in each of 6 cells, got 1" in first.effect.reason
 
 
 def test_equal_scores_have_no_effect_to_test() -> None:
     found = within_effect(np.full((5, 2, 3), 4.0), (0,))
-    assert found == NotEstimable("nobody's scores differ in this way")
+    assert found == NotEstimable("nobody's responses differ in this way")
 
 
 def test_intervals_of_cells_leave_out_the_levels_of_people() -> None:
@@ -208,20 +212,88 @@ def test_intervals_of_cells_leave_out_the_levels_of_people() -> None:
     assert moved - means == pytest.approx(16.0)
 
 
-def test_the_ordinal_model_recovers_latent_effects_of_levels() -> None:
-    rng = np.random.default_rng(4)
-    people, repeats = 150, 2
-    slopes, other = np.array([-0.8, 0.0, 0.8]), np.array([0.3, -0.3])
-    cell = np.tile(np.arange(6), people * repeats)
-    subject = np.repeat(np.arange(people), 6 * repeats)
-    latent = rng.normal(0, 1, people)[subject] + slopes[cell // 2] + other[cell % 2]
-    scores = np.digitize(latent + rng.normal(size=len(cell)), [-1.5, -0.5, 0.5, 1.5]) * 1.0
-    factors = {"a": ("1", "2", "3"), "b": ("x", "y")}
-    found = latent_factorial(scores, subject, cell, factors)
-    assert isinstance(found, LatentFactorial)
-    for it, truth in zip(found.levels, [*slopes, *other], strict=True):
-        assert abs(it.effect - truth) < 4 * it.standard_error < 0.5
-    p = {it.factors: it.p for it in found.effects}
-    assert max(p["a",], p["b",]) < 1e-6
-    assert p["a", "b"] > 0.01
-    assert found.subject_sd == pytest.approx(1, abs=0.25)
+def ranked(scores: Array) -> Array:
+    """Each person's ranks over all cells, as scipy has them."""
+    ranks = [rankdata(person.ravel()) for person in scores]
+    return np.reshape(ranks, scores.shape)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_main_effects_are_those_of_ranks_over_all_cells_and_interactions_those_of_means(
+    seed: int,
+) -> None:
+    scores = scores_of(seed, 6, 2, 3, effect=0.7)
+    found = {it.factors: it.effect for it in factorial_tests(crossed(scores)).effects}
+    ranks = ranked(scores)
+    assert found["a",] == within_effect(ranks, (0,))
+    assert found["b",] == within_effect(ranks, (1,))
+    assert found["a", "b"] == within_effect(scores, (0, 1))
+    np.testing.assert_array_equal(crossed(scores).tested("a"), ranks)
+    np.testing.assert_array_equal(crossed(scores).tested("a", "b"), scores)
+
+
+def test_a_rare_answer_of_no_change_counts_no_more_than_its_place() -> None:
+    """However far below the others a cell of a person is, the main effects stay."""
+    scores = scores_of(1, 8, 2, 3, effect=1.0)
+    scores[0, 0, 0] = scores[0].min() - 1
+    low = scores.copy()
+    low[0, 0, 0] = -1000.0
+    (first, second, both), (again, same, other) = (
+        factorial_tests(crossed(each)).effects for each in (scores, low)
+    )
+    assert (first.effect, second.effect) == (again.effect, same.effect)
+    assert both.effect != other.effect
+
+
+def test_a_study_and_its_mirror_image_have_the_same_p() -> None:
+    scores = scores_of(3, 7, 2, 3, effect=0.6)
+    made, turned = (factorial_tests(crossed(each)) for each in (scores, 10 - scores))
+    for one, other in zip(made.effects, turned.effects, strict=True):
+        assert isinstance(one.effect, Effect)
+        assert isinstance(other.effect, Effect)
+        assert one.effect.p == pytest.approx(other.effect.p, rel=1e-9)
+        assert one.effect.f == pytest.approx(other.effect.f, rel=1e-9)
+    differences = [[it.difference for it in each.levels] for each in (made, turned)]
+    assert differences[0] == pytest.approx([-it for it in differences[1]])
+
+
+@pytest.mark.parametrize("people", [3, 6, 9])
+def test_where_everybody_differs_alike_shuffles_alone_decide(people: int) -> None:
+    """Of 2 levels each person has 2 orders, and the observed sum is reached in 2 of all."""
+    level = np.arange(float(people)).reshape(-1, 1, 1)
+    scores = level + np.array([[0.0, 1.0, 2.0], [4.0, 5.0, 6.0]])
+    found = effect_of(scores, 0)
+    assert found.f == found.p_f == found.epsilon == NotEstimable("everybody differs alike")
+    assert found.partial_eta2_interval == NotEstimable("everybody differs alike")
+    assert found.partial_eta2 == pytest.approx(1.0)
+    assert found.p == found.p_permuted == pytest.approx(2.0 ** (1 - people))
+    assert within_effect(scores, (0, 1)) == NotEstimable("nobody's responses differ in this way")
+
+
+def found_by(tests: Factorial) -> list[bool]:
+    return [isinstance(it.effect, Effect) and it.effect.p < 0.05 for it in tests.effects]
+
+
+@pytest.mark.parametrize("effect", [0.0, 1.5])
+def test_simulations_find_the_effects_that_reports_find(effect: float) -> None:
+    decided = []
+    for seed in range(12):
+        of = crossed(scores_of(seed, 10, 2, 3, effect=effect))
+        tests, p = factorial_tests(of), factorial_p(of)
+        near = [
+            isinstance(it.effect, Effect) and abs(it.effect.p_permuted - 0.05) < 0.02
+            for it in tests.effects
+        ]
+        told = zip(found_by(tests), p, near, strict=True)
+        assert all(close or was == (each < 0.05) for was, each, close in told)
+        decided += found_by(tests)
+    assert (sum(decided) > 6) == (effect > 0)
+
+
+def test_the_share_as_expected_and_its_score_stand_beside_a_level() -> None:
+    answers = {("a", "0"): (0.25, 6.5), ("b", "2"): (1.0, float("nan"))}
+    levels = factorial_tests(crossed(scores_of(1, 5, 2, 3)), answers=answers).levels
+    told = {(it.factor, it.level): (it.expected, it.score) for it in levels}
+    assert told["a", "0"] == (0.25, 6.5)
+    assert told["b", "2"][0] == 1.0
+    assert np.isnan([*told["a", "1"], told["b", "2"][1]]).all()

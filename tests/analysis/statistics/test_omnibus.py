@@ -110,7 +110,9 @@ def test_scores_that_differ_in_their_last_bits_are_tied() -> None:
 
 
 def test_an_incomplete_table_gives_the_reason() -> None:
-    assert "every score, but 1 of 4 are missing" in reason(np.array([[1.0, 2.0], [np.nan, 2.0]]))
+    assert "a value in every cell, but 1 of 4 are empty" in reason(
+        np.array([[1.0, 2.0], [np.nan, 2.0]])
+    )
 
 
 def test_one_condition_cannot_be_compared() -> None:
@@ -288,7 +290,10 @@ def test_uninformative_rows_change_nothing(table_of: TableOf) -> None:
         ([[np.nan, np.nan]], "no score was given"),
         ([[1.0, np.nan], [np.nan, 2.0]], "no subject scored two conditions"),
         ([[1.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, 2.0]], "compares c0, c1 with"),
-        ([[3.0, 3.0, np.nan], [1.0] * 3], "every subject gave all conditions the same score"),
+        (
+            [[3.0, 3.0, np.nan], [1.0] * 3],
+            "every subject has the same score or response in all conditions",
+        ),
         (
             [[3.0, 4.0, np.nan], [1.0, np.nan, np.nan]],
             "2 subjects must score two conditions, got 1",

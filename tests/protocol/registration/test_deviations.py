@@ -64,6 +64,11 @@ def test_a_group_of_another_size_is_told() -> None:
             "analysis",
             "significance level: None; registered: 0.05",
         ),
+        (
+            {"untested": ["effect of voltage"]},
+            "hypothesis",
+            "effect of voltage: not tested, as touchbeam 0.1.0 does not have its test",
+        ),
         ({"later": "session slide/2"}, "calibration", "session slide/2 is later than the sessions"),
     ],
 )

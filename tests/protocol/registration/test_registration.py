@@ -45,6 +45,16 @@ def test_a_registration_comes_back_as_it_was_written() -> None:
     assert registration_in(text).digest == REGISTERED.digest
 
 
+@pytest.mark.parametrize(("schema", "earlier"), [(1, "0.1.0"), (2, "")])
+def test_both_schemas_are_read_and_new_ones_are_of_the_second(schema: int, earlier: str) -> None:
+    assert "\nschema = 2\n" in REGISTERED.text()
+    body = REGISTERED.text().partition("\n")[2].replace("schema = 2", f"schema = {schema}")
+    text = f'digest = "{sha256(body.encode()).hexdigest()}"\n{body}'
+    found = registration_in(text)
+    assert (found.schema, found.earlier) == (schema, earlier)
+    assert found.text() == replace(found, written="").text() == text
+
+
 def test_any_text_comes_back() -> None:
     odd = replace(REGISTERED, study="\x7f „a study“\n[of]\t'\"texts\"'")
     assert registration_in(odd.text()) == odd
@@ -74,8 +84,8 @@ def test_every_changed_character_is_noticed() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("schema = 1", "schema = 2"),
-        ("schema = 1\n", ""),
+        ("schema = 2", "schema = 3"),
+        ("schema = 2\n", ""),
         ("participants = 20", 'participants = "20"'),
         ("participants = 20", "participants = 20.5"),
         ("sessions = 1", "sessions = 1\nweeks = 2"),

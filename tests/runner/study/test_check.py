@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from protocol.study.rules import SELECTS, Exclusions
 from protocol.study_file.loading import template
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.command_line import assert_matches, typed
@@ -118,6 +119,38 @@ def test_a_sliding_experiment_is_shown_with_its_length(
     assert "23200 Hz" in drives
     typed("check", study(tmp_path, "paper"), "--json")
     assert "slide" not in document(capsys), "nothing is said of one"
+
+
+RULES = """[exclusions]
+max_false_alarms = 0.5
+max_missing_scores = 0.25
+min_reaction_s = 0.2
+max_reaction_s = 8
+min_trials = 3
+[[opening]]"""
+
+
+def test_it_says_what_each_rule_of_exclusion_selects(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = study(tmp_path, "paper", ("[[opening]]", RULES))
+    assert typed("check", given, "--json") == 0
+    rules = document(capsys)["exclusions"]
+    assert [(rule["rule"], rule["limit"]) for rule in rules] == [
+        ("max_false_alarms", 0.5),
+        ("max_missing_scores", 0.25),
+        ("min_reaction_s", 0.2),
+        ("max_reaction_s", 8),
+        ("min_trials", 3),
+    ]
+    assert {rule["rule"] for rule in rules} == SELECTS.keys() == Exclusions.model_fields.keys()
+    assert typed("check", given) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for rule in rules:
+        assert f"{rule['rule']} = {rule['limit']:g} {rule['selects']}" in said
+    assert "0.25 counts trials without an answer; a participant who notices little is kept" in said
+    assert typed("check", study(tmp_path)) == 0
+    assert "counts trials" not in capsys.readouterr().out, "nothing of a study without rules"
 
 
 def test_a_check_forecasts_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,8 +43,9 @@ def test_the_document_has_what_others_rely_on(
     tests, estimates = found["tests"], found["estimates"]
     assert isinstance(tests, list)
     assert isinstance(estimates, list)
-    assert [test["name"] for test in tests[:3]] == [
+    assert [test["name"] for test in tests[:4]] == [
         "conditions differ",
+        "ratings follow the prediction",
         "gains differ",
         "frequency - structure",
     ]

@@ -93,20 +93,17 @@ def test_without_catch_trials_there_is_no_section() -> None:
     assert "Are the changes noticed?" not in report_html(result)
 
 
-@pytest.mark.parametrize(
-    ("study", "why"),
-    [
-        ("agrees", "the answer disagreed with the expectation"),
-        ("noticed", "nothing was noticed"),
-    ],
-)
-def test_the_page_says_why_scores_are_missing_and_what_that_does(study: str, why: str) -> None:
-    page = report_html(made(simulated(study), STUDIES[study]))
-    assert "Are the changes noticed?" in page
-    assert f"have no score, as {why}, most of all of" in page
-    assert f"not given, as {why}: " in page
-    other = {"nothing was noticed", "the answer disagreed with the expectation"} - {why}
-    assert other.pop() not in page
+@pytest.mark.parametrize("study", ["agrees", "noticed"])
+def test_its_hits_are_the_answers_in_either_direction(study: str) -> None:
+    result = made(simulated(study), STUDIES[study])
+    numbers = report_json(result)
+    hits = {each["condition"]: each["hits"] for each in numbers["detection"]["conditions"]}
+    for ways in numbers["directions"]:
+        told = hits[ways["condition"]]
+        assert ways["expected"] + ways["contrary"] == told["reported"]
+        assert ways["same"] == told["trials"] - told["reported"]
+    assert sum(ways["contrary"] for ways in numbers["directions"]) > 0
+    assert "Are the changes noticed?" in report_html(result)
 
 
 def test_hypotheses_on_noticing_are_those_of_studies_with_catch_trials() -> None:

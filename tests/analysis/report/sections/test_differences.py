@@ -12,7 +12,7 @@ def test_friedmans_test_of_an_incomplete_table_is_null_with_a_reason() -> None:
     numbers = report_json(made([[5, 7, np.nan], *SCORES[1:]]))
     assert numbers["table4"]["rows"][0]["scores"] == [5, 7, None]
     assert numbers["friedman"]["chi2"] is None
-    assert "1 of 12 are missing" in numbers["friedman"]["reason"]
+    assert "1 of 12 are empty" in numbers["friedman"]["reason"]
 
 
 def test_a_single_subject_with_equal_scores_allows_no_test() -> None:
@@ -29,8 +29,8 @@ def test_a_single_subject_with_equal_scores_allows_no_test() -> None:
 def test_a_condition_without_scores_is_omitted_from_the_omnibus_test_and_named() -> None:
     result = made([[5, 7, np.nan, 8], [6, 9, np.nan, 7], [4, 5, np.nan, 9]], names=(*NAMES, "d"))
     assert report_json(result)["skillings_mack"]["left_out"] == ["pressure"]
-    reason = "in place of Friedman's test, because scores are missing"
-    omitted = f"equal conditions ({reason}; omitted for lack of scores: pressure): T(2)"
+    reason = "in place of Friedman's test, because cells are empty"
+    omitted = f"equal conditions ({reason}; omitted, since empty: pressure): T(2)"
     assert omitted in unescape(report_html(result))
     holed = report_html(made([[5, 7, np.nan], *SCORES[1:]]))
     assert f"test of equal conditions ({reason}): T(2)" in unescape(holed)
@@ -38,7 +38,7 @@ def test_a_condition_without_scores_is_omitted_from_the_omnibus_test_and_named()
 
 def test_the_page_says_when_no_scores_of_so_few_subjects_can_show_a_difference() -> None:
     none = "No pair of conditions differs significantly after Holm's correction."
-    few = f"{none} So few differences cannot show it: p (Holm) is at least"
+    few = f"{none} So few participants cannot show it: p (Holm) is at least"
     one_way = np.arange(4)[:, None] + [5, 6, 7]
     assert f"{few} 0.38." in unescape(report_html(made(one_way)))
     assert f"{few} 1." in unescape(report_html(made(one_way[:1])))

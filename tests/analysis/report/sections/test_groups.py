@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import mannwhitneyu
 
-from analysis.loading.study_data import StudyData, load_study_data
+from analysis.loading.study_data import StudyData, Why, load_study_data
 from analysis.loading.study_lock import StudyLock
 from analysis.report.hypotheses import how_tested
 from analysis.report.report import Report, report, report_html, report_json
@@ -14,7 +15,7 @@ from analysis.report.results import GROUPS, TOGETHER, paragraphs
 from analysis.report.sections.registration import marked, named_results
 from analysis.statistics.groups import CLAIMED, SCORE
 from device.friction.changes import LAW, RUNG
-from protocol.journal.events import Answered, SessionOpened
+from protocol.journal.events import Answered, SessionOpened, TrialExcluded
 from protocol.registration.registration import Registration, between
 from protocol.study.factor import Group
 from tests.analysis.chains import BEGAN, chain
@@ -28,8 +29,11 @@ NOBODYS = 12
 """The participant who has no group."""
 
 
-def grouped(rise: int) -> StudyData:
-    """Sessions of 12 people in groups and of one in none; the old score higher by `rise`."""
+def grouped(rise: int, gone: str = "") -> StudyData:
+    """Sessions of 12 people in groups and of one in none; the old score higher by `rise`.
+
+    The first one's trials of the condition `gone` are excluded.
+    """
     rng = np.random.default_rng(5)
     chains = []
     for number in range(13):
@@ -42,13 +46,22 @@ def grouped(rise: int) -> StudyData:
             else event
             for event in others
         ]
-        chains.append(chain([replace(first, group=group), *others]))
+        excluded = [
+            TrialExcluded(index=trial.index, reason="a noise")
+            for trial in first.trials
+            if trial.condition == gone and trial.kind == "trial" and not number
+        ]
+        chains.append(chain([replace(first, group=group), *others, *excluded]))
     return load_study_data(chains, rehearsals=False, rules=EXTENDED.exclusions)
+
+
+def made_of(data: StudyData) -> Report:
+    return report("a study", data, STUDY, replace(ORIGIN, alone=True), shown=("groups",))
 
 
 @cache
 def of_rise(rise: int) -> Report:
-    return report("a study", grouped(rise), STUDY, replace(ORIGIN, alone=True), shown=("groups",))
+    return made_of(grouped(rise))
 
 
 def test_a_study_without_groups_has_neither_section_nor_key_nor_paragraph() -> None:
@@ -56,7 +69,7 @@ def test_a_study_without_groups_has_neither_section_nor_key_nor_paragraph() -> N
     assert found.groups is None
     assert "groups" not in report_json(found)
     assert 'id="h-groups"' not in report_html(found)
-    assert not {GROUPS, TOGETHER} & set(dict(paragraphs(found)))
+    assert GROUPS not in dict(paragraphs(found))
 
 
 def test_a_higher_group_is_found_and_told() -> None:
@@ -71,19 +84,18 @@ def test_a_higher_group_is_found_and_told() -> None:
     assert pair["shift"] < -1
     assert pair["p_holm"] < 0.05
     answer = dict(paragraphs(found))[GROUPS]
-    assert answer.startswith("Mean scores differed between groups")
+    assert answer.startswith("Mean responses differed between groups")
     assert "old above young by" in answer
     together = dict(paragraphs(found))[TOGETHER]
-    assert together.startswith("This page asks six questions")
-    # By one correction over six questions less is left than over three.
-    assert "gains differ between groups" not in together
-    assert "mean scores differ between groups (p" in together
-    assert found.design is not None
-    assert told["p_holm"][SCORE] == found.design.p_holm[CLAIMED["score"]]
+    assert "These are the answers yes to six questions" in together
+    # By one correction over seven questions less is left than over three.
+    assert "slopes differ between groups" not in together
+    assert "mean responses differ between groups (p" in together
+    assert told["p_holm"][SCORE] == found.questions.p_holm[CLAIMED["score"]]
     page = report_html(found)
     assert 'id="h-groups"' in page
     assert "Without a group, and not compared: P13." in page
-    figure = page.partition("Scores by group</title>")[2].partition("</svg>")[0]
+    figure = page.partition("Responses by group</title>")[2].partition("</svg>")[0]
     assert all(f">{name}<" in figure for name in (*PLANNED, *STUDY.conditions))
 
 
@@ -93,28 +105,41 @@ def test_groups_that_do_not_differ_are_not_said_to() -> None:
     assert not found.groups.holds(SCORE)
     assert found.groups.in_conditions == []
     answer = dict(paragraphs(found))[GROUPS]
-    assert "Mean scores were not found to differ" in answer
+    assert "Mean responses were not found to differ" in answer
     assert "Conditions in which" not in answer
     assert "between groups" not in dict(paragraphs(found))[TOGETHER]
 
 
-def test_withheld_scores_are_told_and_read_otherwise() -> None:
-    whole = of_rise(3)
-    (reading, table), *_ = whole.table.tables.items()
-    weak = table.scores <= np.nanquantile(table.scores, 0.1)
-    low = replace(table, scores=np.where(weak, np.nan, table.scores))
-    tables = {reading: low, "zero": table, "lowest": table}
-    found = replace(
-        whole,
-        loaded=replace(whole.loaded, table=low),
-        table=replace(whole.table, tables=tables),
-    )
-    assert whole.groups is not None
+def test_an_empty_cell_is_told_and_means_are_adjusted() -> None:
+    """Of one of the young all trials of the last condition are excluded."""
+    found = made_of(grouped(3, gone=EXTENDED.conditions[-1]))
+    assert found.loaded.empty == {(0, 4): Why.EXCLUDED}
     adjusted = dict(paragraphs(found))[GROUPS]
-    assert adjusted.startswith("Mean scores, adjusted for conditions without a score, ")
-    again = report_json(found)["groups"]["p_holm_by_reading"]
-    assert again["zero"] == dict(whole.groups.p_holm)
-    assert "correction: withheld as lowest possible, mean score: p" in report_html(found)
+    assert adjusted.startswith("Mean responses, adjusted for conditions without an answer, ")
+    assert dict(paragraphs(of_rise(3)))[GROUPS].startswith("Mean responses differed")
+
+
+def test_groups_are_compared_by_the_mean_response_of_each_person() -> None:
+    """U and p by scipy, from the responses of report.json."""
+    numbers = report_json(of_rise(3))
+    groups = of_rise(3).loaded.groups
+    means: dict[str, list[float]] = {"young": [], "old": []}
+    for who, group in groups.items():
+        own = [
+            (row["condition"], row["response"])
+            for row in of_rise(3).trial_records
+            if row["subject"] == who and row["kind"] == "trial"
+        ]
+        cells = [
+            np.mean([value for name, value in own if name == condition])
+            for condition in numbers["table4"]["columns"]
+        ]
+        means[group].append(float(np.mean(cells)))
+    test = mannwhitneyu(means["young"], means["old"], method="exact")
+    (pair,) = numbers["groups"]["score"]["pairs"]
+    assert (pair["u"], numbers["groups"]["score"]["p"]) == pytest.approx(
+        (test.statistic, test.pvalue)
+    )
 
 
 @pytest.mark.parametrize(

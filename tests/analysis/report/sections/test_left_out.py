@@ -1,11 +1,14 @@
 """Exclusions and interruptions."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.loading.study_data import load_study_data
-from analysis.report.report import report, report_html
+from analysis.report.report import report, report_html, report_json
 from analysis.report.sections.session_checks import left_out_lines
-from protocol.journal.events import SessionExcluded, TrialExcluded
+from protocol.journal.events import Answered, SessionExcluded, SessionOpened, TrialExcluded
+from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain
 from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
@@ -52,3 +55,38 @@ def test_rehearsals_that_are_included_are_not_counted_as_left_out() -> None:
         found = load_study_data(sessions, rehearsals=included)
         page = report_html(report("a", found, PAPER, ORIGIN))
         assert f"rehearsals left out: {int(not included)}" in page
+
+
+def test_an_older_study_says_whom_its_rule_left_out_for_not_noticing() -> None:
+    """On the page and at the terminal; a study of today leaves nobody out so."""
+    told = {}
+    for version in ("1.0.0", "2.0.0"):
+        sessions = [session_events(PAPER, slot, np.random.default_rng(slot)) for slot in range(3)]
+        opened, *others = sessions[0]
+        unnoticed = [
+            replace(it, agrees=False, score=None) if isinstance(it, Answered) else it
+            for it in others
+        ]
+        sessions[0] = [opened, *unnoticed]
+        under = [
+            [
+                replace(it, versions={"touchbeam": version})
+                if isinstance(it, SessionOpened)
+                else it
+                for it in events
+            ]
+            for events in sessions
+        ]
+        study = PAPER.model_copy(update={"exclusions": Exclusions(max_missing_scores=0.5)})
+        data = load_study_data(map(chain, under), rehearsals=False, rules=study.exclusions)
+        told[version] = report("a", data, study, ORIGIN), left_out_lines(data)
+    said = "Left out only because they noticed few changes: P01."
+    found, lines = told["1.0.0"]
+    assert said in report_html(found)
+    assert any(line.startswith(said) for line in lines)
+    assert report_json(found)["left_out_for_not_noticing"] == ["P01"]
+    assert "more than 50% of the scores missing is left out" in report_html(found)
+    found, lines = told["2.0.0"]
+    assert (lines, report_json(found)["left_out_for_not_noticing"]) == ([], [])
+    assert said not in report_html(found)
+    assert "50% of the planned trials without an answer is left out" in report_html(found)

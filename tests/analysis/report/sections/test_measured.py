@@ -1,13 +1,19 @@
 """The section on measured friction: only where something was recorded, beside the predicted."""
 
+from dataclasses import replace
 from functools import cache
+
+import pytest
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import paragraphs
+from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from tests.analysis.friction.recorded_sessions import recorded_cohort
 from tests.analysis.report.test_report import nulls_without_reason
 from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report, study_report
+
+MEASURED = "Do they follow the change that was measured?"
 
 
 @cache
@@ -34,11 +40,41 @@ def test_measured_contrasts_and_gains_stand_beside_the_predicted_ones() -> None:
 
 def test_the_results_in_words_take_the_measured_gains() -> None:
     told = dict(paragraphs(measured_report()))
-    assert "of measured contrast" in told["Do they follow the change that was measured?"]
+    assert "of measured contrast" in told[MEASURED]
+    assert MEASURED not in dict(paragraphs(study_report())), "where no friction was measured"
     assert "not a matter of skin" in told["Are some people more sensitive?"]
     assert (
         "skin and perception" in dict(paragraphs(study_report()))["Are some people more sensitive?"]
     )
+
+
+@pytest.mark.parametrize(
+    ("gain", "ends", "told", "shown"),
+    [
+        (2.5, (1.0, 4.0), "2.50 points in the group, 95% CI [1.00, 4.00], ", "so ratings follow"),
+        (
+            *(-2.5, (-4.0, -1.0)),
+            *("−2.50 points in the group, 95% CI [−4.00, −1.00], ", "so ratings fall where"),
+        ),
+        (
+            *(-0.5, (-2.0, 1.0)),
+            *("−0.50 points in the group, 95% CI [−2.00, 1.00], ", "which includes 0, so"),
+        ),
+    ],
+)
+def test_a_measured_gain_is_told_by_a_number_with_its_sign(
+    gain: float, ends: tuple[float, float], told: str, shown: str
+) -> None:
+    fit = study_report().trials.m2
+    assert isinstance(fit, OrdinalSensitivity)
+    found = measured_report()
+    assert found.measured is not None
+    measured = replace(found.measured)
+    lines = replace(fit.lines, gain=gain, gain_interval=ends)
+    vars(measured)["m2"] = replace(fit, lines=lines)
+    answer = dict(paragraphs(replace(found, measured=measured)))[MEASURED]
+    answer = answer.replace("\N{NO-BREAK SPACE}", " ")
+    assert f"ratings change by {told}{shown}" in answer
 
 
 def test_json_has_models_predictors_and_a_reason_for_each_missing_number() -> None:

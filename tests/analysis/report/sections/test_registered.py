@@ -12,6 +12,7 @@ from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.loading.study_lock import StudyLock
 from analysis.report.findings import Origin
+from analysis.report.hypotheses import how_tested, registered
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.sections.registration import (
     NamedResult,
@@ -26,6 +27,7 @@ from analysis.trials.trial_checks import order_as_run
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
 from protocol.journal.events import (
+    Answered,
     Event,
     SessionExcluded,
     SessionOpened,
@@ -36,7 +38,8 @@ from protocol.journal.events import (
 )
 from protocol.journal.records import RigCalibration
 from protocol.registration.deviations import deviations
-from protocol.registration.registration import Registration, locked
+from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, Registration, locked
+from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import chain
 from tests.analysis.reports import PAPER, plain_report, session_events
 
@@ -144,7 +147,6 @@ def test_registered_and_other_results_are_kept_apart() -> None:
     questions = dict(others)
     assert "Do the conditions differ? (registered: conditions differ)" in questions
     assert "Which ones? (registered: voltage above pressure)" in questions
-    assert "Does the model predict the order of the conditions? (not registered)" in questions
     assert all(
         question.endswith("registered)") or "(registered: " in question for question in questions
     )
@@ -154,16 +156,13 @@ def test_registered_and_other_results_are_kept_apart() -> None:
 def test_each_registered_result_is_that_of_the_report() -> None:
     found = registered_report()
     record = report_json(found)
-    omnibus, pair, gain, spread = record["registration"]["results"]
+    omnibus, pair, follows, spread = record["registration"]["results"]
     assert (omnibus["name"], omnibus["primary"]) == ("conditions differ", True)
     tested = next(it for it in record["pairwise"] if {it["a"], it["b"]} == {"voltage", "pressure"})
     assert pair["p"] == tested["p_holm"]
     assert spread["p"] == record["gain_heterogeneity"]["p"]
-    fitted = found.trials.m2
-    if isinstance(fitted, NotEstimable):
-        assert gain["found"] == fitted.reason
-    else:
-        assert gain["supported"] in {False, fitted.lines.gain_interval[0] > 0}
+    assert follows["p"] == record["responses"]["slope"]["p"]
+    assert record["registration"]["schema"] == 2
     assert record["registration"]["deviations"] == []
     assert record["registration"]["participants"] == {"registered": 4, "completed": 4}
     assert "The study did not deviate from its registration." in report_html(found)
@@ -183,6 +182,120 @@ def test_a_secondary_hypothesis_counts_only_after_the_primary_one(
     made = gated(first, second)
     assert made.supported is expected
     assert ("does not count" in made.found) == (other and not expected)
+
+
+def test_secondary_ones_of_an_untested_primary_one_are_judged_and_said_to_be_unprotected() -> None:
+    untested = NamedResult(name="a", primary=True, found="", p=None, supported=None, tested=False)
+    assert untested.verdict == "not tested"
+    for supported, verdict in ((True, "supported"), (False, "not supported")):
+        second = NamedResult(name="b", primary=False, found="p", p=0.5, supported=supported)
+        made = gated(untested, second)
+        assert (made.supported, made.verdict, made.protected) == (supported, verdict, False)
+        assert made.found == "p; not protected by a primary hypothesis"
+    neither = replace(second, supported=None)
+    assert gated(untested, neither) == neither
+
+
+EARLIER = replace(REGISTERED, schema=1, touchbeam="1.0.0", analysis=analysis_settings(1))
+
+
+def of_version_1() -> Report:
+    """A registration of version 1 on the same sessions, half of whose scores were withheld."""
+    sessions = [
+        [
+            replace(event, agrees=event.index % 2 == 0, score=event.index)
+            if isinstance(event, Answered) and event.kind == "trial"
+            else event
+            for event in session(slot)
+        ]
+        for slot in range(4)
+    ]
+    loaded = data(sessions=sessions)
+    lock = replace(lock_of(loaded), registration=EARLIER)
+    return report("a study", replace(loaded, lock=lock), PAPER, ORIGIN)
+
+
+def test_what_version_1_registered_is_judged_on_scores_and_marked_so() -> None:
+    found = of_version_1()
+    record = report_json(found)
+    omnibus, pair, *_ = record["registration"]["results"]
+    of_scores, of_responses = record["scores"]["friedman"], record["friedman"]
+    assert of_scores["p_exact"] != of_responses["p_exact"]
+    assert (
+        omnibus["p"] == found.table.score_tests.omnibus_p != found.trials.response_tests.omnibus_p
+    )
+    assert pair["p"] in {it.p_holm for it in found.table.score_tests.pairwise}
+    assert record["registration"]["schema"] == 1
+    questions = dict(marked(found))
+    assert (
+        "Do the conditions differ? (registered with another test: conditions differ)" in questions
+    )
+    assert "They compare scores, not responses, and are done here as registered" in report_html(
+        found
+    )
+
+
+def test_the_settings_of_version_1_are_no_deviation_where_its_tests_are_done_as_registered() -> (
+    None
+):
+    found = of_version_1()
+    lock = found.loaded.lock
+    assert lock is not None
+    said = [each for each in deviations(EARLIER, conduct(found, lock)) if each.kind == "analysis"]
+    assert said == []
+    other = replace(EARLIER, analysis={**EARLIER.analysis, "pairwise test": "sign test"})
+    said = deviations(other, conduct(found, lock))
+    settings = [text for kind, text in said if kind == "analysis"]
+    today = "Wilcoxon signed rank, two-sided, zeros dropped"
+    assert settings == [f"pairwise test: {today}; registered: sign test"]
+
+
+def test_each_hypothesis_of_version_1_has_a_test_or_says_that_it_has_none() -> None:
+    """Every name of today is one of version 1, too, and only those of factors have no test."""
+    text = (
+        template("paper")
+        + """
+[[factor]]
+name = "volts"
+varies = "ramp_to_v"
+values = [50, 100]
+[[group]]
+name = "young"
+size = 4
+[[group]]
+name = "old"
+size = 5
+"""
+    )
+    text = (
+        text[: text.index("[[condition]]")]
+        + """
+[[condition]]
+name = "slide"
+question = "roughness"
+expected = "smoother"
+touches = [{ place = "smooth", voltage_v = 0, duration_s = 1 }]
+"""
+        + text[text.index("[[factor]]") :]
+    )
+    study = parsed_study(text.replace("participants = 9", "sessions = 2"))
+    today, earlier = how_tested(study), how_tested(study, (), "1.0.0")
+    # So few conditions have no slope with a p below .05, so that none can be registered any more.
+    assert earlier.keys() - today.keys() == ({FOLLOWS} if len(study.conditions) <= 3 else set())
+    assert today.keys() <= earlier.keys()
+    assert {name for name in today if today[name] != earlier[name]} == {
+        name for name in today if NOTICED not in name and name != GAINS
+    }
+    untested = [each.name for each in registered(study, [*today], "1.0.0") if not each.tested]
+    assert untested == [
+        "effect of volts",
+        "effect of session",
+        "volts by session",
+        "session by volts",
+    ]
+    assert all(each.tested for each in registered(study, [*today]))
+    shared = [each.name for each in registered(study, [*today], "1.0.0") if each.as_on_page]
+    assert set(shared) == {name for name in today if today[name] == earlier[name]}
 
 
 def test_the_order_as_run_is_that_of_the_digest() -> None:
@@ -234,13 +347,6 @@ def test_every_changed_character_of_the_settings_is_a_deviation(
                 )
                 said = f"{name}: {used[name]}; registered: {value}"
                 assert told(loaded) == [("analysis", said)]
-
-
-def test_the_reading_of_withheld_scores_is_that_of_the_scale() -> None:
-    before = "missing; beside it read as zero and as the lowest score"
-    assert analysis_settings(0)["withheld scores"] == before  # digests depend on it
-    told = "missing; beside it read as the lowest score of the scale and as the lowest score given"
-    assert analysis_settings(1)["withheld scores"] == told
 
 
 def test_each_session_is_predicted_under_the_calibration_in_force() -> None:

@@ -1,5 +1,7 @@
 """Table 4 on the page and as data: missing scores, and the link of each cell."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -13,15 +15,41 @@ def test_a_subject_without_scores_has_a_row() -> None:
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
 
 
-def test_missing_scores_are_read_in_three_ways() -> None:
-    numbers = report_json(made([[5, 7, np.nan], [8, 6, 7], [6, 6, 10], [7, 9, 6]]))
-    means = {
-        name: reading["column_means"]["pressure"]
-        for name, reading in numbers["missing_readings"].items()
-    }
-    assert means == {"missing": pytest.approx(23 / 3), "zero": 5.75, "lowest": 7.0}
-    assert numbers["friedman"]["skillings_mack"]["df"] == 2
-    assert numbers["missing_readings"]["zero"]["friedman"]["chi2"] is not None
+def test_directions_and_mean_responses_stand_below_the_table_and_are_those_of_the_trials() -> None:
+    found = study_report()
+    numbers = report_json(found)
+    counted = [row for row in numbers["trials"] if row["kind"] == "trial"]
+    means = numbers["responses"]["means"]
+    page = " ".join(ReadPage(report_html(found)).words)
+    assert [row["condition"] for row in numbers["directions"]] == list(means)
+    for row in numbers["directions"]:
+        name = row["condition"]
+        own = [trial for trial in counted if trial["condition"] == name]
+        same = [trial for trial in own if trial["change"] in {"same", "not swapped"}]
+        expected = [trial for trial in own if trial["agrees"]]
+        contrary = len(own) - len(expected) - sum(not trial["agrees"] for trial in same)
+        ways = [len(expected), contrary, len(own) - len(expected) - contrary]
+        assert list(row.values()) == [name, *ways]
+        by_person: dict[str, list[float]] = {}
+        for trial in own:
+            response = trial["score"] + 1 if trial["agrees"] else 0
+            assert trial["response"] == response
+            by_person.setdefault(trial["subject"], []).append(response)
+        mean = np.mean([np.mean(responses) for responses in by_person.values()])
+        assert means[name] == pytest.approx(mean)
+        assert f"{name}  {' '.join(map(str, ways))} {mean:.2f}" in re.sub(r" +", " ", page).replace(
+            f"{name} {ways[0]}", f"{name}  {ways[0]}"
+        )
+
+
+def test_scores_without_answers_have_no_directions() -> None:
+    numbers = report_json(plain_report())
+    assert numbers["directions"] == []
+    assert numbers["scores"] is None
+    assert numbers["responses"]["of"] == "score"
+    assert numbers["responses"]["means"] == numbers["table4"]["column_means"]
+    assert all(trial["response"] == trial["score"] for trial in numbers["trials"])
+    assert "These scores come without answers" in report_html(plain_report())
 
 
 def test_names_with_commas_are_told_apart() -> None:
@@ -30,7 +58,7 @@ def test_names_with_commas_are_told_apart() -> None:
     assert note
     assert note.startswith("No contrast is predicted for 5 N, slow; 5 N, fast: the")
     page = report_html(made([[np.nan, np.nan, 5], [np.nan, np.nan, 6]], names=names))
-    assert "not among the conditions analysed: 5 N, slow; 5 N, fast." in page
+    assert "Conditions without any score: 5 N, slow; 5 N, fast." in page
 
 
 def test_every_score_links_to_its_trials_and_every_average_to_predictions() -> None:

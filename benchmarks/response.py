@@ -1,0 +1,335 @@
+"""How often tests of responses find what is there, and claim what is not.
+
+`python -m benchmarks.response` prints the tables of docs/mathematics/response.md: the power of the
+how-to's factorial study; the share of reports with a false claim of any kind, in worlds in which
+nothing or little is true; and what a slope per person would claim in place of the permuted one.
+Each study goes through its plan, virtual people, the tests of the report and its one correction
+over all questions, as `touchbeam power` simulates it.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from scipy.special import stdtr
+
+from analysis.estimates import LEVEL, FloatArray, IntArray
+from analysis.power.designs import Design, designed
+from analysis.power.power_summary import Measured, claims, share
+from analysis.power.study_records import (
+    BY_GROUP,
+    GROUP_GAIN,
+    GROUP_SCORE,
+    Asked,
+    Records,
+    asked_by,
+    pair_of,
+    record_of_tables,
+)
+from analysis.simulation import Cohort, Simulation
+from analysis.statistics.factorial import SESSION, effects_of
+from device.people.person import DEFAULT, Population
+from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS, effect_of
+from protocol.study.factor import Group
+from protocol.study.study import Study
+from protocol.study_file.loading import parsed_study, template
+
+SEED = 45
+COHORTS = 360
+HOW_TO = 60
+"""Cohorts of the how-to's study."""
+AT_ONCE = 30
+
+
+# Studies.
+
+
+def how_to() -> str:
+    """Return the text of the how-to's factorial study."""
+    text = Path("docs/how-to/factorial.md").read_text(encoding="utf-8").split("```toml", 1)[1]
+    return text.partition("\n")[2].partition("```")[0]
+
+
+def _paper(participants: int = 9, repeats: int = 1, sessions: int = 1, **groups: int) -> Study:
+    study = parsed_study(template("paper"))
+    own = tuple(Group(name=name, size=size) for name, size in groups.items())
+    design = study.design.model_copy(update={"sessions": sessions})
+    study = study.model_copy(update={"group": own, "design": design})
+    return designed(study, Design(participants=participants, repeats=repeats))
+
+
+def _factorial(*, whole: bool) -> Study:
+    study = parsed_study(how_to())
+    design = study.design.model_copy(update={"sessions": 1, "hours_between": None})
+    alone = study.model_copy(update={"group": (), "design": design})
+    return designed(study if whole else alone, Design(participants=12, repeats=1))
+
+
+STUDIES: dict[str, Callable[[], tuple[Study, int]]] = {
+    "plain": lambda: (_paper(9), 9),
+    "factorial": lambda: (_factorial(whole=False), 12),
+    "grouped": lambda: (_paper(16, young=8, old=8), 16),
+    "two sessions": lambda: (_paper(9, sessions=2), 9),
+    "the how-to's": lambda: (_factorial(whole=True), 12),
+    "20 people x 4": lambda: (_paper(20, repeats=4), 20),
+    "three groups": lambda: (_paper(24, young=8, middle=8, old=8), 24),
+}
+"""Each study with its number of people."""
+IN_NULLS = ("plain", "factorial", "grouped", "two sessions", "the how-to's")
+
+
+# Worlds: what people feel, how conditions differ besides, and so which claims would be true.
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """Virtual people, and points by which they score conditions higher besides.
+
+    `points` are of the first conditions, 0 of the others; the SD `spread` draws them for all, anew
+    in each cohort: the conditions' own natures, of which the prediction knows nothing. `true` has
+    the kinds of claims that are true (`kind_of`), but for pairs among those that are `alike`.
+    """
+
+    population: Population
+    points: tuple[float, ...] = ()
+    spread: float = 0.0
+    true: frozenset[str] = frozenset()
+    alike: tuple[str, ...] = ()
+
+    def is_false(self, asked: Asked, claim: str) -> bool:
+        """Return whether a claim of the family would be false."""
+        pairs = (pair_of(*pair) for pair in combinations(self.alike, 2))
+        return kind_of(asked, claim) not in self.true or any(pair in claim for pair in pairs)
+
+
+def kind_of(asked: Asked, claim: str) -> str:
+    """Return what a claim of the family is about."""
+    kinds = {FOLLOWS: "slope", GROUP_GAIN: "gains", BY_GROUP: "profiles"}
+    sessions = {effect_of(*it) for it in effects_of(asked.factors) if SESSION in it}
+    if claim in kinds:
+        return kinds[claim]
+    if claim.endswith(NOTICED):
+        return "noticed"
+    if claim in sessions:
+        return "sessions"
+    return "groups" if claim == GROUP_SCORE or "between groups" in claim else "conditions"
+
+
+def _people(typical: Mapping[str, float]) -> Population:
+    """Return the default people with these parameters in common."""
+    varied = {name: how for name, how in DEFAULT.varied.items() if name not in typical}
+    return Population(typical=replace(DEFAULT.typical, **typical), varied=varied)
+
+
+_NUMB = {
+    "skin": 0.0,
+    "gain": 0.0,
+    # At random "swapped" is said more often, of two answers, than "smoother", of three.
+    "lapse": 0.0,
+    **{f"beyond_{kind}": 0.0 for kind in ("swing", "strength", "ramp", "press")},
+}
+# They report four changes in five, or every one, whatever the contrast, and as often where there is
+# none.
+_EAGER, _SURE = {**_NUMB, "criterion": -0.1}, {**_NUMB, "criterion": -10.0}
+
+NULLS = {
+    # The skin conducts nothing: every claim is false.
+    "nobody feels anything": World(population=_people(_NUMB)),
+    # Conditions have a nature of their own. That they differ, also by factors, is true; what is
+    # noticed and how it is scored has nothing to do with contrasts.
+    "conditions differ, gain 0": World(
+        population=_people(_EAGER), spread=1.0, true=frozenset({"conditions"})
+    ),
+    # Large contrasts are noticed more often and scored no higher: responses follow them. People
+    # have the same gain, groups the same people, and sessions are alike.
+    "noticing by contrast, gain 0": World(
+        population=_people({"gain": 0.0}), true=frozenset({"conditions", "slope", "noticed"})
+    ),
+}
+ALONE = {
+    # The prediction is wrong, and every pair differs.
+    "the conditions, all of them": World(
+        population=_people(_SURE), spread=2.0, true=frozenset({"conditions"})
+    ),
+    # All pairs of the others are false.
+    "one of the conditions": World(
+        population=_people(_SURE),
+        points=(-3.0,),
+        true=frozenset({"conditions"}),
+        alike=("structure", "voltage", "direction", "pressure"),
+    ),
+    # They score lower throughout.
+    "one of the groups": World(
+        population=replace(_people(_SURE), groups={"old": _people({**_SURE, "bias": 4.0})}),
+        true=frozenset({"groups"}),
+        alike=("young", "middle"),
+    ),
+}
+"""Worlds with one true effect, so large that it is nearly always claimed."""
+WITH_ALONE = {
+    "the conditions, all of them": "grouped",
+    "one of the conditions": "grouped",
+    "one of the groups": "three groups",
+}
+"""The study in each of these."""
+ALL_NOTICED = replace(NULLS["conditions differ, gain 0"], population=_people(_SURE))
+
+
+# Cohorts of a study in a world, as the report tests them.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reports:
+    """The reports of many cohorts: p as in `Records`, and that of a t test of people's slopes."""
+
+    asked: Asked
+    p: FloatArray
+    t_of_slopes: FloatArray
+    complete: IntArray
+    """People with a score under each condition."""
+
+    def rejects(self, name: str) -> Measured:
+        """Return how often a test's own p is below .05."""
+        return share(self.p[:, self.asked.tests.index(name)] < LEVEL)
+
+    def supports(self, name: str) -> Measured:
+        """Return how often a report claims it."""
+        return share(claims(self.asked, self.p)[name])
+
+    def false(self, world: World) -> tuple[Measured, dict[str, Measured]]:
+        """Return how often a report claims anything false, and each claim that is, with its own."""
+        false = {
+            name: made
+            for name, made in claims(self.asked, self.p).items()
+            if world.is_false(self.asked, name)
+        }
+        return share(np.logical_or.reduce([np.zeros(len(self.p), np.bool_), *false.values()])), {
+            name: share(made) for name, made in false.items()
+        }
+
+
+def reports(name: str, world: World, cohorts: int) -> Reports:
+    """Return the reports of the first cohorts of a study in a world."""
+    study, participants = STUDIES[name]()
+    simulation = Simulation(study=study, population=world.population)
+    asked = asked_by(study)
+    records, t_of_slopes, complete = [], [], []
+    for first in range(0, cohorts, AT_ONCE):
+        keys = [f"{SEED}/{number}" for number in range(first, min(first + AT_ONCE, cohorts))]
+        sessions = simulation.sessions(participants, *keys)
+        for number, made in enumerate(sessions):
+            sessions[number] = _shifted(simulation, made, participants, world, keys, number)
+        tables, _ = simulation.tables(participants, sessions)
+        records += [record_of_tables(asked, *table) for table in zip(*tables, strict=True)]
+        t_of_slopes += [_t_of_slopes(asked, responses) for responses in tables.responses]
+        complete += (~np.isnan(tables.scores)).all(axis=2).sum(axis=1).tolist()
+    return Reports(
+        asked=asked,
+        p=Records.of(asked, records).p,
+        t_of_slopes=np.array(t_of_slopes),
+        complete=np.array(complete),
+    )
+
+
+def _shifted(
+    simulation: Simulation,
+    made: Cohort,
+    participants: int,
+    world: World,
+    keys: Sequence[str],
+    session: int,
+) -> Cohort:
+    """Return a session with each condition scored so many points higher, between the ends."""
+    conditions, rating = simulation.study.conditions, simulation.study.rating
+    names = [kind.trial.condition for kind in simulation.planned.kinds]
+    of_kinds = np.array([conditions.index(it) if it in conditions else -1 for it in names])
+    score = made.score.copy()
+    for cohort, key in enumerate(keys):
+        # The same in each session of a cohort.
+        points = world.spread * np.random.default_rng([*key.encode()]).normal(size=len(conditions))
+        points[: len(world.points)] += world.points
+        rows = slice(cohort * participants, (cohort + 1) * participants)
+        score[rows] += points[of_kinds[made.kinds[rows]]]
+        # Whole scores, rounded at random, so that means rise by all of the points.
+        score[rows] += np.random.default_rng([*key.encode(), 1 + session]).random(score[rows].shape)
+    return replace(made, score=np.floor(score).clip(rating.minimum, rating.maximum))
+
+
+def _t_of_slopes(asked: Asked, responses: FloatArray) -> float:
+    """Return the p of the t test of people's own slopes on the contrasts."""
+    centred = np.array(asked.contrasts) - np.mean(asked.contrasts)
+    slopes = responses[~np.isnan(responses).any(axis=1)] @ centred
+    t = slopes.mean() / (slopes.std(ddof=1) / np.sqrt(len(slopes)))
+    return float(2 * stdtr(len(slopes) - 1, -abs(t)))
+
+
+# Tables.
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cohorts", type=int, default=COHORTS, help="of each study in each world")
+    cohorts = parser.parse_args().cohorts
+    for table in (_power(HOW_TO), _nulls(cohorts), _slopes(cohorts), _alone(cohorts)):
+        print(*table, "", sep="\n", flush=True)
+
+
+def _power(cohorts: int) -> Iterator[str]:
+    """Yield the power of the how-to's study with the default people."""
+    made = reports("the how-to's", World(population=DEFAULT), cohorts)
+    yield f"| the how-to's study, {cohorts} cohorts | own p below .05 | claimed |"
+    yield "|---|---|---|"
+    for name in (OMNIBUS, FOLLOWS, *map(effect_of, made.asked.factors)):
+        yield f"| {name} | {_told(made.rejects(name))} | {_told(made.supports(name))} |"
+    before = share(made.complete >= 2)
+    yield f"| two people with a score of every condition | {_told(before)} | – |"
+
+
+def _nulls(cohorts: int) -> Iterator[str]:
+    """Yield how often a report claims something false where no question has a true answer."""
+    yield f"| any false claim, {cohorts} cohorts | {' | '.join(NULLS)} |"
+    yield "|---|" + "---|" * len(NULLS)
+    for name in IN_NULLS:
+        rows = [reports(name, world, cohorts).false(world) for world in NULLS.values()]
+        yield f"| {name} | {' | '.join(_worst(*row) for row in rows)} |"
+
+
+def _slopes(cohorts: int) -> Iterator[str]:
+    """Yield how often responses are found to follow contrasts that they do not follow."""
+    yield f"| conditions differ, gain 0; {cohorts} cohorts | permuted | t of people's slopes |"
+    yield "|---|---|---|"
+    worlds = {"four in five": NULLS["conditions differ, gain 0"], "all": ALL_NOTICED}
+    for name in ("plain", "20 people x 4", "factorial"):
+        for noticed, world in worlds.items():
+            made = reports(name, world, cohorts)
+            by_t = share(made.t_of_slopes < LEVEL)
+            shares = f"{_told(made.rejects(FOLLOWS))} | {_told(by_t)}"
+            yield f"| {name}, {noticed} of the changes noticed | {shares} |"
+
+
+def _alone(cohorts: int) -> Iterator[str]:
+    """Yield how often a report claims something false beside one true effect."""
+    yield f"| what alone differs, {cohorts} cohorts | true effect claimed | any false claim |"
+    yield "|---|---|---|"
+    for label, world in ALONE.items():
+        made = reports(WITH_ALONE[label], world, cohorts)
+        true = made.supports(GROUP_SCORE if "groups" in world.true else OMNIBUS)
+        yield f"| {label} | {_told(true)} | {_worst(*made.false(world))} |"
+
+
+def _told(measured: Measured) -> str:
+    return f"{measured.value:.3f} ± {measured.error:.3f}".replace("0.", ".")
+
+
+def _worst(anything: Measured, each: Mapping[str, Measured]) -> str:
+    """Return how often anything is claimed, with the claim that is made most often."""
+    name = max(each, key=lambda it: each[it].value)
+    return f"{_told(anything)} ({name}: {each[name].value:.3f})"
+
+
+if __name__ == "__main__":
+    main()

@@ -327,6 +327,8 @@ def _told(measured: Measured) -> str:
 
 def _worst(anything: Measured, each: Mapping[str, Measured]) -> str:
     """Return how often anything is claimed, with the claim that is made most often."""
+    if not each:
+        return "nothing that could be claimed is false"
     name = max(each, key=lambda it: each[it].value)
     return f"{_told(anything)} ({name}: {each[name].value:.3f})"
 

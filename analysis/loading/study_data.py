@@ -245,6 +245,8 @@ KINDS = {
     ),
 }
 """Of cells without a score; the first mark also follows a score if any change was felt so."""
+WAYS = frozenset({Why.CONTRARY, Why.SAME})
+"""Kinds of cells that the directions of their answers explain."""
 
 
 def empty_cells(table: ScoreTable, counted: pd.DataFrame, excluded: pd.DataFrame) -> EmptyCells:

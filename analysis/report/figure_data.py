@@ -314,7 +314,7 @@ def raincloud_figure(
     )
     plot.name_places(axes, labels)
     axes.set(ylim=plot.limits(scale), ylabel=f"{measure}, {scale}", xlabel="condition")
-    axes.legend(loc="lower left", frameon=False)
+    axes.legend(loc="best", frameon=False)
 
 
 def _cloud(axes: plot.Axes, place: float, scores: FloatArray, scale: Scale) -> None:

@@ -74,7 +74,8 @@ def conditions_of_slot(slot: int) -> list[str]:
 
 
 def test_trials_are_the_exported_ones(study: touchbeam.Study, exported: pd.DataFrame) -> None:
-    assert list(study.trials) == [column.name for column in COLUMNS if not column.per_touch]
+    names = [column.name for column in COLUMNS if not column.per_touch]
+    assert list(study.trials) == [*names, "response"]
     for name in map(str, study.trials):
         ours, theirs = study.trials[name], exported[name]
         if name.endswith("_utc"):

@@ -139,7 +139,7 @@ def test_what_is_not_shown_is_not_fitted() -> None:
     made = report("a", given.loaded, given.study, origin, named)
     files = report_files(made, figures=True)
     # The results in words and their figures stand on every page.
-    assert computed(made.table) == {"table4", "heterogeneity"}
+    assert computed(made.table) == {"table4"}
     fits = {"m1", "m2", "_m2", "orders", "_means"}
     given_once = {"contrasts", "scored", "noticed", "crossed", "factorial"}
     given_once |= {"responses", "tests", "slope", "directions"}

@@ -6,7 +6,7 @@ from typing import Any
 from analysis.estimates import Json, plain
 from analysis.loading.response import IN_WORDS
 from analysis.loading.sessions import SCORED_KINDS
-from analysis.loading.study_data import KINDS, unscored
+from analysis.loading.study_data import KINDS, WAYS, unscored
 from analysis.report import blocks
 from analysis.report.findings import Findings
 from analysis.report.sections.predictions import PREDICTIONS
@@ -128,7 +128,9 @@ def score_table(found: Findings) -> blocks.Table:
         # A dash alone would not tell a withheld score from an excluded one to a screen reader.
         is_empty = (row, column) in empty
         counts = str(ways[row, column]) if (row, column) in ways else ""
-        why = counts or (KINDS[empty[row, column]].words if is_empty else "")
+        why = counts
+        if is_empty and (empty[row, column] not in WAYS or not counts):
+            why = KINDS[empty[row, column]].words + f" ({counts})" * bool(counts)
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(

@@ -182,8 +182,10 @@ def within(people: int, seed: int) -> tuple[FloatArray, FloatArray, IntArray, In
     return response, contrast, person, condition
 
 
-def slopes_of(*arrays: FloatArray) -> list[float]:
-    response, contrast, person, condition = arrays
+def slopes_of(
+    response: FloatArray, contrast: FloatArray, person: IntArray, condition: IntArray
+) -> list[float]:
+    """Return each person's slope, with a level of each condition, by a general solver."""
     designs = (
         (np.column_stack([contrast[own], np.eye(2)[condition[own]]]), response[own])
         for own in (person == who for who in np.unique(person))
@@ -215,7 +217,7 @@ def test_who_left_after_two_trials_hardly_moves_it() -> None:
     assert isinstance(found, LevelSlope)
     assert isinstance(more, LevelSlope)
     assert more.value == pytest.approx(found.value, abs=0.01)
-    assert more.p == pytest.approx(found.p, rel=0.5)
+    assert max(more.p, found.p) < 1e-5
 
 
 def test_levels_of_one_person_tell_nothing_of_others() -> None:

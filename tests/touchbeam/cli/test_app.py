@@ -328,7 +328,7 @@ def test_the_doctor_says_ok_or_missing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert typed("--version") == 0
-    assert re.fullmatch(r"touchbeam \d+\.\d+\.\d+\n", capsys.readouterr().out)
+    assert re.fullmatch(r"touchbeam \d+\.\d+\.\d+(\.dev\d+)?\n", capsys.readouterr().out)
 
 
 def test_the_doctor_reports_a_package_that_shadows_ours() -> None:

@@ -43,12 +43,12 @@ def test_the_document_has_what_others_rely_on(
     tests, estimates = found["tests"], found["estimates"]
     assert isinstance(tests, list)
     assert isinstance(estimates, list)
-    assert [test["name"] for test in tests[:4]] == [
+    assert [test["name"] for test in tests[:3]] == [
         "conditions differ",
         "ratings follow the prediction",
-        "gains differ",
         "frequency - structure",
     ]
+    assert "gains differ" in {test["name"] for test in tests}
     assert all({"power", "mc_error"} <= test.keys() for test in tests)
     wanted = {"name", "bias", "rmse", "coverage", "width", "mc_error"}
     assert all(wanted <= estimate.keys() for estimate in estimates)

@@ -128,7 +128,7 @@ def test_folded_sections_open_by_keyboard(browser: webdriver.Chrome) -> None:
 def test_a_missing_score_links_to_its_trials(browser: webdriver.Chrome) -> None:
     missing = browser.find_elements(By.CSS_SELECTOR, "#table4 td.missing a")
     labels = [cell.get_attribute("aria-label") for cell in missing]
-    assert labels == ["no score (3 as expected, 1 no change): its trials"]
+    assert labels == ["3 as expected, 1 no change: its trials"]
     assert browser.find_element(By.ID, "directions")
 
 

@@ -142,7 +142,7 @@ def test_what_is_not_shown_is_not_fitted() -> None:
     assert computed(made.table) == {"table4"}
     fits = {"m1", "m2", "_m2", "orders", "_means"}
     given_once = {"contrasts", "scored", "noticed", "crossed", "factorial"}
-    given_once |= {"responses", "tests", "slope", "directions"}
+    given_once |= {"responses", "response_tests", "slope", "predicted", "directions"}
     assert computed(made.trials) == fits | given_once
     assert made.trials.factorial is None, "it has no factors"
     drawn = {path.removesuffix(".svg") for path in files if path.endswith(".svg")}

@@ -33,7 +33,7 @@ from analysis.statistics.groups import (
     TwoGroups,
 )
 from analysis.statistics.omnibus import SkillingsMack
-from analysis.statistics.signed_rank import PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank, least_holm_p
 from analysis.statistics.slope import Slope
 from analysis.statistics.summary import ConditionTests
 from analysis.trials.track_fits import CohortThreshold
@@ -254,10 +254,8 @@ def _pairs(found: Findings, pairs: Sequence[PairwiseTest]) -> str:
 
 def _least_p(pairs: Sequence[PairwiseTest]) -> str:
     """Return that so few people cannot show a difference, where that is so."""
-    tested = [pair.test for pair in pairs if isinstance(pair.test, SignedRank)]
-    # The smallest exact p of n differences is 2 of the 2^n signs, and Holm multiplies it.
-    least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
-    return f", whose p is at least {min(least, 1.0):.2g} of so few people" * (least >= LEVEL)
+    least = least_holm_p(pairs)
+    return f", whose p is at least {least:.2g} of so few people" * (least >= LEVEL)
 
 
 def _size(pair: PairwiseTest) -> float:
@@ -397,16 +395,20 @@ def together(found: Findings) -> str:
         if p < LEVEL
     ]
     count = count_of(len(questions.p_holm), "question")
+    # The registered one has no part in what the correction promises.
+    has_primary = questions.primary in questions.p_holm
     if not held:
+        over = "the others" if has_primary else "all of them"
         return (
             f"None of {count} has the answer yes, which does not show that nothing has an effect "
-            f"(Holm's correction over all of them).{alone}"
+            f"(Holm's correction over {over}).{alone}"
         )
+    over, any_of = ("the others", "any of these") if has_primary else ("all", "anything")
     return (
         f"{sentence('; '.join(held))}. These are the answers yes to {count}, with one correction "
-        "over all (Holm's), by which a page says yes to anything in at most 5% of studies in which "
-        "nothing has an effect. Pairs, single conditions and pairs of groups count only after such "
-        f"a yes.{alone}"
+        f"over {over} (Holm's), by which a page says yes to {any_of} in at most 5% of studies in "
+        "which nothing has an effect. Pairs, single conditions and pairs of groups count only "
+        f"after such a yes.{alone}"
     )
 
 

@@ -1,5 +1,6 @@
 """Wilcoxon's signed rank test, exact with ties and zeros."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -124,6 +125,16 @@ def pairwise_signed_ranks(table: ScoreTable) -> tuple[PairwiseTest, ...]:
         PairwiseTest(a=names[a], b=names[b], test=test, p_holm=p)
         for (a, b), test, p in zip(pairs, tests, holm_of(tests), strict=True)
     )
+
+
+def least_holm_p(pairs: Sequence[PairwiseTest]) -> float:
+    """Return the smallest p that Holm's correction can leave to any of the pairs; 1 without tests.
+
+    The smallest exact p of n differences is 2 of the 2ⁿ signs; Holm's first step multiplies it by
+    the number of tests.
+    """
+    sizes = [pair.test.n for pair in pairs if isinstance(pair.test, SignedRank)]
+    return min(1.0, len(sizes) * 2.0 ** (1 - max(sizes))) if sizes else 1.0
 
 
 def p_of_ranks(doubled_ranks: IntArray, positive: int) -> float:

@@ -73,6 +73,14 @@ def conditions_of_slot(slot: int) -> list[str]:
     return [trial.condition for trial in trials if trial.condition]
 
 
+def test_responses_are_the_means_of_those_of_the_trials(study: touchbeam.Study) -> None:
+    trials = study.trials[study.trials.excluded.eq("no")].dropna(subset=["response"])
+    means = trials.groupby(["participant", "condition"]).response.mean().unstack()
+    assert list(study.responses) == list(study.scores)
+    means = means.reindex(index=study.responses.index, columns=study.responses.columns)
+    np.testing.assert_allclose(study.responses, means)
+
+
 def test_trials_are_the_exported_ones(study: touchbeam.Study, exported: pd.DataFrame) -> None:
     names = [column.name for column in COLUMNS if not column.per_touch]
     assert list(study.trials) == [*names, "response"]

@@ -15,7 +15,7 @@ from analysis.report.results import NO_FINDING
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.ordinal import Interaction, OrdinalEffects
-from analysis.statistics.signed_rank import PairwiseTest, SignedRank
+from analysis.statistics.signed_rank import PairwiseTest, SignedRank, least_holm_p
 from analysis.statistics.slope import Slope
 from analysis.statistics.summary import TableStatistics
 from analysis.statistics.two_way import IntraclassCorrelation
@@ -141,10 +141,8 @@ def _pairs_line(pairs: Sequence[PairwiseTest], *, counts: bool) -> str:
         return "No pair of conditions can be tested."
     if not differ:
         none = "No pair of conditions differs significantly after Holm's correction."
-        # The smallest exact p of n differences is 2 of the 2ⁿ signs; Holm's first step multiplies
-        # it by the number of tests.
-        least = len(tested) * 2.0 ** (1 - max(test.n for test in tested))
-        few = f" So few participants cannot show it: p (Holm) is at least {min(least, 1.0):.2g}."
+        least = least_holm_p(pairs)
+        few = f" So few participants cannot show it: p (Holm) is at least {least:.2g}."
         return none + (few if least >= LEVEL else "")
     if not counts:
         return f"No pair is told, {NO_FINDING}."

@@ -147,6 +147,12 @@ def test_registered_and_other_results_are_kept_apart() -> None:
     questions = dict(others)
     assert "Do the conditions differ? (registered: conditions differ)" in questions
     assert "Which ones? (registered: voltage above pressure)" in questions
+    # The primary hypothesis has no part in the correction, nor in what that promises.
+    assert "Holm's correction over the others" in questions["What was found? (not registered)"]
+    assert (
+        "(registered, tested alone)"
+        in questions["Do the conditions differ? (registered: conditions differ)"]
+    )
     assert all(
         question.endswith("registered)") or "(registered: " in question for question in questions
     )

@@ -335,8 +335,8 @@ class StudyData:
     - `withdrawn_completed`: how many of the withdrawn sessions had been completed.
     - `lock`: the registration, None of a study without one.
     - `older_rules`: whether the rules on who is left out are those of version 1, by which the study
-      was registered or begun; and `unnoticing` the participants whom they
-      leave out only because they noticed little.
+      was registered or begun; and `unnoticing` the participants whom they leave out only because
+      they noticed little.
     """
 
     table: ScoreTable

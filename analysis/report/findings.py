@@ -255,12 +255,12 @@ class Findings:
     @property
     def measure(self) -> str:
         """What conditions are compared by: `response`, or `score` where nobody was asked."""
-        return "response" if self.trials.directions else "score"
+        return "response" if self.loaded.scored["question"].notna().any() else "score"
 
     @property
     def response_scale(self) -> "Scale":
         """The ends of the scale of responses."""
-        return Scale(0, self.scale.span + 1) if self.trials.directions else self.scale
+        return Scale(0, self.scale.span + 1) if self.measure == "response" else self.scale
 
     @property
     def rehearsals(self) -> bool:

@@ -46,8 +46,10 @@ def section(found: Findings) -> blocks.Section:
 def _directions_table(found: Findings) -> blocks.Table | str:
     """Return the directions of the answers, and the mean response, of each condition."""
     directions = found.trials.directions
-    if not directions:
+    if found.measure == "score":
         return "These scores come without answers, so that each is a response as it stands."
+    if not directions:
+        return "No change that was expected was answered."
     means = dict(zip(found.loaded.table.conditions, found.trials.response_tests.means, strict=True))
     return blocks.Table(
         name="directions",

@@ -145,13 +145,6 @@ class ScoreTable:
         rows = [dict(zip(self.conditions, row, strict=True)) for row in scores.tolist()]
         return dict(zip(self.subjects, rows, strict=True))
 
-    @property
-    def transposed(self) -> "ScoreTable":
-        """The same scores with conditions as rows and subjects as columns."""
-        return ScoreTable(
-            subjects=self.conditions, conditions=self.subjects, scores=self.scores.T.copy()
-        )
-
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
     if not names:

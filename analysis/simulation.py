@@ -18,6 +18,7 @@ from device.people import person
 from device.people.person import People, Population, World
 from protocol.plan.plan import arrivals, plan
 from protocol.plan.trials import Plan, Trial
+from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Mark, mark_of
@@ -122,7 +123,8 @@ class Cohort:
     `slots` tells which plan each has, and `kinds` (people, trials) which kind of trial each is.
     `answered`, of that shape as all that follow, are the trials before somebody leaves; `change` is
     the reported one as in `answering.meaning`, of trials with a question; `score` is on the study's
-    scale, NaN where none was asked for. `force_n` (people, touches) is of each touch, in order.
+    scale, NaN where none was asked for; `contrast` is the change of log friction under the finger,
+    before noise. `force_n` (people, touches) is of each touch, in order.
     """
 
     people: People
@@ -133,6 +135,7 @@ class Cohort:
     reaction_s: FloatArray
     score: FloatArray
     score_reaction_s: FloatArray
+    contrast: FloatArray
     force_n: FloatArray
 
     def rows(self, which: slice) -> "Cohort":
@@ -175,20 +178,21 @@ def cohort(
                     asked[drive].append((((number, touch), which), fingers))
     _feel(asked, friction, world)
     numbers = ("reaction_s", "score", "score_reaction_s")
+    if isinstance(world.surface, GivenSurface):
+        contrast = _worth(planned, trials, people, world, kinds.shape)
+    else:
+        contrast = _contrasts(planned.kinds, trials, friction, kinds.shape)
     made = Cohort(
         people=people,
         slots=slots,
         kinds=kinds,
         answered=np.zeros(kinds.shape, dtype=np.bool_),
         change=np.zeros(kinds.shape, dtype=np.int64),
+        contrast=contrast,
         force_n=force_n,
         **{name: np.full(kinds.shape, np.nan) for name in numbers},
     )
-    if isinstance(world.surface, GivenSurface):
-        contrasts = _worth(planned, trials, people, world, kinds.shape)
-    else:
-        contrasts = _contrasts(planned.kinds, trials, friction, kinds.shape)
-    _answer(made, planned, names, contrasts)
+    _answer(made, planned, names)
     return made
 
 
@@ -285,9 +289,7 @@ def _worth(
     return contrast
 
 
-def _answer(
-    made: Cohort, planned: PlannedTrials, names: Sequence[str], contrast: FloatArray
-) -> None:
+def _answer(made: Cohort, planned: PlannedTrials, names: Sequence[str]) -> None:
     """Add the answers, trial by trial: a person remembers the one before."""
     people, kinds, of = made.people, made.kinds, planned.kinds
     asks = np.array([kind.trial.question is not None for kind in of])[kinds]
@@ -305,7 +307,7 @@ def _answer(
     for trial in range(kinds.shape[1]):
         if asks[:, trial].any():
             change, reaction_s = answering.change(
-                contrast[:, trial],
+                made.contrast[:, trial],
                 extra[everybody, kinds[:, trial]],
                 two_sided[:, trial],
                 u[:, asked],
@@ -369,9 +371,11 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     """Return reported changes and trials by condition, and of catch trials in the last row.
 
     Shape (people, conditions + 1, 2). Trials that expect no change are neither, as in the report;
-    those whom the rules leave out have none.
+    those whom the rules leave out have none, but for the rule on false alarms, which would choose
+    the catch trials by their answers.
     """
-    (scored, catch, out), kinds = counted_trials(planned, made), planned.kinds
+    rules = planned.study.exclusions.model_copy(update={"max_false_alarms": None})
+    (scored, catch, out), kinds = counted_trials(planned, made, rules), planned.kinds
     of_rows = [
         [it.trial.condition == name and it.expected not in {None, answers.SAME} for it in kinds]
         for name in planned.study.conditions
@@ -383,15 +387,19 @@ def noticed_counts(planned: PlannedTrials, made: Cohort) -> IntArray:
     return np.array([[(some & reported).sum(1), some.sum(1)] for some in each]).transpose(2, 0, 1)
 
 
-def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, BoolArray, BoolArray]:
+def counted_trials(
+    planned: PlannedTrials, made: Cohort, rules: Exclusions | None = None
+) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Return which scored and catch trials count, (people, trials), and whom the rules leave out.
 
-    The trials of those who are left out may be among them.
+    The trials of those who are left out may be among them. The `rules` are the study's unless they
+    are given.
     """
+    rules = planned.study.exclusions if rules is None else rules
     kind = np.array([it.trial.kind for it in planned.kinds])[made.kinds]
     scored, catch = kind == "trial", kind == "catch"
     timed = {"reaction_s": np.where(scored | catch, made.reaction_s, np.nan)}
-    late = broken_rules(planned.study.exclusions, "trial", timed)
+    late = broken_rules(rules, "trial", timed)
     kept = ~np.logical_or.reduce([~made.answered, *late.values()])
     counted = {
         "scored": kept & scored,
@@ -402,7 +410,7 @@ def counted_trials(planned: PlannedTrials, made: Cohort) -> tuple[BoolArray, Boo
         "alarms": kept & catch & (made.change != answers.SAME),
     }
     numbers = {name: some.sum(axis=1) for name, some in counted.items()}
-    broken = broken_rules(planned.study.exclusions, "participant", numbers)
+    broken = broken_rules(rules, "participant", numbers)
     out = np.zeros(made.people.size, dtype=np.bool_)
     return counted["scored"], counted["catches"], np.logical_or.reduce([out, *broken.values()])
 
@@ -412,14 +420,12 @@ class Tables(NamedTuple):
 
     Attributes:
         responses: means, shape (cohorts, people, conditions); NaN where no trial was answered.
-        scores: likewise, NaN where no score was given.
         noticed: see `noticed_counts`, shape (cohorts, people, conditions + 1, 2).
         by_session: responses by session, shape (cohorts, people, conditions, sessions).
         groups: positions among the study's groups, shape (cohorts, people); 0 without groups.
     """
 
     responses: FloatArray
-    scores: FloatArray
     noticed: IntArray
     by_session: FloatArray
     groups: IntArray
@@ -465,17 +471,16 @@ class Simulation:
         by_session = [means(answered, some) for some in trials]
         arrays: list[Any] = [
             means(answered) if len(sessions) > 1 else by_session[0],
-            means(everybody.score),
             noticed_counts(self.planned, everybody),
             np.stack(by_session, axis=-1),
         ]
-        of_study, scores, noticed, apart = (
+        of_study, noticed, apart = (
             array.reshape(-1, participants, *array.shape[1:]) for array in arrays
         )
         groups = [self.planned.place(slot)[0] for slot in range(participants)]
         of_people = [self.study.groups.index(group) if group else 0 for group in groups]
         places = np.broadcast_to(of_people, (len(of_study), participants))
-        return Tables(of_study, scores, noticed, apart, places), everybody
+        return Tables(of_study, noticed, apart, places), everybody
 
     @property
     def planned(self) -> PlannedTrials:

@@ -8,7 +8,7 @@ over all questions, as `touchbeam power` simulates it.
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -18,10 +18,19 @@ from scipy.special import stdtr
 
 from analysis.estimates import LEVEL, FloatArray, IntArray
 from analysis.power.designs import Design, designed
+from analysis.power.null_cohorts import (
+    DIFFERING,
+    NOTICING,
+    NUMB,
+    SHUFFLED,
+    NullKind,
+    kind_of,
+    nature,
+    shifted,
+    with_typical,
+)
 from analysis.power.power_summary import Measured, claims, share
 from analysis.power.study_records import (
-    BY_GROUP,
-    GROUP_GAIN,
     GROUP_SCORE,
     Asked,
     Records,
@@ -29,10 +38,9 @@ from analysis.power.study_records import (
     pair_of,
     record_of_tables,
 )
-from analysis.simulation import Cohort, Simulation
-from analysis.statistics.factorial import SESSION, effects_of
+from analysis.simulation import Simulation, mean_table
 from device.people.person import DEFAULT, Population
-from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS, effect_of
+from protocol.registration.registration import FOLLOWS, OMNIBUS, effect_of
 from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
@@ -104,50 +112,30 @@ class World:
         pairs = (pair_of(*pair) for pair in combinations(self.alike, 2))
         return kind_of(asked, claim) not in self.true or any(pair in claim for pair in pairs)
 
-
-def kind_of(asked: Asked, claim: str) -> str:
-    """Return what a claim of the family is about."""
-    kinds = {FOLLOWS: "slope", GROUP_GAIN: "gains", BY_GROUP: "profiles"}
-    sessions = {effect_of(*it) for it in effects_of(asked.factors) if SESSION in it}
-    if claim in kinds:
-        return kinds[claim]
-    if claim.endswith(NOTICED):
-        return "noticed"
-    if claim in sessions:
-        return "sessions"
-    return "groups" if claim == GROUP_SCORE or "between groups" in claim else "conditions"
+    def points_of(self, key: str, conditions: int) -> FloatArray:
+        """Return the points of each condition in a cohort."""
+        points = nature(key, self.spread, conditions)
+        points[: len(self.points)] += self.points
+        return points
 
 
 def _people(typical: Mapping[str, float]) -> Population:
     """Return the default people with these parameters in common."""
-    varied = {name: how for name, how in DEFAULT.varied.items() if name not in typical}
-    return Population(typical=replace(DEFAULT.typical, **typical), varied=varied)
+    return with_typical(DEFAULT, typical)
 
 
-_NUMB = {
-    "skin": 0.0,
-    "gain": 0.0,
-    # At random "swapped" is said more often, of two answers, than "smoother", of three.
-    "lapse": 0.0,
-    **{f"beyond_{kind}": 0.0 for kind in ("swing", "strength", "ramp", "press")},
-}
-# They report four changes in five, or every one, whatever the contrast, and as often where there is
-# none.
-_EAGER, _SURE = {**_NUMB, "criterion": -0.1}, {**_NUMB, "criterion": -10.0}
+def _world(kind: NullKind) -> World:
+    return World(population=kind.population(DEFAULT), spread=kind.spread, true=kind.true)
+
+
+_SURE = {**NUMB, "criterion": -10.0}
+"""They report every change, whatever the contrast, and as often where there is none."""
 
 NULLS = {
-    # The skin conducts nothing: every claim is false.
-    "nobody feels anything": World(population=_people(_NUMB)),
-    # Conditions have a nature of their own. That they differ, also by factors, is true; what is
-    # noticed and how it is scored has nothing to do with contrasts.
-    "conditions differ, gain 0": World(
-        population=_people(_EAGER), spread=1.0, true=frozenset({"conditions"})
-    ),
-    # Large contrasts are noticed more often and scored no higher: responses follow them. People
-    # have the same gain, groups the same people, and sessions are alike.
-    "noticing by contrast, gain 0": World(
-        population=_people({"gain": 0.0}), true=frozenset({"conditions", "slope", "noticed"})
-    ),
+    # As virtual people, where a power analysis shuffles what people who feel changes answered.
+    SHUFFLED.name: replace(_world(SHUFFLED), population=_people(NUMB)),
+    DIFFERING.name: _world(DIFFERING),
+    NOTICING.name: _world(NOTICING),
 }
 ALONE = {
     # The prediction is wrong, and every pair differs.
@@ -175,7 +163,7 @@ WITH_ALONE = {
     "one of the groups": "three groups",
 }
 """The study in each of these."""
-ALL_NOTICED = replace(NULLS["conditions differ, gain 0"], population=_people(_SURE))
+ALL_NOTICED = replace(NULLS[DIFFERING.name], population=_people(_SURE))
 
 
 # Cohorts of a study in a world, as the report tests them.
@@ -220,42 +208,20 @@ def reports(name: str, world: World, cohorts: int) -> Reports:
     for first in range(0, cohorts, AT_ONCE):
         keys = [f"{SEED}/{number}" for number in range(first, min(first + AT_ONCE, cohorts))]
         sessions = simulation.sessions(participants, *keys)
+        points = np.array([world.points_of(key, len(study.conditions)) for key in keys])
         for number, made in enumerate(sessions):
-            sessions[number] = _shifted(simulation, made, participants, world, keys, number)
-        tables, _ = simulation.tables(participants, sessions)
+            sessions[number] = shifted(simulation.planned, made, points, keys, number)
+        tables, everybody = simulation.tables(participants, sessions)
         records += [record_of_tables(asked, *table) for table in zip(*tables, strict=True)]
         t_of_slopes += [_t_of_slopes(asked, responses) for responses in tables.responses]
-        complete += (~np.isnan(tables.scores)).all(axis=2).sum(axis=1).tolist()
+        scores = mean_table(simulation.planned, everybody, everybody.score)
+        complete += (~np.isnan(scores)).all(axis=1).reshape(-1, participants).sum(axis=1).tolist()
     return Reports(
         asked=asked,
         p=Records.of(asked, records).p,
         t_of_slopes=np.array(t_of_slopes),
         complete=np.array(complete),
     )
-
-
-def _shifted(
-    simulation: Simulation,
-    made: Cohort,
-    participants: int,
-    world: World,
-    keys: Sequence[str],
-    session: int,
-) -> Cohort:
-    """Return a session with each condition scored so many points higher, between the ends."""
-    conditions, rating = simulation.study.conditions, simulation.study.rating
-    names = [kind.trial.condition for kind in simulation.planned.kinds]
-    of_kinds = np.array([conditions.index(it) if it in conditions else -1 for it in names])
-    score = made.score.copy()
-    for cohort, key in enumerate(keys):
-        # The same in each session of a cohort.
-        points = world.spread * np.random.default_rng([*key.encode()]).normal(size=len(conditions))
-        points[: len(world.points)] += world.points
-        rows = slice(cohort * participants, (cohort + 1) * participants)
-        score[rows] += points[of_kinds[made.kinds[rows]]]
-        # Whole scores, rounded at random, so that means rise by all of the points.
-        score[rows] += np.random.default_rng([*key.encode(), 1 + session]).random(score[rows].shape)
-    return replace(made, score=np.floor(score).clip(rating.minimum, rating.maximum))
 
 
 def _t_of_slopes(asked: Asked, responses: FloatArray) -> float:
@@ -302,7 +268,7 @@ def _slopes(cohorts: int) -> Iterator[str]:
     """Yield how often responses are found to follow contrasts that they do not follow."""
     yield f"| conditions differ, gain 0; {cohorts} cohorts | permuted | t of people's slopes |"
     yield "|---|---|---|"
-    worlds = {"four in five": NULLS["conditions differ, gain 0"], "all": ALL_NOTICED}
+    worlds = {"four in five": NULLS[DIFFERING.name], "all": ALL_NOTICED}
     for name in ("plain", "20 people x 4", "factorial"):
         for noticed, world in worlds.items():
             made = reports(name, world, cohorts)

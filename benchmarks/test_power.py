@@ -33,7 +33,7 @@ def seconds(design: Design, studies: int, workers: int, *, models: bool) -> floa
 
 @pytest.mark.parametrize(
     ("design", "models", "studies", "most_s"),
-    [(PAPERS, False, 20_000, 60), (LARGE, True, 1_000, 300)],
+    [(PAPERS, False, 20_000, 60), (PAPERS, True, 200, 120), (LARGE, True, 200, 120)],
 )
 def test_studies_on_two_cores(
     benchmark: BenchmarkFixture, design: Design, models: bool, studies: int, most_s: float

@@ -42,10 +42,6 @@ _STATISTICS = {
         "statistics.intervals.mean_interval",
         "statistics.intervals.rank_biserial_interval",
         "statistics.intervals.concordance_interval",
-        "statistics.additive.additive_effects",
-        "statistics.additive.gain_heterogeneity",
-        "statistics.two_way.intraclass_correlation",
-        "statistics.ordinal.ordinal_effects_of_trials",
     ),
     "Groups, factors and detection": (
         "statistics.groups.two_groups",
@@ -63,14 +59,10 @@ _STATISTICS = {
         "thresholds.psychometric.mixed",
     ),
     "Sensitivity of each person": (
-        "sensitivity.linear_model.linear_sensitivity",
-        "sensitivity.ordinal_model.ordinal_sensitivity",
-        "sensitivity.two_stage_model.first_stage",
-        "sensitivity.noticing.noticing",
-        "sensitivity.two_stage_model.two_stage_posterior",
+        "sensitivity.answers_model.sensitivity",
+        "sensitivity.noticing_stage.noticing_stage",
+        "sensitivity.rating_stage.rating_stage",
         "sensitivity.lines.log_prior_of_spread",
-        "sensitivity.predictive_checks.checked_ordinal",
-        "sensitivity.predictive_checks.checked_two_stage",
     ),
 }
 
@@ -158,10 +150,10 @@ def statistics_page() -> str:
         "formula and source of each statistic of\nthe report, as they stand beside the code. [The "
         "report](../report.md) says when each is used and how to read it. Numbers in brackets are\n"
         "equations of the mathematics: [responses and factors](../mathematics/response.md), "
-        "[groups](../mathematics/groups.md), [ordinal models](../mathematics/ordinal.md),\n"
+        "[groups](../mathematics/groups.md), [rank tests](../mathematics/rank-tests.md),\n"
         "[detection](../mathematics/detection.md), "
-        "[thresholds](../mathematics/thresholds.md), [sensitivity](../mathematics/sensitivity.md)."
-        "\n"
+        "[thresholds](../mathematics/thresholds.md), [answers](../mathematics/answers.md), "
+        "[their model's engine](../mathematics/sensitivity.md).\n"
     ]
     for title, names in _STATISTICS.items():
         parts.append(f"## {title}\n")
@@ -183,11 +175,9 @@ def _words(name: str) -> str:
         "responses": "Response of a trial",
         "slope": "Slope of responses on predicted contrasts",
         "level_slope": "Slope within conditions",
-        "linear_sensitivity": "M1, linear model",
-        "ordinal_sensitivity": "M2, ordinal model",
-        "first_stage": "M3, noticing and rating",
-        "noticing": "M3, first stage",
-        "two_stage_posterior": "M3, second stage",
+        "sensitivity": "Model of the answers",
+        "noticing_stage": "Noticing of changes",
+        "rating_stage": "Rating of changes",
         "compared": "Any number of groups compared",
         "interaction": "Group × condition",
         "within_effect": "Effect of a factor, or of an interaction",

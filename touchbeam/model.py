@@ -177,4 +177,4 @@ def fit(
         | {"left_out": track.left_out}
         for track, fit in found
     ]
-    return pd.DataFrame(rows).drop(columns="band")
+    return pd.DataFrame(rows).drop(columns=["band", "likelihood"])

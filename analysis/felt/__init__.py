@@ -1,1 +1,1 @@
-"""Sensitivity to friction as it was measured at the finger, beside that to predicted friction."""
+"""Friction as it was measured at the finger: of each touch, trial and condition."""

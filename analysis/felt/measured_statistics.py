@@ -1,4 +1,4 @@
-"""Sensitivities on measured contrasts: M1, M2 and M3, contrasts by condition, and predictors."""
+"""What was measured of each trial and touch, and measured contrasts by condition."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -14,18 +14,8 @@ from analysis.friction import measured_contrast as contrast
 from analysis.friction import recorded
 from analysis.loading.sessions import Sessions, is_scored
 from analysis.loading.study_data import StudyData
-from analysis.statistics.summary import table4
-from analysis.trials.contrasts import TrialContrasts, scored_trials, trial_changes
-from analysis.trials.law_likelihood import law_likelihoods, law_order
-from analysis.trials.trial_checks import FTest, gain_differences
-from analysis.trials.trial_statistics import (
-    LawScore,
-    SensitivityModels,
-    law_score,
-    mean_contrasts,
-    of_conditions,
-)
-from device.friction.changes import LAW, Change
+from analysis.trials.contrasts import trial_changes
+from device.friction.changes import Change
 from protocol.study.study import Study
 
 # What each trial compared, as it was measured: contrasts with errors, and touches in numbers.
@@ -49,15 +39,14 @@ class MeasuredTrials:
     """Measured contrasts of trials, shape (trials,) each, NaN where there is none.
 
     `value` and `error` are of the trial alone, `best` and `best_error` borrow from others (see
-    `borrowed_contrasts`; of scored trials alone). `predictors` has what else might be felt. `why`
-    has the reason why a trial has no contrast, None where it has one.
+    `borrowed_contrasts`; of scored trials alone). `why` has the reason why a trial has no contrast,
+    None where it has one.
     """
 
     value: FloatArray
     error: FloatArray
     best: FloatArray
     best_error: FloatArray
-    predictors: Mapping[str, FloatArray]
     why: tuple[str | None, ...]
 
     @property
@@ -161,15 +150,11 @@ def measured_trials(
         _of_trial(change, touches.loc[own, "planned"], forces, sessions.get(session))
         for change, own, session in zip(changes, made.values(), trials["session_id"], strict=True)
     ]
-    missing = [np.nan] * (2 + len(recorded.PREDICTORS))
     numbers = [
-        missing
-        if isinstance(each, NotEstimable)
-        else [each.value, each.error, *each.predictors.values()]
+        [np.nan, np.nan] if isinstance(each, NotEstimable) else [each.value, each.error]
         for each in found
     ]
-    columns = np.array(numbers).reshape(len(found), -1).T
-    value, error = columns[:2]
+    value, error = np.array(numbers).reshape(-1, 2).T
     best, best_error = value.copy(), error.copy()
     known = np.isfinite(value)
     scored = known & trials["trial_kind"].eq("trial").to_numpy()
@@ -189,7 +174,6 @@ def measured_trials(
         error=error,
         best=best,
         best_error=best_error,
-        predictors=dict(zip(recorded.PREDICTORS, columns[2:], strict=True)),
         why=tuple(each.reason if isinstance(each, NotEstimable) else None for each in found),
     )
 
@@ -241,16 +225,18 @@ class ConditionContrast:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredStatistics(SensitivityModels):
+class MeasuredStatistics:
     """What the recordings of a study say.
 
-    The models take each trial's best contrast in place of the predicted one (regression
-    calibration). The variance of its error, times the square of the gain, is part of the variance
-    of a rating, which they estimate.
+    The model of the answers takes each trial's best contrast in place of the predicted one
+    (regression calibration). The variance of its error, times the square of the gain, is part of
+    the variance of a rating, which it estimates.
 
-    `predicted`, shape (trials,), has the contrasts that the model predicts.
+    `predicted`, shape (trials,), has the contrasts that the model of friction predicts.
     """
 
+    data: StudyData
+    study: Study
     predicted: FloatArray
 
     @cached_property
@@ -287,49 +273,6 @@ class MeasuredStatistics(SensitivityModels):
         """How many scored trials have no measured contrast, by reason."""
         whys = zip(self.trials.why, is_scored(self.data.trials), strict=True)
         return dict(Counter(why for why, counts in whys if counts and why is not None))
-
-    @cached_property
-    def contrasts(self) -> TrialContrasts:
-        """The best contrasts of all trials, in place of predicted ones."""
-        return TrialContrasts(by_law={LAW: self.trials.best}, measured=self.trials.known)
-
-    @property
-    def noise_share(self) -> float | NotEstimable:
-        """The part of the variance of M1's residuals that the contrasts' errors explain."""
-        if isinstance(m1 := self.m1, NotEstimable):
-            return m1
-        scored = is_scored(self.data.trials).to_numpy() & self.trials.known
-        by_errors = m1.lines.middle[1] ** 2 * float((self.trials.best_error[scored] ** 2).mean())
-        return min(by_errors / m1.residual_sd**2, 1.0)
-
-    @cached_property
-    def differences(self) -> FTest | NotEstimable:
-        """The test of differences in gain between subjects."""
-        return gain_differences(self.scored.ratings)
-
-    @cached_property
-    def predictors(self) -> tuple[LawScore, ...]:
-        """How each thing that people may feel orders conditions and fits ratings, as laws do.
-
-        All are of single trials: a contrast that borrows from other trials would have less noise.
-        """
-        found, rating = self.trials.predictors, self.study.rating
-        contrasts = TrialContrasts(
-            by_law={**found, LAW: found[recorded.FRICTION]}, measured=self.trials.known
-        )
-        scored = scored_trials(self.data, contrasts)
-        by_name = {name: scored.contrasts[name] for name in found}
-        scale = (float(rating.minimum), float(rating.maximum))
-        likelihoods = law_likelihoods(scored.ratings, by_name, scale)
-        names, observed = self.data.table.conditions, table4(self.data.table).column_means
-        by_condition = {
-            name: of_conditions(names, means, observed)
-            for name, means in mean_contrasts(self.data, scored.ratings, by_name).items()
-        }
-        return tuple(
-            law_score(name, means, law_order(*means), likelihoods[name])
-            for name, means in by_condition.items()
-        )
 
 
 def measured_statistics(

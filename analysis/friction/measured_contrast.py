@@ -1,16 +1,16 @@
-"""The measured counterpart of a trial's predicted contrast, and of other predictors of feeling.
+"""The measured counterpart of a trial's predicted contrast.
 
 A sensor's gain multiplies all forces of a session and cancels in every contrast of logarithms.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
 from analysis.friction import recorded
-from analysis.friction.recorded import FRICTION, LOGARITHMS, Jitter, TouchForces, logarithm
+from analysis.friction.recorded import Jitter, TouchForces
 from protocol.study.study_question import Effect
 
 BINS_OF_CONTACT = 8
@@ -45,32 +45,27 @@ class TouchPair:
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """Logarithms of the resting beam's friction and forces in a session, by predictor.
+    """Logarithm of the resting beam's friction in a session, and its variance."""
 
-    `variance` is that of the friction's.
-    """
-
-    values: Mapping[str, float]
+    friction: float
     variance: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredContrast:
-    """A measured contrast and its standard error; what the predictors say, the contrast first."""
+    """A measured contrast and its standard error."""
 
     value: float
     error: float
-    predictors: Mapping[str, float]
 
 
 def rest_of(unforced: Sequence[TouchForces], jitter: Jitter) -> Rest | NotEstimable:
-    """Return friction and forces of touches without a drive, each touch counting alike."""
+    """Return the friction of touches without a drive, each touch counting alike."""
     if not unforced:
         return NotEstimable("the session has no recorded touch of the resting beam")
-    means = {name: np.mean([logarithm(it, name).mean() for it in unforced]) for name in LOGARITHMS}
     variances = [recorded.mean_variance(touch, jitter) for touch in unforced]
     return Rest(
-        values={name: float(value) for name, value in means.items()},
+        friction=float(np.mean([touch.friction.mean() for touch in unforced])),
         variance=float(np.sum(variances)) / len(variances) ** 2,
     )
 
@@ -101,46 +96,33 @@ def measured_contrast(
         found = _between(compared.before, compared.after, rest, jitter)
     if isinstance(found, NotEstimable) or not compared.contrary:
         return found
-    turned = {name: -value for name, value in found.predictors.items()}
-    return MeasuredContrast(value=-found.value, error=found.error, predictors=turned)
+    return replace(found, value=-found.value)
 
 
 def _within(touch: TouchForces, jitter: Jitter) -> MeasuredContrast:
     share = touch.t_s / touch.moved_s
     # (4): from 0 to 1 a power grows by 1, so that the fitted growth is the sum of the coefficients.
     weights = -np.linalg.pinv(np.vander(share, DEGREE + 1))[:-1].sum(axis=0)
-    predictors = {name: float(weights @ logarithm(touch, name)) for name in LOGARITHMS}
-    predictors[recorded.RATE] = float(weights @ touch.tangential_n) / touch.moved_s
     variance = jitter.covariance(weights[None], touch.noise)[0, 0] + (weights @ touch.tare) ** 2
-    return _measured(predictors, float(variance))
+    return _measured(float(weights @ touch.friction), float(variance))
 
 
 def _between(
     before: TouchForces | None, after: TouchForces, rest: Rest | NotEstimable, jitter: Jitter
 ) -> MeasuredContrast:
-    ends = {name: float(logarithm(after, name).mean()) for name in LOGARITHMS}
     variance = recorded.mean_variance(after, jitter)
     if before is not None:
-        starts = {name: float(logarithm(before, name).mean()) for name in LOGARITHMS}
+        start = float(before.friction.mean())
         variance += recorded.mean_variance(before, jitter)
-        over_s = after.touched_s - before.touched_s
-        fell_n = before.tangential_n.mean() - after.tangential_n.mean()
     else:
         assert isinstance(rest, Rest)
-        starts, over_s = dict(rest.values), after.moved_s
+        start = rest.friction
         variance += rest.variance
-        fell_n = np.exp(starts[recorded.TANGENTIAL]) - after.tangential_n.mean()
-    predictors = {name: starts[name] - ends[name] for name in LOGARITHMS}
-    # A session's clock begins anew if it is resumed between two touches.
-    predictors[recorded.RATE] = float(fell_n) / over_s if over_s > 0 else np.nan
-    return _measured(predictors, variance)
+    return _measured(start - float(after.friction.mean()), variance)
 
 
-def _measured(predictors: Mapping[str, float], variance: float) -> MeasuredContrast:
-    ordered = {name: predictors[name] for name in recorded.PREDICTORS}
-    return MeasuredContrast(
-        value=predictors[FRICTION], error=float(np.sqrt(variance)), predictors=ordered
-    )
+def _measured(value: float, variance: float) -> MeasuredContrast:
+    return MeasuredContrast(value=value, error=float(np.sqrt(variance)))
 
 
 def _over_path(
@@ -159,45 +141,29 @@ def _over_path(
     before, after = before.at(both), after.at(both)
     if compared.effect == "depth":
         return rest if isinstance(rest, NotEstimable) else _depth(before, after, rest)
-    steps = {name: after.values[name] - before.values[name] for name in recorded.PREDICTORS}
-    covariance = before.covariance + after.covariance
+    steps, covariance = after.values - before.values, before.covariance + after.covariance
     if compared.effect == "friction":
-        predictors = {name: -float(step.mean()) for name, step in steps.items()}
-        return _measured(predictors, float(covariance.mean()))
-    size = _root_mean_square(steps[FRICTION], covariance)
-    predictors = {name: _rms(step) for name, step in steps.items()}
-    return _measured({**predictors, FRICTION: size.value}, size.variance)
+        return _measured(-float(steps.mean()), float(covariance.mean()))
+    size = _root_mean_square(steps, covariance)
+    return _measured(size.value, size.variance)
 
 
 def _resting(bins: FloatArray, rest: Rest) -> recorded.Profile:
     """Return the profile of the resting beam, where friction is the same at all places."""
-    values = {**rest.values, recorded.RATE: 0.0}
     return recorded.Profile(
         bins=bins,
-        values={name: np.full(len(bins), value) for name, value in values.items()},
+        values=np.full(len(bins), rest.friction),
         covariance=np.full((len(bins), len(bins)), rest.variance),
     )
 
 
 def _depth(before: recorded.Profile, after: recorded.Profile, rest: Rest) -> MeasuredContrast:
-    about = {**rest.values, recorded.RATE: 0.0}
     first, last = (
-        _root_mean_square(each.values[FRICTION] - about[FRICTION], each.covariance)
-        for each in (before, after)
+        _root_mean_square(each.values - rest.friction, each.covariance) for each in (before, after)
     )
-    predictors = {
-        name: _rms(after.values[name] - about[name]) - _rms(before.values[name] - about[name])
-        for name in recorded.PREDICTORS
-    }
     # (7): both swings are about the same resting friction, so that its error partly cancels.
     of_rest = (last.mean_share - first.mean_share) ** 2 * rest.variance
-    return _measured(
-        {**predictors, FRICTION: last.value - first.value}, first.variance + last.variance + of_rest
-    )
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return _measured(last.value - first.value, first.variance + last.variance + of_rest)
 
 
 @dataclass(frozen=True, kw_only=True)

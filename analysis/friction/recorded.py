@@ -3,7 +3,7 @@
 Numbers of equations are those of docs/mathematics/measured-contrast.md.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -257,23 +257,6 @@ def _positive(covariances: FloatArray) -> FloatArray:
 
 # What a touch measured: friction over the path, and one number for each of its properties.
 
-FRICTION, TANGENTIAL, RATE, VECTOR = (
-    "log friction coefficient",
-    "tangential force",
-    "rate of the tangential force",
-    "amplitude of the force vector",
-)
-PREDICTORS = (FRICTION, TANGENTIAL, RATE, VECTOR)
-"""What the literature proposes that people feel; contrasts are of the first."""
-LOGARITHMS = (FRICTION, TANGENTIAL, VECTOR)
-
-
-def logarithm(touch: TouchForces, name: str) -> FloatArray:
-    """Return the logarithm of friction or of a force, by block."""
-    if name == FRICTION:
-        return touch.friction
-    return np.asarray(np.log(touch.tangential_n if name == TANGENTIAL else touch.vector_n))
-
 
 def mean_variance(touch: TouchForces, jitter: Jitter) -> float:
     """Return the variance of the touch's mean ln μ: jitter, noise and the error of the zero."""
@@ -311,26 +294,21 @@ def touch_measures(touch: TouchForces, jitter: Jitter) -> TouchMeasures:
         friction_error=friction * float(np.sqrt(mean_variance(touch, jitter))),
         normal_n=float(touch.normal_n.mean()),
         vector_n=float(touch.vector_n.mean()),
-        speed_m_s=speed_m_s(touch),
+        speed_m_s=float(np.median(np.abs(np.diff(touch.position_m) / steps_s))),
         rate_n_per_s=float(np.sqrt(max(rate - by_noise, 0.0))),
         stick_slip=touch.stick_slip,
     )
 
 
-def speed_m_s(touch: TouchForces) -> float:
-    """Return the median speed of the finger."""
-    return float(np.median(np.abs(np.diff(touch.position_m) / np.diff(touch.t_s))))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """Averages of a touch in bins of its path: by name, and the covariance of ln μ(x).
+    """Averages of ln μ(x) in bins of a touch's path, and their covariance.
 
-    `bins` numbers them from the clamp; the rate is that along the path, at the finger's speed.
+    `bins` numbers them from the clamp.
     """
 
     bins: FloatArray
-    values: Mapping[str, FloatArray]
+    values: FloatArray
     covariance: FloatArray
 
     def at(self, bins: FloatArray) -> "Profile":
@@ -338,22 +316,19 @@ class Profile:
         chosen = np.isin(self.bins, bins)
         return Profile(
             bins=self.bins[chosen],
-            values={name: value[chosen] for name, value in self.values.items()},
+            values=self.values[chosen],
             covariance=self.covariance[np.ix_(chosen, chosen)],
         )
 
 
 def profile(touch: TouchForces, width_m: float, jitter: Jitter) -> Profile:
-    """Return ln μ(x), forces and rate in bins of `width_m`."""
+    """Return ln μ(x) in bins of `width_m`."""
     bins, which = np.unique(np.floor(touch.position_m / width_m), return_inverse=True)
     weights = (which == np.arange(len(bins))[:, None]).astype(np.float64)
     weights /= weights.sum(axis=1, keepdims=True)
-    values = {name: weights @ logarithm(touch, name) for name in LOGARITHMS}
-    force_n = weights @ touch.tangential_n
-    slopes = np.gradient(force_n, bins * width_m) if len(bins) > 1 else np.zeros(len(bins))
     tare = weights @ touch.tare
     return Profile(
         bins=bins,
-        values={**values, RATE: slopes * speed_m_s(touch)},
+        values=np.asarray(weights @ touch.friction),
         covariance=jitter.covariance(weights, touch.noise) + np.outer(tare, tare),
     )

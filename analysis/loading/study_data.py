@@ -337,6 +337,7 @@ class StudyData:
     - `older_rules`: whether the rules on who is left out are those of version 1, by which the study
       was registered or begun; and `unnoticing` the participants whom they leave out only because
       they noticed little.
+    - `with_alarmed`: see `of_noticing`; None where it has the same trials.
     """
 
     table: ScoreTable
@@ -363,6 +364,21 @@ class StudyData:
     groups: Mapping[str, str] = field(default_factory=dict)
     older_rules: bool = False
     unnoticing: tuple[str, ...] = ()
+    with_alarmed: pd.DataFrame | None = None
+
+    @property
+    def of_noticing(self) -> pd.DataFrame:
+        """The trials that tell what was noticed, those of people left out for false alarms, too.
+
+        The rule on these would choose the catch trials by their answers: changes would seem to be
+        noticed where nobody feels any.
+        """
+        return self.trials if self.with_alarmed is None else self.with_alarmed
+
+    @property
+    def alarmed(self) -> int:
+        """How many people are in `of_noticing` alone."""
+        return self.of_noticing["participant"].nunique() - self.trials["participant"].nunique()
 
     @property
     def scored(self) -> pd.DataFrame:
@@ -447,6 +463,16 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         Exclusions() if rules is None else rules,
         older=older,
     )
+    with_alarmed = None
+    if rules is not None and rules.max_false_alarms is not None and not older:
+        others = rules.model_copy(update={"max_false_alarms": None})
+        everybody, *_ = excluded_by_rule(
+            answered[answered["exclusion"].isna()],
+            sessions.groupby("participant", sort=False)["planned_trials"].sum(),
+            others,
+            older=older,
+        )
+        with_alarmed = everybody if len(everybody) > len(trials) else None
     gone = {out.participant for out in by_rule if out.trial is None}
     subjects = _once(name for name in sessions["participant"] if name not in gone)
     if not subjects:
@@ -478,6 +504,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         withdrawn_completed=found.withdrawn_completed,
         trials_excluded=len(trials_left_out),
         trials=trials,
+        with_alarmed=with_alarmed,
         touches=touches.assign(place_m=found.places_m),
         forces={touch: found.forces[touch] for touch in touches.index if touch in found.forces},
         answers=_answers(found, names[names["participant"].isin(subjects)], trials),

@@ -3,19 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from hashlib import sha256
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
+from analysis.power.answered_cohorts import AnsweredCohorts
 from analysis.power.designs import Design, designed
-from analysis.power.people_cohorts import PeopleCohorts, without_effect
+from analysis.power.null_cohorts import KINDS, kind_named, null_tables
+from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.study_records import (
     Asked,
     Record,
     Records,
     asked_by,
-    record_of_models,
+    record_of_answers,
     record_of_tables,
 )
 from analysis.power.track_records import track_records
@@ -36,7 +36,7 @@ class Job:
     """Of touchbeam."""
     seed: int
     models: bool = True
-    """Whether the sensitivity models are fitted, which takes nearly all the time."""
+    """Whether the model of the answers is fitted, which takes nearly all the time."""
     rig: Calibration = NOMINAL
     people: str = ""
     """Text of the people file; without one the default population takes part."""
@@ -46,24 +46,27 @@ class Job:
 class Task:
     """The studies `first` to `first + count - 1` of a design, or so many null cohorts.
 
-    In a null cohort nothing has an effect; it is tested alone.
+    `null` is the name of their kind, empty for studies. Null cohorts are tested alone.
     """
 
     design: Design
-    null: bool
+    null: str
     first: int
     count: int
 
 
 def tasks(job: Job, design: Design, studies: int, null_studies: int) -> list[Task]:
-    """Return the tasks of a design: a second or two of work each, so that progress is seen."""
+    """Return the tasks of a design: some seconds of work each, so that progress is seen.
+
+    There are `null_studies` of each kind.
+    """
     # More people at once would need more memory and save no time.
     tested = max(1, min(100, 2_000 // design.participants))
     return [
         Task(design, null, first, min(size, count - first))
         for null, count, size in (
-            (False, studies, 4 if job.models else tested),
-            (True, null_studies, tested),
+            ("", studies, 4 if job.models else tested),
+            *((kind.name, null_studies, tested) for kind in KINDS),
         )
         for first in range(0, count, size)
     ]
@@ -76,13 +79,18 @@ def asked(job: Job) -> Asked:
 
 
 @lru_cache(maxsize=8)
-def _cohorts(job: Job, design: Design) -> PeopleCohorts:
+def _cohorts(job: Job, design: Design, null: str) -> AnsweredCohorts:
     """Return the simulation of a design, whose plan is drawn once."""
-    return PeopleCohorts(
-        study=designed(parsed_study(job.study), design),
-        participants=design.participants,
-        population=people_in(job.people) if job.people else DEFAULT,
-        rig=job.rig,
+    people = people_in(job.people) if job.people else DEFAULT
+    if null:
+        people = kind_named(null).population(people)
+    return AnsweredCohorts(
+        cohorts=PeopleCohorts(
+            study=designed(parsed_study(job.study), design),
+            participants=design.participants,
+            population=people,
+            rig=job.rig,
+        )
     )
 
 
@@ -101,35 +109,32 @@ def records(job: Job, task: Task) -> Records:
     if (installed := version("touchbeam")) != job.version:
         refusal = f"a worker has touchbeam {installed}, but {job.version} asks"
         raise WorkFailed(f"{refusal}; install the same version on all")
-    nature = f"{job.seed}/{task.design.key}/{'null' if task.null else 'study'}"
-    keys = [f"{nature}/{number}" for number in range(task.first, task.first + task.count)]
+    drawn = f"{job.seed}/{task.design.key}/{task.null or 'study'}"
+    keys = [f"{drawn}/{number}" for number in range(task.first, task.first + task.count)]
     with threadpool_limits(limits=1):
-        cohorts, questions = _cohorts(job, task.design), asked(job)
+        answered, questions = _cohorts(job, task.design, task.null), asked(job)
+        if task.null:
+            tables = null_tables(kind_named(task.null), answered.cohorts, keys)
+            tested = (record_of_tables(questions, *table) for table in zip(*tables, strict=True))
+            return Records.of(questions, [*tested])
         studies = [Record({}, {}) for _ in keys]
         if questions.conditions:
-            studies = _of_conditions(job, cohorts, keys, null=task.null)
-        if questions.tracks and not task.null:
-            of_tracks = track_records(questions, cohorts, keys, task.first)
+            studies = _of_conditions(questions, answered, keys)
+        if questions.tracks:
+            of_tracks = track_records(questions, answered.cohorts, keys, task.first)
             studies = [one.beside(other) for one, other in zip(studies, of_tracks, strict=True)]
         return Records.of(questions, studies)
 
 
 def _of_conditions(
-    job: Job, cohorts: PeopleCohorts, keys: Sequence[str], *, null: bool
+    questions: Asked, answered: AnsweredCohorts, keys: Sequence[str]
 ) -> list[Record]:
-    """Return what the tables of each study tell and, of studies with an effect, the models."""
-    tables, rated = cohorts.studies(keys)
-    if null:
-        tables = without_effect(tables, map(_shuffling, keys))
-    studies = [record_of_tables(asked(job), *table) for table in zip(*tables, strict=True)]
-    if null or not job.models:
+    """Return what the tables of each study tell, and the model of its answers."""
+    participants = answered.cohorts.participants
+    tables, everybody = answered.cohorts.simulation.studies(participants, *keys)
+    studies = [record_of_tables(questions, *table) for table in zip(*tables, strict=True)]
+    if not questions.models:
         return studies
-    return [
-        one.beside(record_of_models(cohort)) for one, cohort in zip(studies, rated, strict=True)
-    ]
-
-
-def _shuffling(key: str) -> np.random.Generator:
-    # A stream of its own, apart from those that drew the study.
-    digest = sha256(f"{key}/shuffled".encode()).digest()
-    return np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))
+    gain = float(answered.population.gain)
+    fitted = (record_of_answers(cohort, gain) for cohort in answered.cohorts_of(everybody))
+    return [one.beside(other) for one, other in zip(studies, fitted, strict=True)]

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from analysis.estimates import Json, plain
+from analysis.power.null_cohorts import KINDS
 from analysis.power.power_summary import EstimateQuality, Measured, Summary, TestPower, too_often
-from analysis.power.study_records import mean_difference
+from analysis.power.study_records import LEVELS
 from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 
@@ -15,7 +16,7 @@ _LEAST = 0.9
 """Coverage of a 95% interval below which a warning is due."""
 _MOST_TOLD = 5
 """Pairs in an answer."""
-RELATIVE = "M2 relative gain"
+NOBODY = KINDS[0].name
 FAMILY = (
     "Supported is what the whole report may claim: that the conditions differ, that responses "
     "follow the prediction, with catch trials that changes are noticed, the questions about groups "
@@ -61,6 +62,7 @@ def _design_record(summary: Summary, study: Study) -> Json:
             "levels": design.levels or max(levels, default=0),
             "sessions": study.design.sessions,
             "conditions": study.conditions,
+            **summary.told.as_json("told", "told_mc_error"),
         },
         "tests": [
             {"name": test.name}
@@ -71,8 +73,12 @@ def _design_record(summary: Summary, study: Study) -> Json:
         "estimates": [_estimate_record(estimate) for estimate in summary.estimates],
         "null": {
             "studies": summary.null_studies,
-            **summary.any_false_claim.as_json("any_supported"),
-            "supported": {test.name: test.false.as_json("share") for test in family},
+            **summary.any_false_claim[NOBODY].as_json("any_supported"),
+            "supported": {test.name: test.false[NOBODY].as_json("share") for test in family},
+            "kinds": [
+                {"name": kind, **made.as_json("any_supported")}
+                for kind, made in summary.any_false_claim.items()
+            ],
         },
         "answer": design_answer(summary),
     }
@@ -82,7 +88,6 @@ def _estimate_record(estimate: EstimateQuality) -> Json:
     numbers: dict[str, Measured] = {name: getattr(estimate, name) for name in _NUMBERS}
     return {
         "name": estimate.name,
-        "truth": estimate.truth,
         **{name: measured.value for name, measured in numbers.items()},
         "mc_error": estimate.coverage.error,
         "mc_errors": {name: measured.error for name, measured in numbers.items()},
@@ -122,6 +127,8 @@ def design_answer(summary: Summary) -> str:
     }
     parts = [
         *_precisions(summary.estimates),
+        *[f"gains of people told in {_percent(summary.told)} of studies"]
+        * isfinite(summary.told.value),
         *(
             f"{_percent(questions[name].supported)} power to tell that {what}"
             for name, what in in_words.items()
@@ -138,25 +145,20 @@ def design_answer(summary: Summary) -> str:
 def _precisions(estimates: Sequence[EstimateQuality]) -> Iterator[str]:
     for estimate in estimates:
         half = estimate.width.value / 2
-        if estimate.name == RELATIVE and isfinite(half):
-            yield f"relative gains to within ±{half:.1f}"
+        if estimate.name == LEVELS and isfinite(half):
+            yield f"levels to within ±{half:.1f} points"
         if estimate.name.endswith(", dB") and isfinite(half):
             yield f"{estimate.name.removesuffix(', dB')} to within ±{half:.1f} dB"
 
 
 def _of_pairs(summary: Summary) -> str:
-    """Return which pairs are told apart often enough, such as `voltage above structure`."""
-    truths = {estimate.name: estimate.truth for estimate in summary.estimates}
-    able = []
-    for test in summary.tests:
-        if test.after == (OMNIBUS,) and _is_able(test):
-            ends = test.name.split(" - ")
-            above = truths[mean_difference(test.name)] > 0
-            able.append(" above ".join(ends if above else reversed(ends)))
-    if not able:
+    """Return which pairs are told apart often enough, such as `voltage and structure`."""
+    pairs = [test for test in summary.tests if test.after == (OMNIBUS,) and _is_able(test)]
+    if not pairs:
         return "less than 80% power for every pair of conditions"
-    more = f" and {len(able) - 4} more pairs" if len(able) > _MOST_TOLD else ""
-    return f"80% power for {', '.join(able[: 4 if more else None])}{more}"
+    able = [" and ".join(test.name.split(" - ")) for test in pairs]
+    more = f", and {len(able) - 4} more pairs" if len(able) > _MOST_TOLD else ""
+    return f"80% power to tell apart {', '.join(able[: 4 if more else None])}{more}"
 
 
 def warnings(summaries: Sequence[Summary]) -> list[str]:
@@ -165,18 +167,19 @@ def warnings(summaries: Sequence[Summary]) -> list[str]:
     return [line for one in summaries for line in (*_false_claims(one), *_narrow(one))]
 
 
-def _false_claims(summary: Summary) -> list[str]:
-    guilty = [test for test in summary.tests if too_often(test.false)]
-    if not guilty and not too_often(summary.any_false_claim):
-        return []
-    begin = (
-        f"{summary.design}: without any effect {_percent(summary.any_false_claim)} of reports "
-        "claim something, where at most 5% should"
-    )
-    blame = [
-        f"do not claim {test.name!r}, which {_percent(test.false)} of them do" for test in guilty
-    ]
-    return ["; ".join([begin, *blame])]
+def _false_claims(summary: Summary) -> Iterator[str]:
+    for kind, anything in summary.any_false_claim.items():
+        guilty = [test for test in summary.tests if too_often(test.false[kind])]
+        if guilty or too_often(anything):
+            begin = (
+                f"{summary.design}: of {kind!r} {_percent(anything)} of reports claim something "
+                "false, where at most 5% should"
+            )
+            blame = [
+                f"do not claim {test.name!r}, which {_percent(test.false[kind])} of them do"
+                for test in guilty
+            ]
+            yield "; ".join([begin, *blame])
 
 
 def _narrow(summary: Summary) -> list[str]:
@@ -205,11 +208,12 @@ def _percent(share: Measured) -> str:
 def lines_of_tests(summary: Summary) -> list[list[str]]:
     """Return the table of tests: a header, rows, and a footer."""
     rows = [
-        [test.name, *map(_with_error, (test.power, test.supported, test.false))]
+        [test.name, *map(_with_error, (test.power, test.supported, *test.false.values()))]
         for test in summary.tests
     ]
-    footer = ["anything", "", "", _with_error(summary.any_false_claim)]
-    return [["test", "power", "supported", "without any effect"], *rows, footer]
+    anything = map(_with_error, summary.any_false_claim.values())
+    header = ["test", "power", "supported", *summary.any_false_claim]
+    return [header, *rows, ["anything false", "", "", *anything]]
 
 
 def lines_of_estimates(summary: Summary) -> list[list[str]]:
@@ -222,10 +226,6 @@ def lines_of_estimates(summary: Summary) -> list[list[str]]:
         ]
         for estimate in summary.estimates
     ]
-    for row in rows:
-        # Their truth is such that the mean error is 0 in any case: it would look like a finding.
-        if "mean difference" in row[0] or "relative gain" in row[0]:
-            row[1] = "–"
     header = ["estimate", "bias", "RMSE", "coverage", "width", "estimable"]
     return [header, *rows, [""] * len(header)]
 

@@ -4,15 +4,17 @@ Each is a ratio of two sums over independent studies, so that the number of esti
 differ and its subjects may resemble each other.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.estimates import LEVEL, BoolArray, FloatArray, Json
 from analysis.power.designs import Design
-from analysis.power.study_records import Asked, Records, mean_difference
+from analysis.power.null_cohorts import KINDS
+from analysis.power.study_records import MEAN_GAIN, Asked, Records
 from analysis.statistics.corrections import holm_of_rows
-from protocol.registration.registration import NOTICED, OMNIBUS, implying_differences
+from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, implying_differences
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,9 @@ def share(happened: BoolArray) -> Measured:
 class TestPower:
     """How often a test rejects at 5%, and how often the family's rule lets it be claimed.
 
-    `false` is how often it is claimed without any effect, and `supported` is NaN where that is more
-    often than in 5%; both are NaN for a test beside the family. `after` has the questions that a
-    test waits for: none of a question, None beside the family.
+    `false` is how often it is claimed in each kind of null cohort, NaN where it is true there, and
+    `supported` is NaN where any of them is more than 5%; all are NaN for a test beside the family.
+    `after` has the questions that a test waits for: none of a question, None beside the family.
     """
 
     __test__ = False  # no test of pytest's
@@ -75,16 +77,12 @@ class TestPower:
     after: tuple[str, ...] | None
     power: Measured
     supported: Measured
-    false: Measured
+    false: Mapping[str, Measured]
 
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateQuality:
-    """How an estimate errs.
-
-    `estimable` is the share of those to be made that could be; `truth` is known where there is one
-    for all studies, else NaN.
-    """
+    """How an estimate errs; `estimable` is the share of those to be made that could be."""
 
     name: str
     bias: Measured
@@ -92,14 +90,15 @@ class EstimateQuality:
     coverage: Measured
     width: Measured
     estimable: Measured
-    truth: float = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
     """What simulations tell of one design.
 
-    `any_false_claim` is the share of null cohorts in which any test of the family is claimed.
+    `told` is the share of studies in which the gains of people are told. `any_false_claim` is the
+    share of null cohorts of each kind in which any test of the family is claimed that is false
+    there, NaN where none is; `null_studies` are there of each kind.
     """
 
     design: Design
@@ -107,28 +106,49 @@ class Summary:
     null_studies: int
     tests: tuple[TestPower, ...]
     estimates: tuple[EstimateQuality, ...]
-    any_false_claim: Measured
+    told: Measured
+    any_false_claim: Mapping[str, Measured]
 
 
-def summary(design: Design, asked: Asked, studies: Records, null: Records) -> Summary:
-    """Return the summary of a design from the records of its studies and of its null cohorts."""
-    claimed, false = claims(asked, studies.p), claims(asked, null.p)
+def summary(
+    design: Design, asked: Asked, studies: Records, nulls: Mapping[str, Records]
+) -> Summary:
+    """Return the summary of a design from the records of its studies and of each kind of null."""
+    claimed = claims(asked, studies.p)
+    false = {
+        kind.name: {
+            name: made
+            for name, made in claims(asked, nulls[kind.name].p).items()
+            if kind.is_false(asked, name)
+        }
+        for kind in KINDS
+    }
     estimates = np.moveaxis(studies.estimates, 1, 0)
     return Summary(
         design=design,
         studies=len(studies.p),
-        null_studies=len(null.p),
+        null_studies=len(nulls[KINDS[0].name].p),
         tests=tuple(
-            _test(asked, name, studies.p[:, place], claimed.get(name), false.get(name))
+            _test(
+                name,
+                asked.family.get(name),
+                studies.p[:, place],
+                claimed.get(name),
+                {kind: of_kind.get(name) for kind, of_kind in false.items()},
+            )
             for place, name in enumerate(asked.tests)
-            # A study without catch trials has no test of noticing.
-            if NOTICED not in name or not np.isnan(studies.p[:, place]).all()
+            # A study without catch trials has no test of noticing, nor of gains that nothing tells.
+            if not (NOTICED in name or name == GAINS) or not np.isnan(studies.p[:, place]).all()
         ),
         estimates=tuple(
-            _estimate(asked, name, sums, design.participants)
+            _estimate(name, sums, design.participants)
             for name, sums in zip(asked.estimates, estimates, strict=True)
         ),
-        any_false_claim=share(np.logical_or.reduce([*false.values(), np.zeros(len(null.p), bool)])),
+        told=UNKNOWN if np.isnan(studies.told).any() else share(studies.told > 0),
+        any_false_claim={
+            kind: share(np.logical_or.reduce([*of_kind.values()])) if of_kind else UNKNOWN
+            for kind, of_kind in false.items()
+        },
     )
 
 
@@ -159,37 +179,33 @@ def claims(asked: Asked, p: FloatArray) -> dict[str, BoolArray]:
 
 
 def _test(
-    asked: Asked, name: str, p: FloatArray, claimed: BoolArray | None, false: BoolArray | None
+    name: str,
+    after: tuple[str, ...] | None,
+    p: FloatArray,
+    claimed: BoolArray | None,
+    false: Mapping[str, BoolArray | None],
 ) -> TestPower:
-    falsely = UNKNOWN if false is None else share(false)
+    shares = {kind: UNKNOWN if made is None else share(made) for kind, made in false.items()}
+    supported = UNKNOWN if claimed is None else share(claimed)
+    # Power of a test that claims too much says nothing.
+    if any(map(too_often, shares.values())):
+        supported = UNKNOWN
     return TestPower(
-        name=name,
-        after=asked.family.get(name),
-        power=share(p < LEVEL),
-        # Power of a test that claims too much says nothing.
-        supported=UNKNOWN if claimed is None or too_often(falsely) else share(claimed),
-        false=falsely,
+        name=name, after=after, power=share(p < LEVEL), supported=supported, false=shares
     )
 
 
-def _estimate(asked: Asked, name: str, sums: FloatArray, participants: int) -> EstimateQuality:
+def _estimate(name: str, sums: FloatArray, participants: int) -> EstimateQuality:
     """Return the quality of an estimate from its sums in each study, (studies, 5)."""
     count, error, squared, covered, width = sums.T
-    truth = float("nan")
-    if of_all := name in map(mean_difference, asked.pairs):
-        # Its truth is the mean over all studies.
-        truth = ratio(error, count).value
-        error = np.where(count > 0, error - truth, 0.0)
-        squared, covered = error**2, (count > 0) & (np.abs(error) <= width / 2)
-    one_each = not of_all and not name.endswith("group's gain")
+    to_make = float(1 if name == MEAN_GAIN else participants)
     return EstimateQuality(
         name=name,
         bias=ratio(error, count),
         rmse=root(ratio(squared, count)),
-        coverage=ratio(covered.astype(np.float64), count),
+        coverage=ratio(covered, count),
         width=ratio(width, count),
-        estimable=ratio(count, np.full(len(count), float(participants if one_each else 1))),
-        truth=truth,
+        estimable=ratio(count, np.full(len(count), to_make)),
     )
 
 

@@ -8,21 +8,17 @@ from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
-from analysis.estimates import UPPER, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
-from analysis.power.people_cohorts import RatedCohort
-from analysis.sensitivity.linear_model import linear_lines, own_gains
-from analysis.sensitivity.lines import LineMixture, Medians, Ratings, medians
-from analysis.sensitivity.ordinal_model import ordinal_lines
-from analysis.statistics.additive import gain_heterogeneity
+from analysis.estimates import Estimate, FloatArray, IntArray, NotEstimable, ScoreTable
+from analysis.power.answered_cohorts import AnsweredCohort
+from analysis.sensitivity.answers_model import answers_model
 from analysis.statistics.corrections import holm_of_rows
 from analysis.statistics.detection import noticed_p
 from analysis.statistics.factorial import SESSION, Crossed, effects_of, factorial_p
 from analysis.statistics.groups import CLAIMED, group_statistics
 from analysis.statistics.omnibus import omnibus_p
 from analysis.statistics.signed_rank import pairwise_signed_ranks
-from analysis.statistics.slope import FEWEST_CONDITIONS, slope
+from analysis.statistics.slope import FEWEST_CONDITIONS, own_gains, slope
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import predicted_contrast, trial_change
 from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, effect_of
@@ -35,12 +31,8 @@ GROUP_SCORE, GROUP_GAIN, BY_GROUP = CLAIMED.values()
 pair_of = "{} - {}".format
 between_groups = "{} - {} between groups".format
 of_thresholds = "thresholds: {} - {}".format
-mean_difference = "mean difference {}".format
 threshold_in_db = "threshold of {}, dB".format
-OF_MODELS = (
-    *("M2 bias", "M2 gain", "M2 relative gain", "M2 group's gain"),
-    *("M1 gain", "M1 relative gain", "M1 group's gain"),
-)
+MEAN_GAIN, LEVELS = "group's gain", "levels"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +41,8 @@ class Asked:
 
     Without two conditions nothing is asked of responses. `factors` have their levels, sessions of a
     participant among them; `contrasts` is the predicted contrast of each condition as planned, for
-    the slope and the gains of groups; with `models` people's gains are estimated; `tracks` and the
-    pairs of those that are compared have thresholds.
+    the slope and the gains of groups; with `models` levels and gains are estimated, and gains
+    tested for being equal; `tracks` and the pairs of those that are compared have thresholds.
     """
 
     conditions: tuple[str, ...] = ()
@@ -96,14 +88,14 @@ class Asked:
     @cached_property
     def tests(self) -> list[str]:
         """All tests; those beside the family count by their own p alone."""
-        gains = [GAINS] * bool(self.conditions)
+        gains = [GAINS] * bool(self.models and self.conditions)
         return [*self.family, *gains, *starmap(of_thresholds, self.track_pairs)]
 
     @cached_property
     def estimates(self) -> list[str]:
         """All estimates."""
-        of_models = OF_MODELS if self.models and self.conditions else ()
-        return [*of_models, *map(mean_difference, self.pairs), *map(threshold_in_db, self.tracks)]
+        of_model = (MEAN_GAIN, LEVELS) if self.models and self.conditions else ()
+        return [*of_model, *map(threshold_in_db, self.tracks)]
 
 
 def asked_by(study: Study, rig: Calibration = NOMINAL, *, models: bool = False) -> Asked:
@@ -125,21 +117,23 @@ def asked_by(study: Study, rig: Calibration = NOMINAL, *, models: bool = False) 
         trial_change(study, condition.question, condition.expected, condition.touches)
         for condition in study.condition
     )
+    contrasts = tuple(predicted_contrast(change, rig=rig) for change in changes)
     return replace(
         of_tracks,
         conditions=study.conditions,
         groups=study.groups,
         factors=factors | sessions,
-        contrasts=tuple(predicted_contrast(change, rig=rig) for change in changes),
+        contrasts=contrasts,
+        # Without a contrast there is no gain.
+        models=models and bool(np.isfinite(contrasts).any()),
     )
 
 
-class Estimate(NamedTuple):
-    """Sums over the estimates of a kind in one study, such as the gains of its people.
+class Sums(NamedTuple):
+    """Sums over the estimates of a kind in one study, such as the levels of its people.
 
     They are how many there are, their errors, squared errors, whether the 95% intervals hold the
-    truth, and the widths of these. The truth of a mean difference is known from all studies alone:
-    there `error` is the difference itself, and `squared` and `covered` are 0.
+    truth, and the widths of these.
     """
 
     number: float = 0.0
@@ -150,37 +144,44 @@ class Estimate(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The p of each test of one study and its estimates, as far as there are any, by name."""
+    """The p of each test of one study and its estimates, as far as there are any, by name.
+
+    Whether gains differ has the probability that they are equal in place of a p. `told` is 1 where
+    the gains of people are told, else 0; NaN where nobody asks for them.
+    """
 
     tests: dict[str, float]
-    estimates: dict[str, Estimate]
+    estimates: dict[str, Sums]
+    told: float = nan
 
     def beside(self, other: "Record") -> "Record":
         """Return what there is in either."""
-        return Record(self.tests | other.tests, self.estimates | other.estimates)
+        told = other.told if np.isnan(self.told) else self.told
+        return Record(self.tests | other.tests, self.estimates | other.estimates, told)
 
 
 class Records(NamedTuple):
     """The records of several studies as arrays, in the order of what is asked.
 
-    `p` has shape (studies, tests), NaN where there is no test, and `estimates` (studies, estimates,
-    5).
+    `p` has shape (studies, tests), NaN where there is no test; `estimates` (studies, estimates, 5);
+    `told` (studies,).
     """
 
     p: FloatArray
     estimates: FloatArray
+    told: FloatArray
 
     @classmethod
     def of(cls, asked: Asked, records: Sequence[Record]) -> "Records":
         """Return the records as arrays."""
         p = [[record.tests.get(name, nan) for name in asked.tests] for record in records]
         sums = [
-            [record.estimates.get(name, Estimate()) for name in asked.estimates]
-            for record in records
+            [record.estimates.get(name, Sums()) for name in asked.estimates] for record in records
         ]
         return cls(
             np.array(p, dtype=np.float64).reshape(len(records), len(asked.tests)),
             np.array(sums, dtype=np.float64).reshape(len(records), len(asked.estimates), 5),
+            np.array([record.told for record in records], dtype=np.float64),
         )
 
     @classmethod
@@ -189,13 +190,12 @@ class Records(NamedTuple):
         return cls(*map(np.concatenate, zip(cls.of(asked, []), *parts, strict=True)))
 
 
-# Tests and mean differences of the tables of a study.
+# Tests of the tables of a study.
 
 
 def record_of_tables(
     asked: Asked,
     responses: FloatArray,
-    scores: FloatArray,
     noticed: IntArray,
     by_session: FloatArray,
     groups: IntArray,
@@ -205,12 +205,12 @@ def record_of_tables(
     Subjects without any response count for nothing, as in the report.
     """
     kept = ~np.isnan(responses).all(axis=1)
-    responses, scores, by_session = (each[kept] for each in (responses, scores, by_session))
-    groups = groups[kept]
-    tests, differences = _of_noticing(asked, noticed), {}
+    responses, by_session, groups = responses[kept], by_session[kept], groups[kept]
+    tests = _of_noticing(asked, noticed)
     if len(responses):
-        table = _table(asked, responses)
-        tests |= {OMNIBUS: omnibus_p(table), GAINS: _gains_p(_table(asked, scores))}
+        subjects = tuple(map(str, range(len(responses))))
+        table = ScoreTable(subjects=subjects, conditions=asked.conditions, scores=responses)
+        tests |= {OMNIBUS: omnibus_p(table)}
         if asked.is_predicted:
             followed = slope(responses, np.array(asked.contrasts))
             tests |= {} if isinstance(followed, NotEstimable) else {FOLLOWS: followed.p}
@@ -220,36 +220,7 @@ def record_of_tables(
             if not isinstance(pair.p_holm, NotEstimable)
         }
         tests |= _of_groups(asked, responses, groups) | _of_factors(asked, responses, by_session)
-        pairs = zip(asked.pairs, combinations(responses.T, 2), strict=True)
-        differences = {mean_difference(name): _difference(a - b) for name, (a, b) in pairs}
-    return Record(tests, differences)
-
-
-def _table(asked: Asked, means: FloatArray) -> ScoreTable:
-    subjects = tuple(map(str, range(len(means))))
-    return ScoreTable(subjects=subjects, conditions=asked.conditions, scores=means)
-
-
-def _gains_p(table: ScoreTable) -> float:
-    """Return the p of unequal gains; more shufflings are worth their time only where it is small.
-
-    A p above .2 of the first ones is as good as never below .05 of all, so that none is claimed
-    that all of them would not claim.
-    """
-    test = gain_heterogeneity(table, shuffles=99)
-    if not isinstance(test, NotEstimable) and test.p <= 0.2:
-        test = gain_heterogeneity(table, shuffles=999)
-    return nan if isinstance(test, NotEstimable) else test.p
-
-
-def _difference(differences: FloatArray) -> Estimate:
-    """Return the mean difference of two conditions with the width of its t interval."""
-    given = differences[~np.isnan(differences)]
-    # One difference has no standard error.
-    if (n := len(given)) < 2:
-        return Estimate()
-    width = 2 * stdtrit(n - 1, UPPER) * given.std(ddof=1) / np.sqrt(n)
-    return Estimate(number=1.0, error=float(given.mean()), width=float(width))
+    return Record(tests, {})
 
 
 def _of_noticing(asked: Asked, counts: IntArray) -> dict[str, float]:
@@ -271,16 +242,8 @@ def _of_groups(asked: Asked, responses: FloatArray, groups: IntArray) -> dict[st
     if len(asked.groups) < 2:
         return {}
     contrasts = np.broadcast_to(asked.contrasts, responses.shape)
-    subject, condition = np.nonzero(np.isfinite(contrasts))
-    ratings = Ratings(
-        subjects=tuple(map(str, range(len(responses)))),
-        conditions=asked.conditions,
-        subject=subject,
-        condition=condition,
-        contrast=contrasts[subject, condition],
-        rating=responses[subject, condition],
-    )
-    gains = own_gains(ratings)
+    given = np.isfinite(contrasts) & np.isfinite(responses)
+    gains = own_gains(responses[given], contrasts[given], given.nonzero()[0], len(responses))
     report = group_statistics(responses, gains, groups, asked.groups, asked.conditions)
     questions = {GROUP_SCORE: report.score, GROUP_GAIN: report.gain, BY_GROUP: report.interaction}
     p = {name: test.p for name, test in questions.items() if not isinstance(test, NotEstimable)}
@@ -308,48 +271,30 @@ def _of_factors(asked: Asked, responses: FloatArray, by_session: FloatArray) -> 
     return dict(zip(names, p, strict=True))
 
 
-# Estimates of the sensitivity models.
+# Estimates of the model of the answers.
 
 
-def record_of_models(cohort: RatedCohort) -> Record:
-    """Return what the sensitivity models estimate.
+def record_of_answers(cohort: AnsweredCohort, population_gain: float) -> Record:
+    """Return what the model of the answers estimates, and the probability of equal gains.
 
-    What a report tells besides is left out: neither the evidence of equal gains nor JNDs.
+    Levels are at the mean contrast of the cohort; `population_gain` is the true one.
     """
-    by_m2, by_m1 = ordinal_lines(cohort.ratings), linear_lines(cohort.ratings)
-    estimates: dict[str, Estimate] = {}
-    for model, mixture in (("M2", by_m2), ("M1", by_m1)):
-        if not isinstance(mixture, NotEstimable):
-            of_model = _estimates_of(mixture, cohort)
-            estimates |= {f"{model} {name}": sums for name, sums in of_model.items()}
-    return Record({}, estimates)
+    model = answers_model(cohort.answers)
+    if isinstance(stage := model.rating, NotEstimable):
+        return Record({}, {}, told=0.0)
+    rated, lines = np.flatnonzero(stage.ready.counts), cohort.lines
+    levels, at_mean = stage.of_subjects("level"), lines.bias + stage.ready.axes.x_mean * lines.gain
+    estimates = {LEVELS: _sums([levels[who] for who in rated], at_mean[rated])}
+    told = float(model.untold is None)
+    if stage.alone:
+        return Record({}, estimates, told)
+    estimates[MEAN_GAIN] = _sums([stage.of_group("gain")], np.array([population_gain]))
+    return Record({GAINS: stage.equal_gains}, estimates, told)
 
 
-def _estimates_of(mixture: LineMixture, cohort: RatedCohort) -> dict[str, Estimate]:
-    """Return bias, gain and relative gain over the people with ratings, and the group's gain."""
-    rated = np.flatnonzero(mixture.counts > 0)
-    bias, gain, relative = medians(mixture)
-    true = cohort.gain[rated]
-    estimates = {
-        "bias": _sums(*_rows(bias, rated), cohort.bias[rated]),
-        "gain": _sums(*_rows(gain, rated), true),
-    }
-    if mixture.alone:
-        return estimates
-    return estimates | {
-        # A relative gain is about the people who were analysed, not about those left out.
-        "relative gain": _sums(*_rows(relative, rated), true - true.mean()),
-        "group's gain": _sums(*_rows(gain, [-1]), np.array([cohort.population_gain])),
-    }
-
-
-def _rows(estimates: Medians, rows: Sequence[int] | IntArray) -> Medians:
-    values, intervals = estimates
-    return values[rows], [intervals[row] for row in rows]
-
-
-def _sums(values: FloatArray, intervals: Sequence[Interval], truth: FloatArray) -> Estimate:
-    error, (low, high) = values - truth, np.transpose(intervals)
+def _sums(estimates: Sequence[Estimate], truth: FloatArray) -> Sums:
+    error = np.array([estimate.value for estimate in estimates]) - truth
+    low, high = np.transpose([estimate.interval for estimate in estimates])
     covered = (low <= truth) & (truth <= high)
     parts = (error, error**2, covered, high - low)
-    return Estimate(len(error), *(float(part.sum()) for part in parts))
+    return Sums(len(error), *(float(part.sum()) for part in parts))

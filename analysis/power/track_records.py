@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 
 from analysis.estimates import FloatArray, NotEstimable
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.power.study_records import Asked, Estimate, Record, of_thresholds, threshold_in_db
+from analysis.power.study_records import Asked, Record, Sums, of_thresholds, threshold_in_db
 from analysis.simulation import names_of
 from analysis.statistics.signed_rank import signed_rank
 from device.friction.calibration import Calibration
@@ -21,7 +21,7 @@ from device.people import person
 from device.people.answering import Course, fractions
 from device.people.person import People, World, person_name, uniforms_of
 from device.tracks.expected import counted_answers
-from device.tracks.posterior import lattice
+from device.tracks.posterior import report_lattice
 from protocol.study.study import Study
 from protocol.study.touch import Touch, mark_of
 from protocol.study.track import GUESS_RATE, Track
@@ -147,7 +147,7 @@ def track_records(
     """Return the record of the study of each key, of which `first` is the number of the first.
 
     Errors and widths of thresholds are in dB. Two tracks on one axis are compared as in a report,
-    which does not know whose threshold lies beyond the levels: everybody's estimate counts.
+    which does not know whose threshold lies beyond the levels: everybody counts.
     """
     study, participants = cohorts.study, cohorts.participants
     of_groups: list[str | None] = [group.name for group in study.group for _ in range(group.size)]
@@ -167,11 +167,14 @@ def track_records(
         right = right + people.lapse * ((GUESS_RATE[track.task] or 1 / 2) - right)
         u = uniforms_of([f"{name}/{track.name}" for name in names], track.trials, 1)[..., 0].T
         counted = counted_answers(track, right, u, first * participants)
-        grid = lattice(track, fine=True)
+        grid = report_lattice(track)
         estimated = grid.interval(grid.posterior(counted))
+        # Beyond the levels the last one counts, as in a report.
+        levels = [distance for distance in track.distances if distance > 0]
+        estimated[0] = estimated[0].clip(levels[0], levels[-1])
         sums = _sums(estimated, truth).reshape(5, len(keys), participants).sum(axis=2)
         for record, of_study in zip(records, sums.T.tolist(), strict=True):
-            record.estimates[threshold_in_db(track.name)] = Estimate(*of_study)
+            record.estimates[threshold_in_db(track.name)] = Sums(*of_study)
         logs[track.name] = np.log(estimated[0]).reshape(len(keys), participants)
     for a, b in asked.track_pairs:
         for record, differences in zip(records, logs[a] - logs[b], strict=True):
@@ -182,7 +185,7 @@ def track_records(
 
 
 def _sums(estimated: FloatArray, truth: FloatArray) -> FloatArray:
-    """Return what `Estimate` sums up of each person, (5, people); 0 of who is beyond the levels."""
+    """Return what `Sums` has of each person, (5, people); 0 of who is beyond the levels."""
     middle, low, high = estimated
     error_db = 20 * np.log10(middle / truth)
     covered = (low <= truth) & (truth <= high)

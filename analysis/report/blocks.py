@@ -111,6 +111,17 @@ def estimate(
     )
 
 
+def estimated(
+    name: str, of: str, digits: int = 2, absent: str | None = None
+) -> tuple[Column, Column]:
+    """Return the columns of an `Estimate` and of its interval."""
+    ends = partial(wording.interval, digits=digits)
+    return (
+        Column(name, f"{of}.value", digits, absent=absent),
+        Column("95%", f"{of}.interval", ends, absent=absent),
+    )
+
+
 def spread_columns(across: str) -> list[Column]:
     """Return the columns of groups of values, pairs of name and values: number and quartiles."""
 
@@ -125,17 +136,14 @@ def spread_columns(across: str) -> list[Column]:
     ]
 
 
-def law_columns(name: str, without: str) -> list[Column]:
-    """Return the columns of laws, or of other predictors, that are compared with the ratings."""
+def law_columns(name: str) -> list[Column]:
+    """Return the columns of laws that are compared with the ratings."""
     return [
         Column(name, "law"),
+        Column("ln Bayes factor", "ln_bayes_factor", 1),
         Column("Spearman", "order.spearman", 2),
         Column("p", "order.p", wording.p_value),
-        Column("smallest for p < .05", "order", wording.needed_rank),
         Column("order, strongest first", "order", wording.ranking, kind="ranking"),
-        Column("prediction error", "likelihood.prediction_error", wording.prediction_error),
-        Column(without, "likelihood.prediction_error.without", 2),
-        Column("p of the fit", "likelihood", wording.p_of_fit),
     ]
 
 

@@ -1,19 +1,12 @@
-"""Tests, fits of the sensitivity models and scores of laws as JSON; `report` puts it together."""
+"""Tests, what the model of the answers tells and scores of laws as JSON; `report` joins them."""
 
-import math
-from collections.abc import Sequence
-
-from analysis.estimates import Json, NotEstimable, or_null, plain, why
-from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import SMALL_SPREAD, Lines, SubjectLine
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.two_stage_model import TwoStageSensitivity
+from analysis.estimates import Estimate, Json, NotEstimable, or_null, plain, why
+from analysis.sensitivity.answers_model import GroupLine, Noticed, Rated
 from analysis.statistics.omnibus import Friedman, MonteCarlo, SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest
 from analysis.statistics.slope import LevelSlope, Slope
 from analysis.statistics.summary import ConditionTests
-from analysis.trials.law_likelihood import LawOrder
-from analysis.trials.trial_statistics import LawScore
+from analysis.trials.law_comparison import LawOrder, LawScore
 
 
 def unknown(found: NotEstimable, *names: str) -> Json:
@@ -121,69 +114,108 @@ def pair_json(pair: PairwiseTest) -> Json:
     return {**names, **with_reasons(pair.test), "p_holm": or_null(pair.p_holm)}
 
 
-def fit_json(
-    fit: LinearSensitivity | OrdinalSensitivity | TwoStageSensitivity | NotEstimable,
-) -> Json:
-    """Return the fit with the subjects' and the population's lines beside its other numbers."""
-    found: Json = plain(fit)
-    if isinstance(fit, TwoStageSensitivity):
-        del found["ratings"]
-        return {**fit_json(fit.ratings), **found}
-    if isinstance(fit, NotEstimable):
-        return found
-    del found["lines"]
-    return {**_lines_json(fit.lines), **found}
+def estimate_json(name: str, found: Estimate | NotEstimable) -> Json:
+    """Return an estimate as `name` and `name_ci`, or both as `null` with the reason."""
+    if isinstance(found, NotEstimable):
+        return {name: None, f"{name}_ci": None, **why(name, found)}
+    return {name: found.value, f"{name}_ci": list(found.interval)}
 
 
-def _lines_json(lines: Lines) -> Json:
-    population = {name: value for name, value in plain(lines).items() if name != "subjects"}
-    subjects = subjects_json(lines.subjects)
-    if not lines.group_known:
-        reason = "a single subject tells nothing about a population"
-        return {"subjects": subjects, "population": None, "population_reason": reason}
-    small = {"below_share_of_gain": SMALL_SPREAD, "p": population.pop("small_gain_sd")}
-    return {"subjects": subjects, "population": {**_line_json(population), "small_gain_sd": small}}
+def people_json(rating: Rated | NotEstimable) -> list[Json]:
+    """Return the level and the gain of each subject, and whether the gain is told."""
+    if isinstance(rating, NotEstimable):
+        return []
+    names = ("level", "gain", "relative_gain", "bias")
+    return [
+        {
+            "subject": person.subject,
+            "trials": person.trials,
+            **_estimates_json(person, *names),
+            "told": person.told,
+            **({} if person.told else {"reason": person.reason}),
+        }
+        for person in rating.subjects
+    ]
 
 
-def subjects_json(lines: Sequence[SubjectLine]) -> list[Json]:
-    """Return the subjects' lines, with a reason where one cannot be compared with others."""
-    alone = {"relative_gain_reason": "a single subject has no others to compare with"}
-    return [_line_json(plain(line)) | ({} if line.relative_gain_known else alone) for line in lines]
+def noticing_json(noticing: Noticed | NotEstimable) -> Json:
+    """Return d and criterion of the group and of each subject."""
+    if isinstance(noticing, NotEstimable):
+        return {**unknown(noticing, "group"), "subjects": []}
+    return {
+        "group": {
+            **_estimates_json(noticing, "d", "criterion", "lean"),
+            "p": noticing.p,
+            "unit": noticing.unit,
+            "share": noticing.share,
+        },
+        "subjects": [
+            {"subject": person.subject, **_estimates_json(person, "d", "criterion")}
+            for person in noticing.subjects
+        ],
+    }
 
 
-def _line_json(line: Json) -> Json:
-    """Return a line with short names of intervals, and `null` in place of an unbounded JND."""
-    # `_ci` is the name in `report.json`, which programs of others read.
-    found = {name.replace("interval", "ci"): value for name, value in line.items()}
-    # JSON has no infinity.
-    low, high = (None if end == math.inf else end for end in found["jnd_ci"])
-    jnd = None if found["jnd"] == math.inf else found["jnd"]
-    reason = {} if high else {"jnd_reason": "unbounded, because the gain may be 0"}
-    return {**found, "jnd": jnd, "jnd_ci": [low, high], **reason}
+def rating_json(rating: Rated | NotEstimable) -> Json:
+    """Return what the ratings tell of the group, of groups and of conditions."""
+    if isinstance(rating, NotEstimable):
+        estimates = ("group_level", "group_gain", "group_bias", "selection")
+        numbers = ("contrast", "span", "equal_gains", "gain_sd_below")
+        known: Json = {"told": False, "effects": {}, "groups": [], "differences": []}
+        ends = (f"{name}_ci" for name in estimates)
+        return {**unknown(rating, *estimates, *ends, *numbers), **known}
+    of_group = {f"group_{name}": getattr(rating, name) for name in ("level", "gain", "bias")}
+    selection = rating.selection or NotEstimable("nothing was selected by the answers")
+    found: Json = {}
+    for name, estimate in {**of_group, "selection": selection}.items():
+        found |= estimate_json(name, estimate)
+    return {
+        **found,
+        "contrast": rating.contrast,
+        "span": rating.span,
+        "equal_gains": rating.equal_gains,
+        "gain_sd_below": rating.gain_sd_upper,
+        "told": rating.untold is None,
+        **({} if rating.untold is None else {"reason": rating.untold.reason}),
+        "effects": {name: plain(of) for name, of in rating.effects.items()},
+        "groups": [_line_json(line) for line in rating.groups],
+        "differences": [_line_json(line) for line in rating.differences],
+    }
+
+
+def _line_json(line: GroupLine) -> Json:
+    return {"name": line.name, **_estimates_json(line, "level", "gain")}
+
+
+def _estimates_json(record: object, *names: str) -> Json:
+    found: Json = {}
+    for name in names:
+        found |= estimate_json(name, getattr(record, name))
+    return found
 
 
 def law_json(score: LawScore) -> Json:
-    """Return how a law orders the conditions and fits the ratings."""
+    """Return how a law orders the conditions and explains the ratings."""
     return {
         "law": score.law,
         **_order_json(score.order),
         "predicted": plain(score.predicted),
-        "who_felt_what": with_reasons(score.likelihood),
+        "log_evidence": or_null(score.log_evidence),
+        **why("log_evidence", score.log_evidence),
+        "ln_bayes_factor": or_null(score.ln_bayes_factor),
+        **why("ln_bayes_factor", score.ln_bayes_factor),
     }
 
 
 def _order_json(order: LawOrder | NotEstimable) -> Json:
     if isinstance(order, NotEstimable):
-        names = ("spearman", "p", "rho_needed", "r_needed", "order", "order_tied")
-        return {**unknown(order, *names), "order": [], "order_tied": []}
+        return {**unknown(order, "spearman", "p"), "order": [], "order_tied": []}
     known: Json = {
         "spearman": or_null(order.spearman),
         "order": list(order.order),
         "order_tied": plain(order.tied),
         "p": or_null(order.p),
-        "rho_needed": or_null(order.rank_needed),
-        "r_needed": or_null(order.needed),
     }
     if isinstance(order.spearman, NotEstimable):
         known["reason"] = order.spearman.reason
-    return {**known, **why("rho_needed", order.rank_needed)}
+    return known

@@ -6,16 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import FloatArray, IntArray, Interval, NotEstimable, ScoreTable
+from analysis.estimates import (
+    Estimate,
+    FloatArray,
+    IntArray,
+    Interval,
+    NotEstimable,
+    ScoreTable,
+)
 from analysis.report import drawing as plot
 from analysis.report.findings import Findings, Scale
-from analysis.sensitivity.linear_model import LinearSensitivity
-from analysis.sensitivity.lines import Lines, Ratings, SubjectLine
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
-from analysis.sensitivity.predictive_checks import PredictiveStatistic
+from analysis.sensitivity.answers_model import Person
+from analysis.sensitivity.lines import Ratings
 from analysis.trials.contrasts import ScoredTrials
 from analysis.trials.track_fits import mean_over_people
-from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.changes import LAW
 
 # docs/report.md names these numbers: beyond them a figure is too dense to read.
@@ -24,15 +28,13 @@ MOST_POINTS = 2_000
 MOST_INTERVALS = 40
 MOST_PEOPLE = 60
 CURVE_POINTS = 101
-HEADLINE, SIMPLE = "M2", "M1 (simple comparison)"
-"""Names of the models in figures and tables."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ByLevel:
     """Scores of a condition by level, if it has several, thinned if there are very many.
 
-    `mean`, `error` and M2's `expected` go with levels `at`.
+    `mean`, `error` and the model's `expected` go with levels `at`.
     """
 
     condition: str
@@ -55,29 +57,24 @@ def thinned(count: int, most: int) -> IntArray:
     return np.arange(count) if count <= most else np.arange(most) * count // most
 
 
-def model_curves(found: Findings) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Return contrasts of rated trials, and the group's expected ratings there by model."""
+def model_curve(found: Findings) -> tuple[FloatArray, FloatArray] | None:
+    """Return contrasts of rated trials, and the group's ratings there; None where they are none.
+
+    The line ends at the ends of the scale.
+    """
+    rating, (_, is_measured) = found.sensitivity.rating, found.predictor
+    # A line over measured contrasts has no place among predicted ones.
+    if isinstance(rating, NotEstimable) or is_measured:
+        return None
     contrast = found.trials.scored.ratings.given.contrast
-    # Only where there are data: the models promise nothing beyond.
+    # Only where there are data: the model promises nothing beyond.
     at = np.linspace(contrast.min(), contrast.max(), CURVE_POINTS)
-    curves, m1, m2 = {}, found.trials.m1, found.trials.m2
-    if isinstance(m2, OrdinalSensitivity):
-        curves[HEADLINE] = m2.expected_ratings(at)
-    if isinstance(m1, LinearSensitivity):
-        bias, gain = m1.lines.middle
-        curves[SIMPLE] = bias + gain * at
-    return at, curves
+    return at, np.clip(rating.of(at), found.scale.lowest, found.scale.highest)
 
 
-def gains(trials: TrialStatistics) -> dict[str, Lines]:
-    """Return the lines of those of M2 and M1 that were fitted by name, the headline first."""
-    fits = {HEADLINE: trials.m2, SIMPLE: trials.m1}
-    return {name: fit.lines for name, fit in fits.items() if not isinstance(fit, NotEstimable)}
-
-
-def drawn_subjects(lines: Lines) -> list[SubjectLine]:
+def drawn_subjects(subjects: Sequence[Person]) -> list[Person]:
     """Return the subjects whose intervals are drawn."""
-    return [lines.subjects[place] for place in thinned(len(lines.subjects), MOST_INTERVALS)]
+    return [subjects[place] for place in thinned(len(subjects), MOST_INTERVALS)]
 
 
 def course(scored: ScoredTrials) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
@@ -102,7 +99,8 @@ def levels(found: Findings) -> tuple[ByLevel, ...]:
     # A condition at a single level has no course over levels.
     several = scored.groupby("condition")["level"].nunique().gt(1)
     names = [name for name in found.loaded.table.conditions if several.get(name, False)]
-    m2 = found.trials.m2
+    rating, (_, is_measured) = found.sensitivity.rating, found.predictor
+    model = None if isinstance(rating, NotEstimable) or is_measured else rating
     made = []
     for name in names:
         own = scored[scored["condition"] == name]
@@ -110,7 +108,7 @@ def levels(found: Findings) -> tuple[ByLevel, ...]:
         at = by_level["contrast"].mean().to_numpy()
         drawn = own.iloc[thinned(len(own), MOST_POINTS // len(names))]
         # Without all predicted contrasts the line would have gaps that look like data.
-        known = None if isinstance(m2, NotEstimable) or not np.isfinite(at).all() else m2
+        known = model if np.isfinite(at).all() else None
         scores = by_level["score"]
         made.append(
             ByLevel(
@@ -121,7 +119,7 @@ def levels(found: Findings) -> tuple[ByLevel, ...]:
                 mean=scores.mean().to_numpy(),
                 error=np.asarray(scores.sem(), np.float64),
                 counts=np.asarray(scores.count(), np.int64),
-                expected=None if known is None else known.expected_ratings(at),
+                expected=None if known is None else np.clip(known.of(at), *found.scale),
             )
         )
     return tuple(made)
@@ -160,18 +158,17 @@ def _shown_people(table: ScoreTable) -> list[int]:
     return list(dict.fromkeys(int(row) for row in ends))
 
 
-# Figures of the models: ratings against contrasts, sensitivities, and predictive checks.
+# Figures of the models: ratings against contrasts, and sensitivities.
 
 
 def scatter_figure(
     ratings: Ratings,
     scale: Scale,
-    at: FloatArray,
-    curves: Mapping[str, FloatArray],
+    curve: tuple[FloatArray, FloatArray] | None,
     thresholds: Mapping[str, tuple[float, Interval | NotEstimable]],
     sheet: plot.Sheet,
 ) -> None:
-    """Draw ratings against predicted contrasts, and the models' curves at the contrasts `at`.
+    """Draw ratings against predicted contrasts, and the model's line.
 
     `thresholds` of tracks, with their intervals, stand on the same axis.
     """
@@ -189,9 +186,8 @@ def scatter_figure(
             alpha=0.7,
             label=labels[place],
         )
-    for model, curve in curves.items():
-        dashes = "-" if model == HEADLINE else "--"
-        axes.plot(at, curve, color="black", linestyle=dashes, label=f"group, {model}")
+    if curve is not None:
+        axes.plot(*curve, color="black", label="group, model")
     for number, (track, (value, ends)) in enumerate(thresholds.items()):
         colour = plot.COLOURS[1 + number % (len(plot.COLOURS) - 2)]
         axes.axvline(value, color=colour, linestyle=":", label=f"threshold, {track}")
@@ -216,56 +212,50 @@ def thresholds_of(found: Findings) -> dict[str, tuple[float, Interval | NotEstim
     }
 
 
-def gains_figure(models: Mapping[str, Lines], sheet: plot.Sheet) -> None:
-    """Draw each subject's gain with its 95% interval, with the models side by side."""
-    axes = sheet.axes()
-    for number, (model, lines) in enumerate(models.items()):
-        # Side by side, so that the intervals of two models do not cover each other.
-        offset = 0.25 * (number - (len(models) - 1) / 2)
-        _subject_intervals(axes, lines, "gain", offset, number, f"{model}, 95% interval")
-        if lines.group_known:
-            axes.axhline(lines.gain, color=plot.COLOURS[number], linewidth=0.8, linestyle="--")
+def gains_figure(subjects: Sequence[Person], group: float | None, sheet: plot.Sheet) -> None:
+    """Draw each subject's gain with its 95% interval, and the group's gain."""
+    axes = _subject_intervals(sheet, subjects, [person.gain for person in subjects])
+    if group is not None:
+        axes.axhline(group, color=plot.COLOURS[0], linewidth=0.8, linestyle="--")
     axes.set_ylabel("gain, points per unit of contrast")
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncol=2, frameon=False)
 
 
-def relative_gains_figure(lines: Lines, sheet: plot.Sheet) -> None:
+def relative_gains_figure(subjects: Sequence[Person], sheet: plot.Sheet) -> None:
     """Draw each subject's gain less the mean gain, with its 95% interval."""
-    axes = sheet.axes()
-    _subject_intervals(axes, lines, "relative_gain")
+    relative = [of for it in subjects if isinstance(of := it.relative_gain, Estimate)]
+    axes = _subject_intervals(sheet, subjects, relative)
     axes.axhline(0.0, color=plot.GREY, linewidth=0.8, linestyle="--")
     axes.set_ylabel("relative gain, points per unit")
 
 
-def _subject_intervals(
-    axes: plot.Axes, lines: Lines, of: str, offset: float = 0.0, number: int = 0, label: str = ""
+def levels_of_people_figure(
+    subjects: Sequence[Person], group: float | None, scale: Scale, sheet: plot.Sheet
 ) -> None:
-    subjects = drawn_subjects(lines)
-    middle = np.array([getattr(line, of) for line in subjects])
-    ends = np.array([getattr(line, f"{of}_interval") for line in subjects])
-    places = np.arange(len(subjects), dtype=np.float64) + offset
-    plot.intervals(axes, places, middle, ends, number, label)
-    plot.name_places(axes, plot.labels_of(tuple(line.subject for line in subjects), "subject"))
+    """Draw each subject's level with its 95% interval and number of trials, and the group's."""
+    axes = _subject_intervals(sheet, subjects, [person.level for person in subjects])
+    if group is not None:
+        axes.axhline(group, color=plot.COLOURS[0], linewidth=0.8, linestyle="--")
+    low, high = plot.limits(scale)
+    ends = np.array([person.level.interval for person in subjects])
+    bottom, top = min(low, float(ends[:, 0].min())), max(high, float(ends[:, 1].max()))
+    # Levels may lie beyond the scale, whose end many scores have reached.
+    axes.axhspan(scale.lowest, scale.highest, color=plot.GREY, alpha=0.12, linewidth=0)
+    axes.set(ylim=(bottom, top + 0.08 * (top - bottom)), ylabel=f"level, on {scale}")
+    for place, person in enumerate(subjects):
+        where = (place, top + 0.04 * (top - bottom))
+        axes.annotate(f"{person.trials}", where, ha="center", va="center", fontsize="small")
+
+
+def _subject_intervals(
+    sheet: plot.Sheet, subjects: Sequence[Person], estimates: Sequence[Estimate]
+) -> plot.Axes:
+    axes = sheet.axes()
+    middle = np.array([estimate.value for estimate in estimates])
+    ends = np.array([estimate.interval for estimate in estimates])
+    plot.intervals(axes, np.arange(len(subjects), dtype=np.float64), middle, ends)
+    plot.name_places(axes, plot.labels_of(tuple(it.subject for it in subjects), "subject"))
     axes.set_xlabel("subject")
-
-
-def predictive_figure(data: Sequence[PredictiveStatistic], sheet: plot.Sheet) -> None:
-    """Draw each statistic of the study beside the 95% interval of simulated studies.
-
-    Each is relative to the median of the simulated ones, so that they share an axis.
-    """
-    # A median of 0 leaves its statistic as it is.
-    unit = np.array([each.predicted or 1.0 for each in data])
-    study = np.array([each.observed for each in data]) / unit
-    simulated = np.array([each.predicted for each in data]) / unit
-    ends = np.array([each.predicted_interval for each in data]) / unit[:, None]
-    axes, places = sheet.axes(), np.arange(len(data))
-    plot.intervals(axes, places, simulated, ends, 0, "simulated studies, 95%")
-    axes.plot(places, study, "D", color=plot.COLOURS[1], label="this study")
-    plot.name_places(axes, [each.name.replace(" ", "\n") for each in data])
-    axes.set_ylim(bottom=0)
-    axes.set_ylabel("distance from the model, relative")
-    axes.legend(loc="best", frameon=False)
+    return axes
 
 
 # Figures of scores: by condition, over the session, by level, and by participant.
@@ -373,7 +363,7 @@ def factor_figure(
 
 
 def levels_figure(data: Sequence[ByLevel], scale: Scale, sheet: plot.Sheet) -> None:
-    """Draw scores against the level of each condition: all of them, means, and M2's curve."""
+    """Draw scores against the level of each condition: all of them, means, and the model's line."""
     columns = min(len(data), 3)
     rows = -(-len(data) // columns)
     grid = sheet.grid(rows, columns, 1.0 + 2.4 * rows)
@@ -384,7 +374,7 @@ def levels_figure(data: Sequence[ByLevel], scale: Scale, sheet: plot.Sheet) -> N
         errors = np.nan_to_num(own.error)
         axes.errorbar(own.at, own.mean, yerr=errors, fmt="o", color=plot.COLOURS[0])
         if own.expected is not None:
-            axes.plot(own.at, own.expected, color="black", label="M2")
+            axes.plot(own.at, own.expected, color="black", label="model")
         axes.set_title(own.condition, fontsize="medium")
         axes.set_ylim(plot.limits(scale))
     grid[0].set_ylabel(f"score, {scale}")

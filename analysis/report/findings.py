@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimates import LEVEL, plain
+from analysis.estimates import LEVEL, FloatArray, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.loading.records import values
+from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
-from analysis.sensitivity.linear_model import own_gains
+from analysis.sensitivity.answers_model import Sensitivity, sensitivity
 from analysis.statistics.corrections import holm
 from analysis.statistics.factorial import Factorial
 from analysis.statistics.groups import (
@@ -23,7 +24,9 @@ from analysis.statistics.groups import (
     GroupStatistics,
     group_statistics,
 )
+from analysis.statistics.slope import own_gains
 from analysis.statistics.summary import TableStatistics
+from analysis.trials.study_answers import predictor
 from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
@@ -191,6 +194,23 @@ class Findings:
         return records
 
     @cached_property
+    def predictor(self) -> tuple[FloatArray, bool]:
+        """The contrasts that sensitivity is to, (trials,), and whether they were measured."""
+        scored = is_scored(self.loaded.trials).to_numpy()
+        measured = None if self.measured is None else self.measured.trials.best
+        return predictor(self.trials.contrasts.by_law[LAW], measured, scored)
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity:
+        """What the model of the answers tells of the people."""
+        return sensitivity(self.trials.answers(self.predictor[0]))
+
+    @property
+    def contrast(self) -> str:
+        """What sensitivity is to: a predicted contrast, or a measured one."""
+        return "measured contrast" if self.predictor[1] else "predicted contrast"
+
+    @cached_property
     def questions(self) -> Questions:
         """The questions about conditions, people, groups and factors."""
         groups, factors = self._groups(), self.trials.factorial
@@ -237,9 +257,10 @@ class Findings:
         if not rows:
             return None
         names = tuple(dict.fromkeys((*self.study.groups, *known.values())))
+        trials, people = self.trials.answered, len(table.subjects)
         return group_statistics(
             responses=table.scores[rows],
-            gains=own_gains(self.trials.answered)[rows],
+            gains=own_gains(trials.rating, trials.contrast, trials.subject, people)[rows],
             groups=np.array([names.index(known[table.subjects[row]]) for row in rows]),
             names=names,
             conditions=table.conditions,

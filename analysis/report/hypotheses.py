@@ -17,12 +17,12 @@ from analysis.estimates import LEVEL, NotEstimable
 from analysis.report import results as page
 from analysis.report.blocks import at
 from analysis.report.findings import Findings
-from analysis.report.wording import interval, number, p_equals
+from analysis.report.wording import chance, interval, number, p_equals
 from analysis.statistics.groups import Compared, compared, mean_scores
 from analysis.statistics.signed_rank import signed_rank
 from analysis.statistics.slope import FEWEST_CONDITIONS
 from analysis.statistics.summary import ConditionTests
-from analysis.trials.law_likelihood import LawOrder
+from analysis.trials.law_comparison import LawOrder
 from device.friction.changes import LAW
 from protocol.registration import registration as hypothesis
 from protocol.study.study import Study
@@ -116,6 +116,7 @@ def _of_responses(study: Study) -> Iterator[Hypothesis]:
     )
     judge_order = partial(_order, lambda found: found.trials.orders)
     yield predicted(hypothesis.ORDER, _RANKED.format(of="responses"), judge_order, page.FOLLOW)
+    yield predicted(hypothesis.GAINS, _EQUAL, _gains, page.SENSITIVE)
     for pair in permutations(study.groups, 2):
         judge = partial(_groups, *pair, _group_responses)
         test = _BETWEEN.format(of="responses")
@@ -137,33 +138,31 @@ def _of_scores(study: Study, version: str) -> Iterator[Hypothesis]:
     for pair in permutations(study.conditions, 2):
         judge = partial(_pair, *pair, lambda found: found.table.score_tests)
         yield named(hypothesis.above(*pair), _ABOVE.format(of=""), judge)
-    gain = "gain of the ordinal mixed model M2; its 95 % interval lies above 0"
-    yield named(hypothesis.FOLLOWS, gain, _gain, page.FOLLOW)
     judge_order = partial(_order, lambda found: found.trials.orders_of_scores())
     yield named(hypothesis.ORDER, _RANKED.format(of="ratings"), judge_order, page.FOLLOW)
     for pair in permutations(study.groups, 2):
         judge = partial(_groups, *pair, _group_scores)
         test = _BETWEEN.format(of="scores")
         yield named(hypothesis.between(*pair), test, judge, page.GROUPS)
-    for of in _effects(study):
-        name = hypothesis.effect_of(*of)
+    kinds = ("main effect", "interaction")
+    gain = "gain of the ordinal mixed model M2; its 95 % interval lies above 0"
+    untested = [
+        (hypothesis.FOLLOWS, gain, page.FOLLOW),
+        (hypothesis.GAINS, _MANDEL, page.SENSITIVE),
+        *(
+            (hypothesis.effect_of(*of), f"{kinds[len(of) - 1]} {_BY_FACTOR}", page.FACTORS)
+            for of in _effects(study)
+        ),
+    ]
+    for name, test, question in untested:
         why = (
             f"registered with touchbeam {version}, whose test of {name} this version does not have"
         )
-        test = f"{'main effect' if len(of) == 1 else 'interaction'} {_BY_FACTOR}"
-        judge = partial(_without_test, why)
-        yield named(name, test, judge, page.FACTORS, tested=False)
+        yield named(name, test, partial(_without_test, why), question, tested=False)
 
 
 def _of_conditions(study: Study) -> Iterator[Hypothesis]:
-    """Yield what touchbeam 1 tested as today."""
-    yield Hypothesis(
-        hypothesis.GAINS,
-        "F test of the participants' slopes on the conditions' effects (Mandel); p < .05",
-        lambda found: _tested(at(found.table, "heterogeneity.p")),
-        "",
-        asked=bool(study.condition),
-    )
+    """Yield what touchbeam 1 tested as today, of studies with catch trials."""
     caught = partial(Hypothesis, asked=bool(study.condition and study.design.catch_trials))
     for each in ("", *study.conditions):
         corrected = ", corrected by Holm's method over all conditions" * bool(each)
@@ -214,6 +213,11 @@ _LARGER = (
 _MAIN_EFFECT = f"main effect within participants on ranks of mean responses: {_LARGER}"
 _INTERACTION = f"interaction within participants on mean responses: {_LARGER}"
 _BY_FACTOR = f"within participants on mean scores: {_LARGER}"
+_EQUAL = (
+    "probability that all participants have the same gain, in the model of the answers and .50 "
+    "before the study; below .05"
+)
+_MANDEL = "F test of the participants' slopes on the conditions' effects (Mandel); p < .05"
 _WEBER = (
     "the 95% t interval of the geometric mean of the participants' Weber fractions, measured where "
     "friction was recorded of all of them, else predicted, lies below the limit"
@@ -261,15 +265,15 @@ def _without_test(why: str, _: Findings) -> Judged:
     return NotEstimable(why)
 
 
-def _gain(found: Findings) -> Judged:
-    fit = found.trials.m2
-    if isinstance(fit, NotEstimable):
-        return fit
-    ends = fit.lines.gain_interval
-    if not fit.lines.group_known:
-        return NotEstimable("a single participant tells nothing about a group")
-    # A posterior interval decides, so that there is no p.
-    return f"gain {number(fit.lines.gain, 2)}, 95% CI {interval(ends)}", None, ends[0] > 0
+def _gains(found: Findings) -> Judged:
+    rating = found.sensitivity.rating
+    if isinstance(rating, NotEstimable):
+        return rating
+    if isinstance(rating.gain, NotEstimable):
+        return rating.gain
+    # A posterior probability decides, so that there is no p.
+    equal = f"equal gains have {chance(rating.equal_gains)}, before the study .50"
+    return equal, None, rating.gains_differ
 
 
 def _order(orders: Callable[[Findings], _Orders], found: Findings) -> Judged:
@@ -354,8 +358,10 @@ def _threshold(track: str, found: Findings) -> Judged:
 def _higher(higher: str, lower: str, found: Findings) -> Judged:
     logs: dict[str, dict[str, float]] = {higher: {}, lower: {}}
     for each in found.thresholds.people if found.thresholds else ():
-        if each.track in logs and each.threshold > 0:
-            logs[each.track][each.participant] = log(each.threshold)
+        # Of a threshold beyond the levels the last one counts: to leave it out selects people.
+        value = each.threshold if each.limit is None else each.limit
+        if each.track in logs and value > 0:
+            logs[each.track][each.participant] = log(value)
     both = [who for who in logs[higher] if who in logs[lower]]
     differences = np.array([logs[higher][who] - logs[lower][who] for who in both])
     test = signed_rank(differences)

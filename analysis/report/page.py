@@ -28,7 +28,6 @@ from analysis.report.sections import (
     thresholds,
 )
 from analysis.report.wording import count_of
-from analysis.trials.trial_statistics import LINKS
 from device.friction.laws import LAWS
 from protocol.errors import BadInput, listed
 from protocol.journal.events import UNKNOWN_UTC
@@ -37,31 +36,27 @@ from protocol.study.fields import printable
 # The terms of the report, each in a sentence or two, for readers of other fields.
 
 _TERMS = {
-    "95% CI": "confidence interval, or for M1 to M3 the interval that holds the value with a "
-    "probability of 95%, given the model.",
-    "bias": "the rating that a subject gives where no change of friction is predicted.",
+    "95% CI": "confidence interval, or for levels, gains and d the interval that holds the value "
+    "with a probability of 95%, given the model.",
     "contrast": "predicted change of friction, as a difference of natural logarithms: .10 is a "
     "change of about 10%. It is positive if friction changes as the study expects. At a place: "
     "friction there before and after. Over a path: root mean square difference along the way. "
     "Growth of a swing: how much more friction varies along the way than before.",
-    "d′": "how well a change is noticed: the contrast over the noise in a subject's perception.",
+    "d": "how much more strongly a change of one SD of the contrasts is felt, in SDs of the noise "
+    "in a subject's perception.",
+    "d′": "how much more often changes are reported with a signal than on catch trials: z of the "
+    "one share less z of the other.",
     "gain": "rating points per unit of contrast: a subject's sensitivity.",
     "as expected": "the answer that the study file expects of a condition; the other way is its "
     "opposite, such as rougher in place of smoother.",
     "Holm's correction": "p-values of several tests, raised so that where nothing has an effect "
     "any is called significant in at most 5% of studies.",
-    "JND": "just noticeable difference, by ratings: the contrast that moves a rating by one "
-    "standard deviation of its noise, which is that deviation over the gain. It is no threshold "
-    "of a psychometric function: nobody compared two changes.",
     "Kendall's W": "agreement of the subjects' rankings: 0 none, 1 perfect.",
     "law": "how friction follows from vibration. {laws}: printed is the paper's law as it "
     "stands, consistent repairs it so that it has the right limits, coulomb cannot exceed "
     "Coulomb's friction.",
-    "M1, M2, M3": "models of the ratings. M1 is a straight line per subject. M2, the headline, "
-    "adds steps of the scale, its ceiling, and what conditions have beyond their contrast. M3 "
-    "first models whether a change is noticed.",
-    "own share": "how much of what is said of a subject comes from the subject's own trials; "
-    "the rest is borrowed from the group.",
+    "level": "the rating that a subject gives to a change of medium size, the mean of the "
+    "rated contrasts.",
     "p": "probability of data at least as far from no effect as these, if there is none.",
     "response": f"{IN_WORDS}. Every answer counts.",
     "r": "rank-biserial correlation: 1 if every subject whose responses differ has more for the "
@@ -72,8 +67,7 @@ _TERMS = {
 
 
 _OF_PREDICTIONS = frozenset(
-    {"bias", "contrast", "d′", "gain", "JND", "law", "M1, M2, M3", "own share"}
-    | {"relative gain", "rung"}
+    {"contrast", "d", "d′", "gain", "law", "level", "relative gain", "rung"}
 )
 
 
@@ -150,7 +144,6 @@ class Part:
     Attributes:
         make: makes the section.
         figures: names of all the figures that it may have.
-        fits: those that it needs beside M2, which the results in words need, too.
         front: makes what stands among the results whichever sections are shown.
         of_tracks: whether a study of tracks alone has it; all others compare conditions.
         of_predictions: whether it is about predicted friction, which not every surface has.
@@ -159,7 +152,6 @@ class Part:
     make: Callable[[Findings], blocks.Section]
     _: KW_ONLY
     figures: Sequence[str] = ()
-    fits: Sequence[str] = ()
     front: Callable[[Findings], Iterable[blocks.Block]] | None = None
     of_tracks: bool = False
     of_predictions: bool = False
@@ -182,19 +174,18 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
             front=thresholds.curves_figures,
             of_tracks=True,
         ),
-        "tests": Part(conditions.tests, figures=("scores",), front=_each(conditions.scores_figure)),
+        "tests": Part(
+            conditions.tests, figures=("scores", "people"), front=_each(conditions.scores_figure)
+        ),
         "groups": Part(groups_and_factors.groups, figures=("groups",)),
         "detection": Part(noticed.section, figures=("noticed",)),
         "factors": Part(groups_and_factors.factors, figures=groups_and_factors.FIGURES),
-        "agreement": Part(conditions.agreement, figures=("people",), fits=LINKS),
         "sensitivity": Part(
             sensitivity.section,
-            figures=("relative-gains", "sensitivity"),
-            fits=("M3",),
-            front=_each(sensitivity.relative_figure),
+            figures=sensitivity.FIGURES,
+            front=_each(sensitivity.front_figure),
             of_predictions=True,
         ),
-        "measured": Part(sensitivity.measured_section, fits=("M3",), of_predictions=True),
         "model": Part(
             predictions.section,
             figures=("model", "levels"),
@@ -204,21 +195,15 @@ SECTIONS: Mapping[str, Part] = MappingProxyType(
         "questions": Part(scores.own_questions, of_tracks=True),
         "left-out": Part(session_checks.left_out, of_tracks=True),
         "checks": Part(session_checks.section, figures=session_checks.FIGURES),
-        "predictive": Part(
-            model_checks.predictive,
-            figures=("predictive-m2", "predictive-m3"),
-            fits=("M3",),
-            of_predictions=True,
-        ),
         "recovery": Part(model_checks.recovery, of_predictions=True),
-        "contrasts": Part(model_checks.section, fits=("M2 at places",), of_predictions=True),
+        "contrasts": Part(model_checks.section, of_predictions=True),
         "glossary": Part(glossary, of_tracks=True),
         "provenance": Part(methods.provenance, of_tracks=True),
         "trials": Part(scores.trials, of_tracks=True),
     }
 )
 """The sections of the page by name, in the order in which an author needs them."""
-FORMER_SECTIONS = frozenset({"multiverse"})
+FORMER_SECTIONS = frozenset({"agreement", "measured", "multiverse", "predictive"})
 """Sections of earlier versions, which the `report.toml` of a study may still name."""
 
 

@@ -108,7 +108,7 @@ def report(
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
     trials = TrialStatistics(data=loaded, study=study, rig=origin.rig)
-    result = Report(
+    return Report(
         title=title,
         loaded=loaded,
         study=study,
@@ -118,10 +118,6 @@ def report(
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         shown=shown,
     )
-    needed = (fit for name in result.needed for fit in SECTIONS[name].fits)
-    # Before any section asks for them, because sections ask one after another.
-    trials.fit_ahead(dict.fromkeys(needed))
-    return result
 
 
 _KEYS = (
@@ -130,10 +126,10 @@ _KEYS = (
     *("friedman", "skillings_mack", "kendall_w", "kendall_w_interval"),
     *("interval_coverage", "rank_sums", "pairwise", "questions_p_holm", "responses", "scores"),
     "directions",
-    *("icc", "additive", "gain_heterogeneity", "ordinal"),
-    *("sensitivity_model", "sensitivity_note", "sensitivity", "sensitivity_simple"),
-    *("sensitivity_models", "predictive_checks", "sensitivity_at_places", "measured"),
-    *("recovery", "contrast_law", "contrast_rung", "contrast_ranges", "laws", "checks", "signal"),
+    *("sensitivity_model", "sensitivity_note", "sensitivity", "noticing", "rating"),
+    "sensitivity_coverage",
+    *("measured", "recovery"),
+    *("contrast_law", "contrast_rung", "contrast_ranges", "laws", "checks", "signal"),
     *("questions", "trials", "provenance", "registration"),
 )
 """Order of the keys of `report.json`, fixed so that two reports can be compared; others follow."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from analysis.estimates import LEVEL, Interval, NotEstimable
+from analysis.estimates import LEVEL, Estimate, Interval, NotEstimable
 from analysis.report.findings import CHANGES_NOTICED, Findings
 from analysis.report.wording import (
     bounded,
@@ -20,8 +20,7 @@ from analysis.report.wording import (
     sentence,
     unbroken,
 )
-from analysis.sensitivity.lines import UNEQUAL, Lines
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.answers_model import Rated
 from analysis.statistics.factorial import Effect, Factorial, LevelMean, TestedEffect
 from analysis.statistics.groups import (
     GAIN,
@@ -49,6 +48,7 @@ WHICH = "Which ones?"
 GROUPS = "Do the groups differ?"
 FACTORS = "Which factors matter?"
 TOGETHER = "What was found?"
+SENSITIVE = "Are some people more sensitive?"
 WHICH_WAY = "Which way were the changes felt?"
 FOLLOW = "Do responses follow the predicted change of friction?"
 MOST_PAIRS = 3
@@ -85,14 +85,15 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield what predictions and the models of sensitivity answer."""
     if found.is_predicted:
         yield FOLLOW, _slope(found)
-    # Where friction was measured, skin is not in the gains: people are compared by these.
-    felt = None if found.measured is None else found.measured.m2
-    if isinstance(felt, OrdinalSensitivity):
-        yield "Do they follow the change that was measured?", _gain(felt.lines)
-        measured = "Friction was measured, so this is not a matter of skin."
-        yield from _spread(felt.lines, measured)
-    elif isinstance(found.trials.m2, OrdinalSensitivity):
-        yield from _spread(found.trials.m2.lines, _SKIN)
+    rating = found.sensitivity.rating
+    if isinstance(rating, NotEstimable) or isinstance(rating.gain, NotEstimable):
+        return
+    if found.predictor[1]:
+        yield "Do they follow the change that was measured?", _gain(rating.gain)
+    if rating.untold is None:
+        yield SENSITIVE, _differ(found, rating)
+    else:
+        yield SENSITIVE, f"{untold(rating)} {_levels(rating)}"
 
 
 def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
@@ -102,9 +103,14 @@ def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
 
 
 def _mean_threshold(each: CohortThreshold) -> str:
-    if isinstance(each.threshold, NotEstimable):
-        return f"not known, because {each.threshold.reason}."
     unit, ends = f" {each.unit}" * bool(each.unit), each.threshold_interval
+    if isinstance(each.threshold, NotEstimable):
+        of_all = ""
+        if not isinstance(each.mixed, NotEstimable):
+            low, high = each.mixed.threshold_interval
+            of_all = f"; the mean by the mixed model is {each.mixed.threshold:.3g}{unit}"
+            of_all += f", 95% CI [{low:.3g}, {high:.3g}]"
+        return f"no geometric mean, because {each.threshold.reason}{of_all}."
     said = "" if isinstance(ends, NotEstimable) else f", 95% CI [{ends[0]:.3g}, {ends[1]:.3g}]"
     of = f"geometric mean of {each.people} {'person' if each.people == 1 else 'people'}"
     note = f", {each.flagged} of them with notes in the section Thresholds" * bool(each.flagged)
@@ -179,8 +185,11 @@ def _noticed(found: Findings) -> str:
         "within people, Holm's correction), which does not show that none is"
     )
     rest = f"; this is not shown of {listed(others)}" if more and others else ""
+    alarmed = found.loaded.alarmed
+    beside = f" (with {count_of(alarmed, 'participant')} left out elsewhere for false alarms)"
     return (
-        f"A change was reported on {hits} trials with a change and on {alarms} catch trials, "
+        f"A change was reported on {hits} trials with a change and on {alarms} catch trials"
+        f"{beside * bool(alarmed)}, "
         f"{_p(found, CHANGES_NOTICED, all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
         f"{_ci(all_together.d_prime_interval)}. {told}{rest}."
     )
@@ -446,10 +455,8 @@ def _slope(found: Findings) -> str:
     )
 
 
-def _gain(lines: Lines) -> str:
-    if not lines.group_known:
-        return "A single participant tells nothing about a group."
-    low, high = lines.gain_interval
+def _gain(gain: Estimate) -> str:
+    low, high = gain.interval
     shown = (
         "which includes 0, so these data do not show that ratings follow it."
         if low <= 0 <= high
@@ -459,35 +466,55 @@ def _gain(lines: Lines) -> str:
     )
     return (
         "Per unit of measured contrast (change of log friction at the finger), ratings change by "
-        f"{number(lines.gain, 2)} points in the group{_ci(lines.gain_interval)}, {shown}"
+        f"{number(gain.value, 2)} points in the group{_ci(gain.interval)}, {shown}"
     )
 
 
-def _spread(lines: Lines, skin: str) -> Iterator[tuple[str, str]]:
-    """Yield how much gains differ between subjects, if there are several."""
-    if not lines.group_known:
-        return
+def _differ(found: Findings, rating: Rated) -> str:
+    """Return whether gains differ between subjects, and who differs."""
     apart = [
-        line
-        for line in lines.subjects
-        if line.relative_gain_interval[0] > 0 or line.relative_gain_interval[1] < 0
-    ] * (lines.equal_gains < UNEQUAL)
+        person.subject
+        for person in rating.subjects
+        if isinstance(of := person.relative_gain, Estimate)
+        and (of.interval[0] > 0 or of.interval[1] < 0)
+    ] * rating.gains_differ
     who = (
         f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
-        f"({listed(line.subject for line in apart[:MOST_PAIRS])}"
-        f"{', …' if len(apart) > MOST_PAIRS else ''})."
+        f"({listed(apart[:MOST_PAIRS])}{', …' if len(apart) > MOST_PAIRS else ''})."
         if apart
         else "no participant's gain can be told from the group's mean gain."
     )
-    spread = f"SD {number(lines.gain_sd, 2)}{_ci(lines.gain_sd_interval)}"
+    equal = f"equal gains have {chance(rating.equal_gains)} (.50 before the study)"
+    below = f"below {number(rating.gain_sd_upper, 2)} with {chance(0.95)}"
     differ = (
-        f"Gains differed between participants, {spread}"
-        if lines.equal_gains < UNEQUAL
-        else "These data do not show that gains differ between participants: equal gains have "
-        f"{chance(lines.equal_gains)} (.50 before the study), and if gains differ, their SD is "
-        f"below {number(lines.gain_sd_upper, 2)} with {chance(0.95)}"
+        f"Gains differed between participants: {equal}, their SD is {below}"
+        if rating.gains_differ
+        else f"These data do not show that gains differ between participants: {equal}, and if "
+        f"gains differ, their SD is {below}"
     )
-    yield "Are some people more sensitive?", f"{differ}; {who} {skin}"
+    skin = "Friction was measured, so this is not a matter of skin."
+    return f"{differ}; {who} {skin if found.predictor[1] else _SKIN}"
+
+
+def untold(rating: Rated) -> str:
+    """Return why the gains of people are not told, in a sentence."""
+    assert rating.untold is not None
+    return (
+        f"How sensitive each person is cannot be told from these data: {rating.untold.reason}. "
+        "What they do tell of each is a level, the rating of a change of medium size."
+    )
+
+
+def _levels(rating: Rated) -> str:
+    """Return how far apart the levels of people are."""
+    levels = sorted(rating.subjects, key=lambda person: person.level.value)
+    low, high = levels[0], levels[-1]
+    wide = np.mean([np.ptp(person.level.interval) for person in levels])
+    return (
+        f"Levels are from {number(low.level.value, 1)} ({low.subject}) to "
+        f"{number(high.level.value, 1)} ({high.subject}), each known to within "
+        f"±{number(float(wide) / 2, 1)} points on average."
+    )
 
 
 def _in_order(found: Findings) -> str:

@@ -4,10 +4,9 @@ import math
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.loading.records import Exclusion
-from analysis.sensitivity.lines import Lines
 from analysis.statistics.omnibus import Friedman, MonteCarlo
 from analysis.statistics.summary import ConditionTests
-from analysis.trials.law_likelihood import LawLikelihood, LawOrder, PredictionError
+from analysis.trials.law_comparison import LawOrder
 from analysis.trials.trial_checks import Proportion
 from protocol.errors import listed
 
@@ -16,17 +15,11 @@ UNBOUNDED = "unbounded"
 SKIN_IN_SHORT = "Without measured friction, a gain mixes skin with perception."
 SKIN = (
     f"{SKIN_IN_SHORT} The same vibration lowers the friction of a humid finger less than that of a "
-    "dry one, so people with different skin differ in gain although they perceive alike. In "
-    "simulated studies of 20 people and 20 trials each, fitted by M1, people perceived alike, but "
-    "the logarithm of the friction effect differed between their skins with a standard deviation "
-    "of .35: 95% intervals of gains on predicted contrasts held the true gain in 60% of cases "
-    "only, and the spread of gains was reported as 31% of the gain, all of it skin. On measured "
-    "contrasts they held it in 99%, and the spread reported was 4%."
+    "dry one, so people with different skin differ in gain although they perceive alike."
 )
-SIMPLE_ONLY = (
-    "M1 is a simple comparison. Do not use it where scores reach the highest possible or "
-    "conditions depart from the line: its intervals are then too narrow, and the group's often "
-    "excludes 0 although there is no gain."
+MEASURED = (
+    "Friction was measured at the finger in every recorded touch, so gains are to what was felt: "
+    "skin is not in them. The sensor's gain cancels in a contrast."
 )
 
 
@@ -125,7 +118,6 @@ def interval(
     if ends is None or isinstance(ends, NotEstimable) or any(map(math.isnan, ends)):
         return MISSING
     written = _bounded if bounded else number
-    # A JND has no upper limit where the gain may be 0.
     low, high = (written(end, digits) if end < math.inf else UNBOUNDED for end in ends)
     return f"[{low},\N{NO-BREAK SPACE}{high}]"
 
@@ -133,16 +125,6 @@ def interval(
 def beside(ends: Interval | NotEstimable, digits: int = 2) -> str:
     """Return an interval after the number that it belongs to, or nothing if there is none."""
     return "" if isinstance(ends, NotEstimable) else f" {interval(ends, digits)}"
-
-
-def group_gain(lines: Lines, contrast: str) -> str:
-    """Return the group's gain by M2 on predicted or measured contrasts, in one sentence."""
-    low, high = lines.gain_interval
-    return (
-        f"By M2, ratings change by {number(lines.gain, 2)} points per unit of {contrast} contrast "
-        f"in the group, 95% interval {interval(lines.gain_interval)}, which "
-        f"{'includes' if low <= 0 <= high else 'excludes'} 0."
-    )
 
 
 def _monte_carlo(found: MonteCarlo | None) -> str:
@@ -203,33 +185,8 @@ def of_all(shown: int, of: int, what: str) -> str:
     return f" {shown} of {of} {what} are drawn, evenly spaced." if shown < of else ""
 
 
-def needed_rank(order: LawOrder | NotEstimable) -> str:
-    """Return the smallest rank correlation of these ranks that has p < .05."""
-    if isinstance(order, NotEstimable):
-        return MISSING
-    needed = order.rank_needed
-    # No correlation at all would have p < .05 with so few conditions or so many ties.
-    return "none" if isinstance(needed, NotEstimable) else number(needed, 2)
-
-
 def ranking(order: LawOrder | NotEstimable) -> str:
     """Return the order of the conditions, the strongest first."""
     if isinstance(order, NotEstimable):
         return f"not estimable: {order.reason}"
     return " > ".join(" = ".join(group) for group in order.tied)
-
-
-def prediction_error(error: PredictionError | NotEstimable) -> str:
-    """Return the error of the predictions, and which of them lie outside the scale."""
-    if isinstance(error, NotEstimable):
-        return MISSING
-    outside = f" ({listed(error.outside_scale)} outside)" if error.outside_scale else ""
-    return number(error.with_law, 2) + outside
-
-
-def p_of_fit(felt: LawLikelihood | NotEstimable) -> str:
-    """Return p of a law's fit, or why there is none."""
-    if isinstance(felt, NotEstimable):
-        return MISSING
-    p = felt.gain_p
-    return f"not available: {p.reason}" if isinstance(p, NotEstimable) else p_value(p)

@@ -16,6 +16,11 @@ from analysis.estimates import BoolArray, FloatArray, IntArray
 SmallInts: TypeAlias = NDArray[np.int32]
 
 LOG_ROOT_2_PI = np.log(2 * np.pi) / 2
+# Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
+# keeps them finite if the answers do not overlap.
+WIDE = 10.0
+# A determinant of a positive matrix that is below 0 by no more than this part of its terms is 0.
+ROUNDING = 1e-9
 # Beyond it a normal distribution has no probability that a number of this machine can tell from 0.
 # Mills' ratio there is 1e297, and overflows soon after.
 BEYOND = -37.0
@@ -26,7 +31,8 @@ class LatentTrials(ABC):
     """Trials whose answers are intervals between edges that are linear in the parameters.
 
     They are sorted by subject; equal trials are listed once, with their number as `weight`. Of the
-    shared parameters those of edges come first, then the population's line, then discrepancies.
+    shared parameters those of edges and of other columns come first, then the population's line,
+    then discrepancies.
 
     Parameters:
         subjects, conditions: their number; with 0 conditions the model has no discrepancies.
@@ -53,6 +59,16 @@ class LatentTrials(ABC):
         """Positions of the population's line among the shared parameters; discrepancies follow."""
 
     @property
+    def shared_sd(self) -> FloatArray:
+        """Prior SD of each shared parameter but discrepancies."""
+        return np.full(self.line_columns.stop, WIDE)
+
+    @property
+    def without_lapses(self) -> Self | None:
+        """The trials as if no answer were a lapse, None if their likelihood is that already."""
+        return None
+
+    @property
     @abstractmethod
     def loadings(self) -> tuple[FloatArray, FloatArray]:
         """How upper and lower edge depend on the shared parameters, (trials, G) each.
@@ -75,6 +91,10 @@ class LatentTrials(ABC):
             Two arrays of shape (trials, points).
         """
 
+    def slopes(self, lower: FloatArray, upper: FloatArray) -> "EdgeSlopes":
+        """Return log P of each answer with its slopes by the edges, which are in order."""
+        return edge_slopes(lower, upper)
+
     def some(self, step: int) -> Self:
         """Return the trials of each `step`-th subject."""
         chosen = self.subject % step == 0
@@ -86,7 +106,7 @@ class LatentTrials(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OrdinalTrials(LatentTrials):
-    """Trials rated in categories between thresholds, (10).
+    """Trials rated in categories between thresholds, (3).
 
     Parameters:
         category: shape (trials,), from 0.
@@ -94,34 +114,53 @@ class OrdinalTrials(LatentTrials):
             thresholds and the initial values of free ones.
         free: shape (categories - 1,), which thresholds are estimated. At least two are fixed: they
             set the zero and the unit of the latent scale.
+        extra: shape (trials, columns), each of which adds its coefficient times its value to the
+            place of a trial.
+        extra_sd: shape (columns,), prior SD of each coefficient, which is 0 on average.
     """
 
     category: IntArray
     thresholds: FloatArray
     free: BoolArray
-    answers: ClassVar = ("category",)
+    extra: FloatArray
+    extra_sd: FloatArray
+    answers: ClassVar = ("category", "extra")
+
+    @property
+    def extra_columns(self) -> slice:
+        """Positions of the coefficients of `extra`: those after the free thresholds."""
+        free = int(self.free.sum())
+        return slice(free, free + self.extra.shape[1])
 
     @property
     def line_columns(self) -> slice:
-        """Those after the free thresholds."""
-        free = int(self.free.sum())
-        return slice(free, free + 2)
+        """Those after the coefficients of `extra`."""
+        first = self.extra_columns.stop
+        return slice(first, first + 2)
 
     @property
     def shared_start(self) -> FloatArray:
         """Thresholds as given, all else 0."""
-        return np.concatenate([self.thresholds[self.free], np.zeros(2 + self.conditions)])
+        others = self.extra.shape[1] + 2 + self.conditions
+        return np.concatenate([self.thresholds[self.free], np.zeros(others)])
+
+    @property
+    def shared_sd(self) -> FloatArray:
+        """`WIDE` for thresholds and line, `extra_sd` between them."""
+        found = np.full(self.line_columns.stop, WIDE)
+        found[self.extra_columns] = self.extra_sd
+        return found
 
     def edges(self, shared: FloatArray) -> FloatArray:
         """Return all thresholds, with an infinite one at either end, of `shared` (points, G)."""
         edges = np.tile(np.concatenate([[-np.inf], self.thresholds, [np.inf]]), (len(shared), 1))
-        edges[:, 1:-1][:, self.free] = shared[:, : self.line_columns.start]
+        edges[:, 1:-1][:, self.free] = shared[:, : self.extra_columns.start]
         return edges
 
     def bounds(
         self, shared: FloatArray, own: FloatArray, sd: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return (10), each edge less the place."""
+        """Return (3), each edge less the place."""
         edges = np.ascontiguousarray(self.edges(shared).T)
         biases, gains = np.ascontiguousarray((own + shared[:, None, self.line_columns]).T)
         # `take` copies whole rows: a third of the time of an index.
@@ -131,6 +170,8 @@ class OrdinalTrials(LatentTrials):
         if self.conditions:
             effects = np.ascontiguousarray(shared.T[self.line_columns.stop :])
             place += effects.take(self.condition, axis=0)
+        if self.extra.shape[1]:
+            place += self.extra @ shared[:, self.extra_columns].T
         lower, upper = (edges.take(self.category + above, axis=0) for above in (0, 1))
         for edge in (lower, upper):
             np.divide(np.subtract(edge, place, out=edge), sd, out=edge)
@@ -144,6 +185,7 @@ class OrdinalTrials(LatentTrials):
         of_thresholds[1 + free, np.arange(len(free))] = 1.0
         upper, lower = of_thresholds[self.category + 1], of_thresholds[self.category]
         for loading in (upper, lower):
+            loading[:, self.extra_columns] = -self.extra
             loading[:, self.line_columns] = -np.stack([np.ones_like(self.x), self.x], axis=1)
             if self.conditions:
                 at = self.line_columns.stop + self.condition
@@ -174,7 +216,7 @@ class DerivativeSums:
     """Sums over trials that make derivatives by parameters of derivatives by edges.
 
     The edges of a trial are linear in the parameters, with the loadings U and V. So the sums are
-    (13) to (15) of docs/mathematics/sensitivity.md, and (17) to (19) for other loadings.
+    (7) of docs/mathematics/sensitivity.md.
     """
 
     def __init__(self, trials: LatentTrials) -> None:
@@ -204,8 +246,13 @@ class DerivativeSums:
             height * size,
         )
 
-    def of(self, slopes: "EdgeSlopes", residual_sd: FloatArray) -> Slopes:
-        """Return the likelihood's derivatives with respect to the parameters."""
+    def of(
+        self, slopes: "EdgeSlopes", residual_sd: FloatArray, share: FloatArray | None = None
+    ) -> Slopes:
+        """Return the likelihood's derivatives with respect to the parameters.
+
+        With a `share` (trials, points) they are each trial's times it.
+        """
         parts = np.empty((5, self._trials, len(residual_sd)))
         up, down, by_upper, by_lower, mixed = parts
         np.divide(slopes.up, residual_sd, out=up)
@@ -216,6 +263,8 @@ class DerivativeSums:
             np.divide(edge, residual_sd, out=by)
             np.multiply(np.add(by, mixed, out=by), of, out=by)
         np.multiply(up, down, out=mixed)
+        if share is not None:
+            parts *= share
         points, (lines, subjects, size) = len(residual_sd), self._shape
         own = lines * subjects
         first = self._first @ parts[:2].reshape(-1, points)
@@ -268,8 +317,10 @@ class Curvature:
     def _own_size(self) -> FloatArray:
         """Determinants of `own_precision`, (subjects, points)."""
         a, b, d = self.own_precision
-        # (24), mathematics/sensitivity: each term is positive.
-        return np.asarray(1 + (a - 1) + (d - 1) + np.maximum((a - 1) * (d - 1) - b * b, 0.0))
+        # (10), mathematics/sensitivity: each term is positive if the likelihood is concave.
+        beyond = (a - 1) * (d - 1) - b * b
+        beyond = np.where((beyond < 0) & (beyond > -ROUNDING * (1 + b * b)), 0.0, beyond)
+        return np.asarray(1 + (a - 1) + (d - 1) + beyond)
 
     @cached_property
     def _own_root(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -309,14 +360,14 @@ class Curvature:
 
     @cached_property
     def log_determinant(self) -> FloatArray:
-        """Logarithm of the determinant of the whole curvature, (23), (points,); NaN if lost."""
+        """Logarithm of the determinant of the whole curvature, (9), (points,); NaN if lost."""
         scaled, scale = self._scaled
         sign, size = np.linalg.slogdet(scaled)
         shared = np.where(sign > 0, size, np.nan) + 2 * np.log(scale).sum(axis=1)
         return np.asarray(np.log(self._own_size).sum(axis=0) + shared)
 
     def newton_step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the step of shared parameters and z to the parabola's peak, (25)."""
+        """Return the step of shared parameters and z to the parabola's peak, (11)."""
         own = self._white(self.own_gradient, self._own_root)
         gap = self.shared_gradient - np.einsum("asgp,asp->gp", self._white_cross, own)
         scaled, scale = self._scaled
@@ -334,7 +385,7 @@ class Curvature:
 
     @cached_property
     def own_covariance(self) -> FloatArray:
-        """Covariance of each subject's own parameters, given the shared ones: (24)."""
+        """Covariance of each subject's own parameters, given the shared ones: (10)."""
         a, b, d = self.own_precision / self._own_size
         inverse = np.array([[d, -b], [-b, a]]).transpose(3, 2, 0, 1)
         root = self.root.transpose(2, 0, 1)[:, None]
@@ -351,7 +402,7 @@ class Curvature:
 
     @cached_property
     def shared_covariance(self) -> FloatArray:
-        """Covariance of the shared parameters, (23), (points, G, G)."""
+        """Covariance of the shared parameters, (9), (points, G, G)."""
         scaled, scale = self._scaled
         return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
 
@@ -403,13 +454,29 @@ class Curvature:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EdgeSlopes:
-    """Each trial's log P and the derivatives of it by upper and by lower edge, (trials, points)."""
+    """Each trial's log P and the derivatives of it by upper and by lower edge, (trials, points).
+
+    `attended` (trials, points) is the probability that an answer was no lapse, None without lapses.
+    """
 
     lower: FloatArray
     upper: FloatArray
     log_p: FloatArray
     up: FloatArray
     down: FloatArray
+    attended: FloatArray | None = None
+
+    def with_lapses(self, lapse: float, log_random: FloatArray) -> "EdgeSlopes":
+        """Return the slopes if a share `lapse` of the answers is given at random.
+
+        `log_random` (trials,) is the log probability of a trial's answer at random. As only the
+        probability between the edges depends on them, (5) stays with all of the probability, and
+        with it (6).
+        """
+        log_p = np.logaddexp(self.log_p + np.log1p(-lapse), np.log(lapse) + log_random[:, None])
+        attended = np.exp(self.log_p + np.log1p(-lapse) - log_p)
+        up, down = attended * self.up, attended * self.down
+        return replace(self, log_p=log_p, up=up, down=down, attended=attended)
 
 
 def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
@@ -417,7 +484,7 @@ def edge_slopes(lower: FloatArray, upper: FloatArray) -> EdgeSlopes:
 
     With Mills' ratio R(x) = (1 - Φ(x)) / φ(x), the probability between a and b, |a| <= b, is
     φ(a) (R(a) - R(b) exp(-(b - a)(b + a) / 2)). So the slopes φ(a) / P and φ(b) / P need neither a
-    probability, which far out is 0, nor the difference of large squares: (11) and (12) of
+    probability, which far out is 0, nor the difference of large squares: (4) and (5) of
     docs/mathematics/sensitivity.md.
     """
     mirrored = lower + upper < 0

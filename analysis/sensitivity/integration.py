@@ -37,8 +37,6 @@ DISAGREEMENT = NotEstimable(
     f"two sets of points of {INTEGRATION} disagree on a limit by more than "
     f"{MOST_DISAGREEMENT:.0%} of the interval's width"
 )
-# A correction may be at its limit at points of so much weight.
-MOST_LIMITED = 0.25
 # Points at which a smooth function stands for the density, and the distance in SDs from which its
 # polynomial levels off.
 SMOOTH_POINTS, LEVEL_FROM = 4096, 5.0
@@ -48,8 +46,6 @@ MOST_COEFFICIENTS = 0.25
 AT_ONCE = 64
 # Of more points than twice as many, so many give a start for the search of a quantile.
 FEW = 100
-# A smaller skewness is taken for this one, for which the distribution still can be computed.
-LEAST_SKEW = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,13 +87,6 @@ class WeightedPoints:
                 f"at least {self.least:.0f}"
             )
         for each, intervals in quantities:
-            # How far it is beyond may depend on the processor where hardly anything is known.
-            if each.limited is not None and each.limited.max() > MOST_LIMITED:
-                yield NotEstimable(
-                    "the trials tell too little for its approximation: the skewness of a posterior "
-                    f"is beyond the limit of its correction at more than {MOST_LIMITED:.0%} of the "
-                    f"points of {INTEGRATION}"
-                )
             if each.disagreement(self.halves, intervals) > MOST_DISAGREEMENT:
                 yield DISAGREEMENT
 
@@ -204,7 +193,7 @@ def weighted_points(
         known = log_density(points)
         log_weights = known - log_proposal
         weights = _normalised(log_weights)
-        effective = float(1 / (weights**2).sum())  # (28), mathematics/sensitivity
+        effective = float(1 / (weights**2).sum())  # (18), mathematics/sensitivity
         # At a share so far from what is needed four times as many hardly do: such fits take the
         # longest, and all that were tried were refused in the end.
         more = number < count or (number < 4 * count and least / 10 <= effective < least)
@@ -293,7 +282,7 @@ def _parabola(
     axes = np.diag(np.broadcast_to(step, size))
     steps = np.vstack([axes, axes[first] + axes[second]])
     values = log_density(centre + np.vstack([np.zeros(size), steps, -steps]))
-    # (29): second differences along each axis and each diagonal, in units of the steps.
+    # (19): second differences along each axis and each diagonal, in units of the steps.
     ahead, behind = np.split(values[1:], 2)
     falls = (2 * values[0] - ahead - behind) / CURVATURE_STEP**2
     curvature = np.diag(falls[:size])
@@ -311,7 +300,7 @@ def _t_points(
     size = len(centre)
     spread = _rounded(np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
     scaled = _t_numbers(count, size)
-    # (27), mathematics/sensitivity
+    # (17), mathematics/sensitivity
     constant = lgamma((PROPOSAL_DF + size) / 2) - lgamma(PROPOSAL_DF / 2)
     constant -= size / 2 * np.log(PROPOSAL_DF * np.pi) + np.log(np.diag(spread)).sum()
     log_proposal = constant - (PROPOSAL_DF + size) / 2 * np.log1p(
@@ -343,33 +332,18 @@ def _rounded(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Marginals:
-    """Mean, SD and skewness of quantities at each weighted point, shape (points, quantities).
-
-    Without skewness the quantities are normal. `limited` (quantities,) is the share of the points,
-    by weight, at which the correction of a quantity had to be limited.
-    """
+    """Mean and SD of normal quantities at each weighted point, shape (points, quantities)."""
 
     means: FloatArray
     sds: FloatArray
-    skews: FloatArray | None = None
-    limited: FloatArray | None = None
 
     def plus(self, constant: float | FloatArray) -> "Marginals":
         """Return the marginals of the quantities plus a constant, or one per point (points, 1)."""
         return replace(self, means=self.means + constant)
 
-    def over(self, divisors: FloatArray) -> "Marginals":
-        """Return the marginals of the quantities over a positive number per point."""
-        return replace(self, means=self.means / divisors[:, None], sds=self.sds / divisors[:, None])
-
     def part(self, quantities: slice | IntArray) -> "Marginals":
         """Return the marginals of some of the quantities."""
-        return Marginals(
-            means=self.means[:, quantities],
-            sds=self.sds[:, quantities],
-            skews=None if self.skews is None else self.skews[:, quantities],
-            limited=None if self.limited is None else self.limited[quantities],
-        )
+        return Marginals(means=self.means[:, quantities], sds=self.sds[:, quantities])
 
     def interval_95(self, weights: FloatArray) -> list[Interval]:
         """Return the central 95% interval of each quantity over all points."""
@@ -381,25 +355,24 @@ class Marginals:
 
         `halves` (2, points) are weights, and `intervals` those of each quantity over all points.
         """
-        limits, normal_of = np.array(intervals).T, self._normal_scores
+        limits = np.array(intervals).T
         found = []
         for limit in limits:
-            score, slope = normal_of(limit)
-            density = halves.mean(axis=0) @ (_normal_density(score) * slope)
+            score = (limit - self.means) / self.sds
+            density = halves.mean(axis=0) @ (_normal_density(score) / self.sds)
             apart = (halves[0] - halves[1]) @ ndtr(score)
             found.append(np.abs(apart) / (density * (limits[1] - limits[0])))
         return float(np.max(found))
 
     def above_zero(self, weights: FloatArray) -> FloatArray:
         """Return the probability that each quantity is positive."""
-        score, _ = self._normal_scores(np.zeros(1))
-        return np.asarray(weights @ ndtr(-score))
+        return np.asarray(weights @ ndtr(self.means / self.sds))
 
     def quantiles(self, weights: FloatArray, *probabilities: float) -> list[FloatArray]:
         """Return quantiles of each quantity over all points: of the mixture of its normals.
 
-        With skewness, it mixes shifted log-normal distributions. They are found by Newton's method,
-        within an interval that shrinks by bisection where that fails. `weights` (points,) sum to 1.
+        They are found by Newton's method, within an interval that shrinks by bisection where that
+        fails. `weights` (points,) sum to 1.
         """
         found: list[list[FloatArray]] = [[np.zeros(0)] for _ in probabilities]
         for first in range(0, self.means.shape[1], AT_ONCE):
@@ -412,8 +385,7 @@ class Marginals:
     @cached_property
     def _few(self) -> "Marginals":
         few = slice(None, None, len(self.means) // FEW)
-        skews = None if self.skews is None else self.skews[few]
-        return Marginals(means=self.means[few], sds=self.sds[few], skews=skews)
+        return Marginals(means=self.means[few], sds=self.sds[few])
 
     @cached_property
     def _ends(self) -> tuple[FloatArray, FloatArray]:
@@ -432,12 +404,11 @@ class Marginals:
             sd = np.sqrt(weights @ (sds**2 + (means - centre) ** 2))
             value = centre + sd * ndtri(probability)
         value = np.clip(value, low, high)
-        normal_of = self._normal_scores
         for _ in range(QUANTILE_STEPS):
-            score, slope = normal_of(value)
+            score = (value - means) / sds
             excess = weights @ ndtr(score) - probability
             low, high = np.where(excess < 0, value, low), np.where(excess < 0, high, value)
-            density = weights @ (_normal_density(score) * slope)
+            density = weights @ (_normal_density(score) / sds)
             step = value - excess / np.maximum(density, 1e-300)
             found = np.abs(excess) < QUANTILE_TOLERANCE
             # The last step squares what is left of the error.
@@ -446,24 +417,6 @@ class Marginals:
             if found.all():
                 break
         return np.asarray(value)
-
-    @cached_property
-    def _normal_scores(self) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """Return the function that maps values to standard normal scores, and their slopes."""
-        means, sds = self.means, self.sds
-        if self.skews is None:
-            return lambda value: ((value - means) / sds, 1 / sds)
-        # A shifted log-normal variable: (17) to (19) of docs/mathematics/marginals.md.
-        skewed = np.where(np.abs(self.skews) < LEAST_SKEW, LEAST_SKEW, self.skews)
-        k = 2 * np.sinh(np.arcsinh(skewed / 2) / 3)
-        s = np.sign(k) * np.sqrt(np.log1p(k * k))
-        gradient, offset = k / sds, 1 - k * means / sds
-
-        def scores(value: FloatArray) -> tuple[FloatArray, FloatArray]:
-            inside = np.maximum(gradient * value + offset, 1e-300)
-            return np.log(inside) / s + s / 2, gradient / (s * inside)
-
-        return scores
 
 
 def _normal_density(score: FloatArray) -> FloatArray:

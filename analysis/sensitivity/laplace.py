@@ -9,15 +9,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.sensitivity.curvature import Curvature, DerivativeSums, LatentTrials, edge_slopes
+from analysis.sensitivity.curvature import Curvature, DerivativeSums, LatentTrials
 
 # After so many steps a point counts as unknown.
 STEPS = 200
-# Prior SD of thresholds and population line, in SDs of the ratings. It is so wide that it only
-# keeps them finite if the answers do not overlap.
-WIDE = 10.0
 # Newton's method has found a mode where twice the rise of the log posterior that it expects of its
-# next step, (25), is less. The step, about the root of it long in SDs, is taken unseen.
+# next step, (11), is less. The step, about the root of it long in SDs, is taken unseen.
 # In a large study, whose components are known well, more of it changes no weight that counts.
 RISE, LARGE_RISE = 1e-4, 1e-2
 # If it moves edges by a larger part of the noise, curvature may be another where it ends, and the
@@ -120,11 +117,16 @@ class LatentField:
     """The log posterior of the latent parameters of a set of trials, and its mode.
 
     The log posterior is concave, and the subjects are independent given the shared parameters, so
-    that a Newton step costs one small system per subject and one for the shared parameters.
+    that a Newton step costs one small system per subject and one for the shared parameters. With
+    lapses it is not concave: the search then begins at the mode without them. Where Newton's step
+    is not one that rises, another is taken, for which it is supposed that answers were lapses with
+    the probability that they have at the present place (a step of the EM algorithm).
     """
 
     def __init__(self, trials: LatentTrials) -> None:
         self.trials = trials
+        others = trials.without_lapses
+        self._without_lapses = None if others is None else LatentField(others)
         self._sums = DerivativeSums(trials)
         self._farthest = 1 + np.abs(trials.x).max()
         self._rise = RISE if len(trials.x) <= LARGE else LARGE_RISE
@@ -136,6 +138,10 @@ class LatentField:
 
     def modes(self, components: Components, start: tuple[FloatArray, FloatArray]) -> LatentModes:
         """Return the mode at each of the given components by Newton's method from `start`."""
+        if self._without_lapses is not None:
+            near = self._without_lapses.modes(components, start)
+            start = near.shared, near.z
+            del near  # it takes much memory
         trials, every = len(self.trials.x), np.arange(len(start[0]))
         at_once = max(CELLS // trials, min(LEAST_POINTS, MOST_CELLS // trials + 1))
         parts = (every[first : first + at_once] for first in every[::at_once])
@@ -154,7 +160,7 @@ class LatentField:
             again = self.evaluated(*self.start(len(lost)), components.at(lost))
             current = LatentModes.joined(len(points), [(points, current), (lost, again)])
         found, length = [], np.ones(len(points))
-        shared, z, rise = _newton(current)
+        shared, z, rise = self._step(current, components)
         for left in reversed(range(STEPS + 1)):
             near = self._near(shared, z, rise, components.at(points))
             # A rise that is no number has not converged either: such a point stays unknown.
@@ -179,8 +185,28 @@ class LatentField:
             elif risen.any():
                 every, up = np.arange(len(points)), np.flatnonzero(risen)
                 current = LatentModes.joined(len(points), [(every, current), (up, moved.at(up))])
-            shared, z, rise = _newton(current)
+            shared, z, rise = self._step(current, components.at(points))
         return LatentModes.joined(len(start[0]), found)
+
+    def _step(
+        self, current: LatentModes, components: Components
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return a step that rises, and twice the rise that it expects."""
+        if self._without_lapses is None:
+            return _newton(current)
+        # Where the curvature is no precision, its root is no number, and nor is the rise.
+        with np.errstate(all="ignore"):
+            shared, z, rise = _newton(current)
+        falls = np.flatnonzero(~(rise >= 0))
+        if falls.size:
+            of_falls = current.at(falls)
+            again = self.evaluated(
+                of_falls.shared, of_falls.z, components.at(falls), supposed_lapses=True
+            )
+            shared[falls], z[falls], rise[falls] = _newton(again)
+            # However small the rise, here is no mode: the search must not end.
+            rise[falls] = np.maximum(rise[falls], 2 * self._rise)
+        return shared, z, rise
 
     def _near(
         self, shared: FloatArray, z: FloatArray, rise: FloatArray, components: Components
@@ -191,10 +217,18 @@ class LatentField:
         moved = (np.abs(shared).max(axis=1) + own) * self._farthest / components.residual_sd
         return np.asarray(rise < np.where(moved < SHORT, self._rise, LEAST_RISE))
 
-    def evaluated(self, shared: FloatArray, z: FloatArray, components: Components) -> LatentModes:
+    def evaluated(
+        self,
+        shared: FloatArray,
+        z: FloatArray,
+        components: Components,
+        *,
+        supposed_lapses: bool = False,
+    ) -> LatentModes:
         """Return log posterior, gradient and curvature, -inf if edges are not in order.
 
-        The evidence is left unknown: only that of modes is needed.
+        The evidence is left unknown: only that of modes is needed. With `supposed_lapses` the
+        curvature is that of answers which are lapses with a known probability: it is positive.
         """
         lower, upper = self.trials.bounds(
             shared, departures(components.root, z), components.residual_sd
@@ -205,12 +239,17 @@ class LatentField:
         if not in_order.all():
             # There is no likelihood; any edges in order will do.
             lower, upper = np.where(in_order, lower, -1.0), np.where(in_order, upper, 1.0)
-        slopes = edge_slopes(lower, upper)
-        likelihood = self._sums.of(slopes, components.residual_sd)
+        slopes = self.trials.slopes(lower, upper)
+        if supposed_lapses and self._without_lapses is not None:
+            attentive = self._without_lapses.trials.slopes(lower, upper)
+            likelihood = self._sums.of(attentive, components.residual_sd, slopes.attended)
+        else:
+            likelihood = self._sums.of(slopes, components.residual_sd)
         away = shared - self.trials.shared_start
-        precision = np.full(shared.shape, WIDE**-2)
+        precision = np.empty(shared.shape)
+        precision[:, : self.trials.line_columns.stop] = self.trials.shared_sd**-2
         precision[:, self.trials.line_columns.stop :] = components.discrepancy_sd[:, None] ** -2
-        # (22)
+        # (8)
         squares = (z**2).sum(axis=(1, 2)) + (precision * away**2).sum(axis=1)
         value = self.trials.weight @ slopes.log_p - (squares - np.log(precision).sum(axis=1)) / 2
         curvature = Curvature.of_posterior(
@@ -227,18 +266,20 @@ def _known(
     """Return the modes a last step away, unknown where the search has not come near."""
     shared, z, rise = step
     value = at.value + np.where(near, rise / 2, np.nan)
+    # Where a search with lapses has not ended at a mode, the determinant may be below 0.
+    with np.errstate(invalid="ignore"):
+        log_determinant = at.curvature.log_determinant
     return replace(
         at,
         shared=at.shared + np.where(near[:, None], shared, 0.0),
         z=at.z + np.where(near[:, None, None], z, 0.0),
         value=value,
-        # (26)
-        log_evidence=value - at.curvature.log_determinant / 2,
+        log_evidence=value - log_determinant / 2,  # (12)
     )
 
 
 def _newton(found: LatentModes) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (25): the step of shared parameters and z, and twice the rise that it expects."""
+    """Return (11): the step of shared parameters and z, and twice the rise that it expects."""
     curvature = found.curvature
     shared, z = curvature.newton_step()
     rise = (curvature.shared_gradient.T * shared).sum(axis=1)

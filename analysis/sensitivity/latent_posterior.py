@@ -1,4 +1,4 @@
-"""Posterior of latent parameters, integrated over variance components, and draws from it."""
+"""Posterior of latent parameters, integrated over variance components."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,6 +18,8 @@ POINTS_BY_TRIALS = 3.5e7
 # The evidence alone, an average over fewer components, needs fewer points than limits far out: with
 # these its logarithm is off by .02 at most.
 EVIDENCE_PILOT, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE = 60, 120, 50.0
+# Of many trials laws differ by far more than this error of .3.
+LARGE_EVIDENCE_PILOT, LARGE_EVIDENCE_POINTS, LARGE_EVIDENCE_EFFECTIVE = 20, 40, 12.0
 # A proposal from so near the mode serves as well, because it adapts to its points. From farther off
 # (2) its first points are too far apart in some studies, whose halves then disagree.
 MODE_RISE = 0.5
@@ -27,37 +29,19 @@ LARGE_EFFECTIVE = 100.0
 MODE_TRIALS = 2_000
 # Modes are foreseen by a parabola, up to this distance from the middle of the known ones.
 FARTHEST = 2.5
-# So many points are drawn from together.
-AT_ONCE = 16
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LatentDraws:
-    """Draws from a posterior: σ (draws,), shared (draws, G) and own (draws, subjects, 2)."""
-
-    residual_sd: FloatArray
-    shared: FloatArray
-    own: FloatArray
-
-    def part(self, draws: slice) -> "LatentDraws":
-        return LatentDraws(
-            residual_sd=self.residual_sd[draws], shared=self.shared[draws], own=self.own[draws]
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LatentPosterior:
-    """Weighted points, the logarithms of the components, and the mode at each."""
+    """Weighted points of the components, in logarithms, and the mode at each."""
 
     trials: LatentTrials
     points: integration.WeightedPoints
-    residual_sds: FloatArray
     modes: LatentModes
 
     def marginals(self, combinations: Combinations) -> integration.Marginals:
         """Return posteriors of combinations of the latent parameters."""
-        points, weights = self.points.points, self.points.weights
-        return marginals(self.trials, self.modes, points, weights, self.residual_sds, combinations)
+        return marginals(self.modes, combinations)
 
     def of_lines(self, of_line: FloatArray) -> Combinations:
         """Return of_line · line of each subject."""
@@ -72,25 +56,6 @@ class LatentPosterior:
             common=np.zeros((subjects, 2)),
             mean=rated / rated.sum(),
         )
-
-    def draws(self, count: int, rng: np.random.Generator) -> LatentDraws:
-        """Return draws of the normal approximation about the modes."""
-        chosen = np.sort(rng.choice(len(self.residual_sds), size=count, p=self.points.weights))
-        points, of_point = np.unique(chosen, return_inverse=True)
-        shared = rng.standard_normal((count, self.modes.shared.shape[1]))
-        own = rng.standard_normal((count, self.trials.subjects, 2))
-        for first in range(0, len(points), AT_ONCE):  # all at once take too much memory
-            modes = self.modes.at(points[first : first + AT_ONCE])
-            curvature, centre = modes.curvature, modes.own
-            root = np.linalg.cholesky(curvature.shared_covariance)
-            own_root = np.linalg.cholesky(curvature.own_covariance)
-            for draw in np.flatnonzero(of_point // AT_ONCE == first // AT_ONCE):
-                point = of_point[draw] - first
-                away = root[point] @ shared[draw]
-                own[draw] = centre[point] + (own_root[point] @ own[draw][..., None])[..., 0]
-                own[draw] -= curvature.response[point] @ away
-                shared[draw] = modes.shared[point] + away
-        return LatentDraws(residual_sd=self.residual_sds[chosen], shared=shared, own=own)
 
 
 class _Density:
@@ -125,17 +90,26 @@ def integrated(
     start: FloatArray,
     components: Callable[[FloatArray], Components],
     log_prior: integration.LogDensity,
+    *,
+    few: bool = False,
 ) -> Iterator[LatentPosterior]:
     """Yield the posterior of the field's parameters, integrated from `start` over `components`.
 
-    The second one has twice as many points, for `settled`.
+    The second one has twice as many points, for `settled`. It has `few` points if it is one of many
+    that are put together.
     """
     density, start, step = _known(field, start, components, log_prior)
     wanted = int(POINTS_BY_TRIALS / len(field.trials.x) ** 2)
     wanted = min(max(wanted, FEWEST_POINTS), MOST_POINTS)
     least = LARGE_EFFECTIVE if len(field.trials.x) > LARGE else None
+    pilot = integration.PILOT
+    if few and len(field.trials.x) > LARGE:
+        pilot, wanted = LARGE_EVIDENCE_PILOT, LARGE_EVIDENCE_POINTS
+        least = LARGE_EVIDENCE_EFFECTIVE
+    elif few:
+        pilot, wanted, least = EVIDENCE_PILOT, EVIDENCE_POINTS, EVIDENCE_EFFECTIVE
     for points, kept in integration.weighted_points(
-        density, start, wanted, least, rise=MODE_RISE, step=step
+        density, start, wanted, least, pilot=pilot, rise=MODE_RISE, step=step
     ):
         # The last evaluation was at the returned points, so these are their modes. Hardly any is
         # left out, and a copy of the others would take much memory.
@@ -143,7 +117,6 @@ def integrated(
         yield LatentPosterior(
             trials=field.trials,
             points=points,
-            residual_sds=components(points.points).residual_sd,
             modes=density.known[1],
         )
 

@@ -29,7 +29,7 @@ def holm_of_rows(p: FloatArray) -> FloatArray:
     >>> holm_of_rows(np.array([[0.01, np.nan, 0.04, 0.03]]))
     array([[0.03,  nan, 0.06, 0.06]])
     """
-    # (15), mathematics/ordinal
+    # (4), mathematics/rank-tests
     order = np.argsort(p, axis=1, kind="stable")  # NaN comes last
     factors = (~np.isnan(p)).sum(axis=1)[:, None] - np.arange(p.shape[1])
     stepped = np.maximum.accumulate(np.take_along_axis(p, order, axis=1) * factors, axis=1)

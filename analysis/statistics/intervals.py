@@ -19,10 +19,6 @@ COVERAGE: Final[Mapping[str, float]] = {
     "Kendall's W": 0.959,
     "rank-biserial r": 0.965,
     "mean difference": 0.949,
-    "ICC(2,1)": 0.965,
-    "ICC(3,1)": 0.95,
-    "effects of conditions": 0.948,
-    "effects of subjects": 0.95,
 }
 """Share of intervals that cover the truth under `DESIGN`, measured by tests/soak."""
 NO_WIDTH = 1e-9
@@ -46,7 +42,7 @@ def mean_interval(values: FloatArray) -> Interval | NotEstimable:
 def rank_biserial_interval(r: float, n: int) -> Interval:
     """Return the interval of a matched-pairs rank-biserial correlation of n nonzero differences.
 
-    (14) of mathematics/ordinal: it has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where
+    (3) of mathematics/rank-tests: it has the values ρ with (r - ρ)² <= z² (1 - ρ²) v, where
     v = (4n + 2) / (3n(n + 1)) is the variance of r at ρ = 0 (Kerby, Comprehensive Psychology 3,
     2014, for r), as Wilson's interval does for a share. It has a width at r = 1 too.
     """

@@ -1,6 +1,6 @@
 """Omnibus tests of equal conditions: Friedman (with Kendall's W) and Skillings-Mack.
 
-Numbers of equations are those of docs/mathematics/ordinal.md.
+Numbers of equations are those of docs/mathematics/rank-tests.md.
 """
 
 from collections.abc import Callable
@@ -11,10 +11,12 @@ from math import nan
 from typing import Self
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.special import chdtrc
 
 from analysis.estimates import BoolArray, FloatArray, IntArray, Interval, NotEstimable, ScoreTable
-from analysis.statistics import intervals, signed_rank, two_way
+from analysis.statistics import intervals, signed_rank
+from protocol.errors import listed
 
 # Permutation p from random shufflings within subjects, where there are too many to list.
 
@@ -32,7 +34,7 @@ MANY_SUBJECTS = 20
 class MonteCarlo:
     """A permutation p from random shufflings, with its standard error.
 
-    (19): p = (1 + shufflings as extreme) / (1 + shufflings), which is never 0 (Phipson and
+    (8): p = (1 + shufflings as extreme) / (1 + shufflings), which is never 0 (Phipson and
     Smyth, Statistical Applications in Genetics and Molecular Biology 9, 2010).
     """
 
@@ -119,7 +121,7 @@ def exact_p(doubled_ranks: IntArray) -> float | NotEstimable:
             )
     last = _arrangements(rows[-1])
     observed = int((doubled_ranks.sum(axis=0) ** 2).sum())
-    # (16), by (18)
+    # (5), by (7)
     constant = (sums**2).sum(axis=1)[:, None] + (last[0] ** 2).sum()
     as_unequal = constant + 2 * (sums @ last.T) >= observed
     return float((chances * as_unequal.mean(axis=1)).sum())
@@ -134,7 +136,7 @@ def _arrangements(row: tuple[int, ...]) -> IntArray:
 # Rows without ties are all alike: each reading of a large table begins with the same ones.
 @lru_cache(maxsize=32)
 def _summed(rows: tuple[tuple[int, ...], ...], columns: int) -> tuple[IntArray, FloatArray]:
-    """Return the different sums of shuffled rows, each sorted, and their chances, (17)."""
+    """Return the different sums of shuffled rows, each sorted, and their chances, (6)."""
     if not rows:
         return np.zeros((1, columns), dtype=np.int64), np.ones(1)
     (sums, chances), row = _summed(rows[:-1], columns), _arrangements(rows[-1])
@@ -195,7 +197,7 @@ def friedman(table: ScoreTable) -> Friedman | NotEstimable:
     middle = conditions + 1
     if within == 0:
         return NotEstimable("every subject has the same score or response in all conditions")
-    chi2, exact, shuffled = (conditions - 1) * between / within, exact_p(ranks), None  # (12)
+    chi2, exact, shuffled = (conditions - 1) * between / within, exact_p(ranks), None  # (1)
     if isinstance(exact, NotEstimable) and not _chi_square_serves(subjects, conditions):
         centred = (ranks - middle).astype(np.float64)
         shuffled = monte_carlo_p(centred, table.given, lambda sums: (sums**2).sum(axis=1))
@@ -324,16 +326,18 @@ class _TiedRanks:
 
 
 def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
-    if isinstance(kept := two_way.without_empty(table), NotEstimable):
-        return kept
-    scores = kept.scores[kept.given.sum(axis=1) >= 2]
+    columns = table.given.any(axis=0)
+    if not columns.any():
+        return NotEstimable("no score was given")
+    conditions = tuple(np.array(table.conditions, dtype=object)[columns])
+    scores = table.scores[np.ix_(table.given.sum(axis=1) >= 2, columns)]
     if not len(scores):
         return NotEstimable("no subject scored two conditions")
     if len(scores) < 2:
         return NotEstimable("at least 2 subjects must score two conditions, got 1")
-    if refusal := two_way.disconnected(~np.isnan(scores), kept.conditions):
+    if refusal := _disconnected(~np.isnan(scores), conditions):
         return refusal
-    # (13): centred ranks, weighted by √(12/(k_i+1)).
+    # (2): centred ranks, weighted by √(12/(k_i+1)).
     given = ~np.isnan(scores)
     counts = given.sum(axis=1).astype(np.float64)
     ranks = signed_rank.doubled_midranks(scores) / 2 - (counts[:, None] + 1) / 2
@@ -343,8 +347,25 @@ def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
         return NotEstimable("every subject has the same score or response in all conditions")
     inverse, rank = _inverse(_covariance(scores, variances / counts))
     return _TiedRanks(
-        conditions=kept.conditions, scores=scores, deviations=deviations, inverse=inverse, rank=rank
+        conditions=conditions, scores=scores, deviations=deviations, inverse=inverse, rank=rank
     )
+
+
+def _disconnected(given: BoolArray, conditions: tuple[str, ...]) -> NotEstimable | None:
+    """Return which conditions no chain of subjects compares with the rest, None if all are linked.
+
+    `given` has shape (subjects, conditions).
+    """
+    compared = given.T.astype(np.intp) @ given  # by how many subjects each pair is
+    # As nearly always: the search for chains would take a tenth of the tests of a small table.
+    if compared.all():
+        return None
+    group = connected_components(compared, directed=False)[1]
+    linked = group == group[0]
+    if linked.all():
+        return None
+    apart = listed(np.array(conditions, dtype=object)[linked])
+    return NotEstimable(f"no chain of subjects compares {apart} with the other conditions")
 
 
 def _covariance(scores: FloatArray, shares: FloatArray) -> FloatArray:

@@ -211,3 +211,31 @@ def level_slope(
         p=float(2 * stdtr(count - 1, -abs(value / error))),
         people=count,
     )
+
+
+# Gains of single people, by their own trials alone.
+
+
+def own_gains(
+    responses: FloatArray, contrasts: FloatArray, person: IntArray, people: int
+) -> FloatArray:
+    """Return each person's least-squares slope of responses on contrasts, shape (people,).
+
+    It is NaN where contrasts do not vary. Nothing is borrowed from other people, as the gains of
+    a model are, which would draw groups of people together. Arrays have shape (trials,), of trials
+    with a response and a prediction.
+
+    >>> own_gains(np.array([1.0, 3, 4]), np.array([0.0, 1, 1]), np.array([0, 0, 1]), people=2)
+    array([ 2., nan])
+    """
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(person, values, people), np.float64)
+
+    count, x, xx = total(np.ones_like(contrasts)), total(contrasts), total(contrasts**2)
+    spread = count * xx - x**2
+    known = spread > 1e-12 * count * xx
+    products = count * total(contrasts * responses) - x * total(responses)
+    gains = np.full(people, np.nan)
+    gains[known] = products[known] / spread[known]
+    return gains

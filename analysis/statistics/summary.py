@@ -7,10 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable, ScoreTable
-from analysis.statistics import additive as effects
 from analysis.statistics.omnibus import Friedman, SkillingsMack, friedman, skillings_mack
 from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
-from analysis.statistics.two_way import IntraclassCorrelation, intraclass_correlation
 
 # Table 4 of the paper: scores by subject and condition, with the means of both.
 
@@ -93,23 +91,3 @@ class TableStatistics:
     def score_tests(self) -> ConditionTests:
         """The tests of its conditions, which compare only what was scored."""
         return condition_tests(self.table)
-
-    @cached_property
-    def icc_subjects(self) -> IntraclassCorrelation | NotEstimable:
-        """How reliably scores measure a subject."""
-        return intraclass_correlation(self.table, target="subjects")
-
-    @cached_property
-    def icc_conditions(self) -> IntraclassCorrelation | NotEstimable:
-        """How reliably scores measure a condition."""
-        return intraclass_correlation(self.table, target="conditions")
-
-    @cached_property
-    def additive(self) -> effects.AdditiveEffects | NotEstimable:
-        """Effects of conditions and subjects."""
-        return effects.additive_effects(self.table)
-
-    @cached_property
-    def heterogeneity(self) -> effects.GainHeterogeneity | NotEstimable:
-        """Differences between subjects in the size of the conditions' effects."""
-        return effects.gain_heterogeneity(self.table)

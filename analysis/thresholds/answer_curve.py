@@ -5,20 +5,22 @@ from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import gammaln, ndtr, ndtri
 
 from analysis.estimates import FloatArray
 
 Shape: TypeAlias = Literal["normal", "weibull"]
 Box: TypeAlias = tuple[tuple[float, float], ...]
 Cells: TypeAlias = tuple[int, ...]
-AT_ONCE = 2**14
-"""Numbers in a step: they fit into a processor's cache, and many levels into the memory."""
-MIDPOINTS: Final = (-0.5, 1.5)
-MOST_WIDTH = 3.0
+MIDPOINTS_BEYOND = 0.5
+"""A midpoint lies at most so far beyond the levels, in their range."""
+USUAL_WIDTH = 0.4
+"""Of a curve, in the range of the levels: wider and narrower ones are less likely before, (4)."""
+WIDTHS: Final = (1e-3, 1e2)
 MOST_RATE = 0.5
+MOST_SCATTER = 0.8
 RATE_PRIOR = 9.0
-"""Lapse and guess rates have the prior (1 - rate)^9: Beta(1, 10)."""
+"""Lapse and guess rates and the scatter have the prior (1 - rate)^9: Beta(1, 10)."""
 LEAST_SHARE = 1e-9
 TAIL = 0.05
 """A curve's width reaches from this share to its complement."""
@@ -77,15 +79,13 @@ class Curve(NamedTuple):
 class LevelAnswers(NamedTuple):
     """Answers at levels on an axis whose range that could be asked is [0, 1].
 
-    `at` has shape (levels,), -inf for no stimulus on a logarithmic axis; `step` is the smallest
-    distance of two levels, for the prior of the width. `lapse` and `guess` are rates that are
-    known, None if they are to be estimated.
+    `at` has shape (levels,), -inf for no stimulus on a logarithmic axis. `lapse` and `guess` are
+    rates that are known, None if they are to be estimated.
     """
 
     at: FloatArray
     trials: FloatArray
     correct: FloatArray
-    step: float
     lapse: float | None
     guess: float | None
 
@@ -93,67 +93,78 @@ class LevelAnswers(NamedTuple):
     def limits(self) -> Box:
         """The ends of midpoint, log width, lapse and guess rate; equal ones if it is known."""
         return (
-            MIDPOINTS,
-            (math.log(self.step), math.log(MOST_WIDTH)),
+            (-MIDPOINTS_BEYOND, 1 + MIDPOINTS_BEYOND),
+            (math.log(WIDTHS[0]), math.log(WIDTHS[1])),
             *((0.0, MOST_RATE) if rate is None else (rate, rate) for rate in self[-2:]),
         )
 
 
 def log_density(
-    parameters: Sequence[FloatArray], answers: LevelAnswers, curve: Curve
+    parameters: Sequence[FloatArray],
+    scatter: FloatArray,
+    answers: LevelAnswers,
+    curve: Curve,
+    nodes: int,
 ) -> FloatArray:
     """Return log prior plus log likelihood, (4) and (5), in the cells of a grid.
 
-    The parameters are threshold, log width, lapse and guess rate, each of four axes of which the
-    first is whole in the threshold.
+    The parameters are threshold, log width, lapse and guess rate, each of five axes, of which the
+    last is that of `scatter`, shape (n,). Beta functions of all cells would take long: those of a
+    level are computed at `nodes` places between its least and its largest share.
     """
     threshold, log_width, lapse, guess = parameters
-    middle = threshold - curve.below * np.exp(log_width)
-    total = log_prior((middle, log_width, lapse, guess), answers.step)
-    at = answers.at.reshape(-1, 1, 1, 1, 1)
-    wrong = answers.trials - answers.correct
-    at_once = max(1, AT_ONCE * len(threshold) // (at.size * total.size))
-    for first in range(0, len(threshold), at_once):
-        part = slice(first, first + at_once)
-        p = curve.share_correct(at, [one[part] if len(one) > 1 else one for one in parameters])
-        total[part] += np.tensordot(answers.correct, np.log(p), 1)
-        total[part] += np.tensordot(wrong, np.log1p(-p), 1)
+    within = np.clip(log_width, *np.log(WIDTHS))
+    middle = threshold - curve.below * np.exp(within)
+    total = log_prior((middle, log_width, lapse, guess)) + RATE_PRIOR * np.log1p(-scatter)
+    parameters = threshold, within, lapse, guess
+    flat = total.reshape(-1, scatter.size)
+    along, row = np.linspace(0.0, 1.0, nodes), nodes * np.arange(scatter.size)
+    for at, number, right in zip(answers.at, answers.trials, answers.correct, strict=True):
+        share = curve.share_correct(at, parameters)
+        # Evenly over the arcsine, on which all shares are known equally well.
+        place = np.arcsin(np.sqrt(np.broadcast_to(share, total.shape).reshape(flat.shape)))
+        least, most = place.min(axis=0), place.max(axis=0)
+        length = np.maximum(most - least, 1e-12)
+        shares = np.sin(least[:, np.newaxis] + length[:, np.newaxis] * along) ** 2
+        told = answered(shares, scatter[:, np.newaxis], number, right)
+        place -= least
+        place *= (nodes - 1) / length
+        below = np.minimum(place.astype(np.intp), nodes - 2)
+        place -= below
+        below += row
+        flat += np.take(told, below)
+        place *= np.take(np.diff(told, axis=1, append=0.0), below)
+        flat += place
     return total
 
 
-def log_prior(parameters: Sequence[FloatArray], step: float) -> FloatArray:
+def answered(share: FloatArray, scatter: FloatArray, number: float, right: float) -> FloatArray:
+    """Return the log likelihood of `right` of `number` answers, (5): beta-binomial."""
+    share = np.minimum(np.maximum(share, LEAST_SHARE), 1 - LEAST_SHARE)
+    size = 1 / scatter**2 - 1
+    a, b = size * share, size * (1 - share)
+    of_these = gammaln(a + right) + gammaln(b + number - right) - gammaln(size + number)
+    return np.asarray(of_these - gammaln(a) - gammaln(b) + gammaln(size))
+
+
+def log_prior(parameters: Sequence[FloatArray]) -> FloatArray:
     """Return the logarithm of (4) at midpoints, log widths, lapse and guess rates."""
     middle, log_width, lapse, guess = parameters
-    with np.errstate(divide="ignore"):
-        flat = np.log(_flat_within(middle, 0.0, 1.0, 0.5, 0.5)) + np.log(
-            _flat_within(np.exp(log_width), 2 * step, 1.0, step, MOST_WIDTH - 1)
-        )
-    return np.asarray(flat + RATE_PRIOR * (np.log1p(-lapse) + np.log1p(-guess)))
+    flat = np.log(np.maximum((1 + np.cos(np.pi * _beyond(middle))) / 2, 1e-300))
+    of_width = np.log(np.cosh(log_width - math.log(USUAL_WIDTH)))
+    return np.asarray(flat - 2 * of_width + RATE_PRIOR * (np.log1p(-lapse) + np.log1p(-guess)))
 
 
-def prior_gradient(parameters: FloatArray, step: float) -> FloatArray:
+def prior_gradient(parameters: FloatArray) -> FloatArray:
     """Return the gradient of `log_prior` at places, shape (places, 4)."""
-    middle, log_width, *_ = parameters.T
-    width = np.exp(log_width)
-    found = -RATE_PRIOR / (1 - parameters)
-    found[:, 0] = _slope_within(middle, 0.0, 1.0, 0.5, 0.5)
-    found[:, 1] = width * _slope_within(width, 2 * step, 1.0, step, MOST_WIDTH - 1)
-    return np.asarray(found)
+    middle, log_width, *rates = parameters.T
+    steep = np.tan(np.pi * _beyond(middle) / 2) * np.sign(middle - 0.5)
+    of_width = -2 * np.tanh(log_width - math.log(USUAL_WIDTH))
+    of_rates = (-RATE_PRIOR / (1 - rate) for rate in rates)
+    return np.stack([-np.pi / MIDPOINTS_BEYOND * steep, of_width, *of_rates], axis=1)
 
 
-def _flat_within(
-    values: FloatArray, low: float, high: float, rise: float, fall: float
-) -> FloatArray:
-    """Return (4): 1 in [low, high], half a cosine to 0 over `rise` below and `fall` above it."""
-    below = np.minimum(np.maximum((low - values) / rise, 0.0), 1.0)
-    above = np.minimum(np.maximum((values - high) / fall, 0.0), 1.0)
-    return np.asarray((1 + np.cos(np.pi * below)) * (1 + np.cos(np.pi * above)) / 4)
-
-
-def _slope_within(
-    values: FloatArray, low: float, high: float, rise: float, fall: float
-) -> FloatArray:
-    """Return the derivative of the logarithm of (4)."""
-    below = np.minimum(np.maximum((low - values) / rise, 0.0), 1.0)
-    above = np.minimum(np.maximum((values - high) / fall, 0.0), 1.0)
-    return np.asarray(np.pi * (np.tan(np.pi * below / 2) / rise - np.tan(np.pi * above / 2) / fall))
+def _beyond(middle: FloatArray) -> FloatArray:
+    """Return how far midpoints lie beyond the levels: 1 where none is expected."""
+    outside = np.maximum(np.maximum(-middle, middle - 1), 0.0)
+    return np.asarray(np.minimum(outside / MIDPOINTS_BEYOND, 1.0))

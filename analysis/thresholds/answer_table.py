@@ -1,5 +1,6 @@
 """Tables of answers in tracks: a row per level, or a row per trial."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -50,7 +51,7 @@ class Track:
     def record(self, found: Threshold) -> Json:
         """Return what was found, as `touchbeam fit --json` prints it."""
         told = {"participant": self.participant, "track": self.track, **plain(found)}
-        del told["band"]  # of a figure
+        del told["band"], told["likelihood"]  # of a report
         return {**told, "left_out": self.left_out}
 
 
@@ -203,9 +204,10 @@ def lines_of(found: Sequence[tuple[Track, Threshold]]) -> Iterator[tuple[str, ..
     yield COLUMNS
     for track, fit in found:
         cells = ["–", "–", "–", "", "–", "–"]
-        if fit.threshold == fit.threshold:  # NaN where the levels have no range
-            ends = " to ".join(f"{end:.4g}" for end in fit.threshold_ci)
+        if not math.isnan(fit.slope):  # as where the levels have no range
             jnd = "" if fit.jnd is None else f"{fit.jnd:.3g}"
-            cells = [f"{fit.threshold:.4g}", ends, f"{fit.slope:.3g}", jnd]
-            cells += [f"{fit.lapse:.3f}", f"{fit.deviance_p:.2f}"]
+            cells[2:] = f"{fit.slope:.3g}", jnd, f"{fit.lapse:.3f}", f"{fit.deviance_p:.2f}"
+            cells[0] = fit.reason or f"{fit.threshold:.4g}"
+        if fit.reason is None:
+            cells[1] = " to ".join(f"{end:.4g}" for end in fit.threshold_ci)
         yield (track.participant, track.track, *cells, "; ".join(fit.flags))

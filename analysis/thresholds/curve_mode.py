@@ -1,7 +1,8 @@
 """The curve of the highest posterior density, by a descent from several places.
 
 Many answers make the posterior so narrow that no cell of a coarse grid lies in it: the best cell
-may be that of quite another curve.
+may be that of quite another curve. The answers are taken to scatter, by which a level has no more
+weight than some hundred answers, so that the mode is that of all levels.
 """
 
 from typing import Final, NamedTuple, Self
@@ -20,11 +21,15 @@ from analysis.thresholds.answer_curve import (
     prior_gradient,
 )
 
-MOST_STEPS = 60
+SCATTER = 0.005
+"""It makes a level's answers worth n / (1 + (n - 1) scatter^2) of them."""
+STARTS = 4
+MOST_STEPS = 40
 LEAST_STEPS = 5
 RIVALS = 5.0
 """Places whose log density lies less below the highest may still become the highest."""
-NEAR = 1e-7
+NODES = 48
+NEAR = 1e-2
 """Standard deviations: a shorter step has arrived at the mode."""
 AS_HIGH = 1e-6
 """Log densities that differ less differ by rounding: the first one counts as the highest."""
@@ -48,9 +53,11 @@ class Mode(NamedTuple):
 def highest_density(answers: LevelAnswers, curve: Curve, cells: Cells) -> Mode:
     """Return the mode of the density of midpoint, width and rates.
 
-    The descents begin at the best cell of each width on a grid over the whole prior.
+    The descents begin at the best cells of those widths that are best on a grid over the whole
+    prior.
     """
     curve = curve._replace(share=0.5)
+    weight = 1 / (1 + np.maximum(answers.trials - 1, 0) * SCATTER**2)
     least, most = np.array(answers.limits).T
     grid = np.ix_(
         *(
@@ -58,10 +65,14 @@ def highest_density(answers: LevelAnswers, curve: Curve, cells: Cells) -> Mode:
             for low, high, n in zip(least, most, cells, strict=True)
         )
     )
-    by_width = np.moveaxis(log_density(grid, answers, curve), 1, 0).reshape(cells[1], -1)
+    every = [values[..., np.newaxis] for values in grid]
+    found = log_density(every, np.array([SCATTER]), answers, curve, NODES)[..., 0]
+    answers = answers._replace(trials=answers.trials * weight, correct=answers.correct * weight)
+    by_width = np.moveaxis(found, 1, 0).reshape(cells[1], -1)
     first = np.argmax(by_width >= by_width.max(axis=1, keepdims=True) - AS_HIGH, axis=1)
     places = np.stack(np.broadcast_arrays(*grid), axis=-1)
     starts = np.moveaxis(places, 1, 0).reshape(cells[1], -1, 4)[np.arange(cells[1]), first]
+    starts = starts[np.argsort(-by_width.max(axis=1).round(6), kind="stable")[:STARTS]]
 
     def held(points: _Points) -> BoolArray:
         """Return which parameters stay where they are, at a limit."""
@@ -139,8 +150,8 @@ class _Points(NamedTuple):
         likelihood = (right * np.log(p) + wrong * np.log1p(-p)).sum(axis=1)
         return cls(
             place,
-            likelihood + log_prior(list(columns[..., 0]), answers.step),
-            (by @ off[..., None])[..., 0] + prior_gradient(place, answers.step),
+            likelihood + log_prior(list(columns[..., 0])),
+            (by @ off[..., None])[..., 0] + prior_gradient(place),
             information,
         )
 

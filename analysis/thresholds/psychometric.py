@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import xlogy
+from scipy.special import bdtr, xlogy
 
 from analysis.estimates import ENDS, LOWER, UPPER, FloatArray, Interval
 from analysis.thresholds.answer_curve import Curve, LevelAnswers, Shape
@@ -18,13 +18,13 @@ DRAWS = 400
 """Sets of answers from the posterior, with which the real ones are compared."""
 MOST_LEVELS = 1000
 """Of one fit, whose time grows with them."""
-LEAST_STEP = 1e-3
-"""Of the range: levels that lie closer say nothing about how steep curves are."""
 ENOUGH_LEVELS = 3
 POOR_FIT = 0.025
+WORSE = 0.025
+"""p of a binomial test, one-sided, that there are fewer right answers than by chance."""
 RISES = 1.645
 """z of a trend that is expected to rise: one-sided 5%."""
-LIMITS = np.array(ENDS)
+LIMITS = np.array([LOWER, 0.5, UPPER])
 NOTHING = (math.nan, math.nan)
 
 
@@ -32,9 +32,9 @@ NOTHING = (math.nan, math.nan)
 class Threshold:
     """A psychometric function fitted to one person's answers in one track.
 
-    Threshold and slope are those of the highest posterior density, because its mean and median
-    would lean to the lapses of the prior; rates are medians. Intervals hold the middle 95% of
-    the posterior. All numbers are NaN where the levels have no range; `flags` then say so.
+    All numbers are of one posterior: medians, and intervals that hold its middle 95%. Where the
+    levels have no range there are none, and where the threshold lies beyond them it, its interval
+    and the JND are missing: NaN or None; `reason` then says so.
 
     Attributes:
         threshold: in the unit of the levels.
@@ -43,9 +43,13 @@ class Threshold:
         slope: 1/SD of a normal curve, per unit of the levels; the exponent of a Weibull curve.
         jnd: the distance of the level at 75% of the curve from its midpoint; None but in yes-no.
         guess: the share correct of guesses; in yes-no that of yes without a stimulus.
+        scatter: SD of the share correct from one time to the next, over that of a single answer.
         deviance_p: how often answers of this function deviate from it as much as the real ones.
+        reason: why there is no threshold, such as "above 8", which is the highest level.
         flags: what to look at before this is believed.
         band: the 95% interval of the curve at each level that was asked for.
+        likelihood: of thresholds between neighbours of the places that were asked for, all else
+            integrated out; only its shape matters.
     """
 
     threshold: float = math.nan
@@ -57,10 +61,13 @@ class Threshold:
     lapse: float = math.nan
     lapse_ci: Interval = NOTHING
     guess: float = math.nan
+    scatter: float = math.nan
     deviance_p: float = math.nan
     trials: int
+    reason: str | None = None
     flags: tuple[str, ...] = ()
     band: tuple[Interval, ...] = ()
+    likelihood: tuple[float, ...] = ()
 
 
 def curve_share(threshold_at: float | None, task: Task, lapse: float | None = None) -> float:
@@ -102,6 +109,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     lapse: float | None = None,
     span: Interval | None = None,
     band_at: ArrayLike = (),
+    likelihood_at: ArrayLike = (),
     seed: int = 1,
 ) -> Threshold:
     """Return threshold, slope and lapse rate of one person's answers, by (1) to (9).
@@ -118,8 +126,9 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         lapse: the lapse rate if it is known, and in yes-no the share of false alarms; 0 gives the
             threshold and slope of a probit regression.
         span: the lowest and the highest level that could be asked. Without it those that were:
-            priors of threshold and slope follow from it.
+            the priors of threshold and slope follow from it, and no threshold is told beyond it.
         band_at: shape (points,), levels at which the band of the curve is wanted.
+        likelihood_at: shape (places,), rising levels between which the likelihood of thresholds is.
         seed: of the draws for `deviance_p`.
 
     Raises:
@@ -137,51 +146,66 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     defined = chance + (1 - chance) * share
     axis = _axis(asked, shape)
     felt = axis[np.isfinite(axis)]
-    low, high = 0.0, 0.0
-    if span or felt.size:
-        low, high = _axis(np.array(span), shape) if span else felt[[0, -1]]
-    if not 0 < high - low < math.inf:
+    ends = _axis(np.array(span), shape) if span else felt[[0, -1]] if felt.size else np.zeros(2)
+    low, unit = float(ends[0]), float(ends[1] - ends[0])
+    if not 0 < unit < math.inf:
+        of_one = "all answers at one level"
         return Threshold(
-            threshold_at=defined, trials=int(number.sum()), flags=("all answers at one level",)
+            threshold_at=defined, trials=int(number.sum()), reason=of_one, flags=(of_one,)
         )
-    unit = float(high - low)
-    step = min(np.diff(felt), default=unit) / unit
     answers = LevelAnswers(
         (axis - low) / unit,
         number,
         right,
-        float(np.clip(step, LEAST_STEP, 0.5)),
         lapse,
         lapse if task == "yes or no" else chance,
     )
     curve = Curve(shape, share)
     found = posterior(answers, curve)
-    # The mode between the ends of the interval.
-    ends = np.insert(found.quantiles(0, LIMITS), 1, found.mode[0]) * unit + low
-    thresholds = ends if shape == "normal" else np.exp(ends)
-    log_widths = np.insert(found.quantiles(1, LIMITS), 1, found.mode[1])
-    slopes = curve.width / (np.exp(log_widths) * unit)
-    low_lapse, lapse_rate, high_lapse = found.quantiles(2, np.array([LOWER, 0.5, UPPER])).tolist()
+    places = found.quantiles(0, LIMITS) * unit + low
+    thresholds = places if shape == "normal" else np.exp(places)
+    slopes = curve.width / (np.exp(found.quantiles(1, LIMITS)) * unit)
+    low_lapse, lapse_rate, high_lapse = found.quantiles(2, LIMITS).tolist()
+    reason = _beyond(float(places[1]), ends, shape)
     rng = np.random.default_rng(seed)
     drawn = found.draws(DRAWS, rng)[:, :, None]
     p = _deviance_p(answers, drawn, curve, rng)
-    at = (_axis(np.asarray(band_at, dtype=np.float64), shape) - low) / unit
-    band = np.quantile(curve.share_correct(at, list(drawn)), LIMITS, axis=0)
+    at, edges = (
+        (_axis(np.asarray(each, dtype=np.float64), shape) - low) / unit
+        for each in (band_at, likelihood_at)
+    )
+    # The density before is that of the levels' axis.
+    likelihood = np.maximum(np.diff(found.below(0, edges)), 0.0) / np.diff(edges)
+    band = np.quantile(curve.share_correct(at, list(drawn)), ENDS, axis=0)
+    told: dict[str, Any] = {"reason": reason}
+    if reason is None:
+        told = {"threshold": float(thresholds[1])}
+        told["threshold_ci"] = float(thresholds[0]), float(thresholds[2])
+        if task == "yes or no":
+            told["jnd"] = _jnd(float(places[1]), float(slopes[1]), curve)
     return Threshold(
-        threshold=float(thresholds[1]),
+        **told,
         threshold_at=defined,
-        threshold_ci=(float(thresholds[0]), float(thresholds[2])),
         slope=float(slopes[1]),
         slope_ci=(float(slopes[2]), float(slopes[0])),
-        jnd=_jnd(float(ends[1]), float(slopes[1]), curve) if task == "yes or no" else None,
         lapse=lapse_rate,
         lapse_ci=(low_lapse, high_lapse),
         guess=float(found.quantiles(3, np.array(0.5))),
+        scatter=found.scatter,
         deviance_p=p,
         trials=int(number.sum()),
-        flags=_flags(answers, thresholds, asked[np.isfinite(axis)], p),
+        flags=_flags(answers, chance, thresholds, asked[np.isfinite(axis)], reason, p),
         band=tuple(zip(*band.tolist(), strict=True)),
+        likelihood=tuple(likelihood.tolist()),
     )
+
+
+def _beyond(place: float, ends: FloatArray, shape: Shape) -> str | None:
+    """Return in words beyond which end of the levels a threshold lies."""
+    low, high = ends if shape == "normal" else np.exp(ends)
+    if place < ends[0]:
+        return f"below {low:.4g}"
+    return f"above {high:.4g}" if place > ends[1] else None
 
 
 def _axis(levels: FloatArray, shape: Shape) -> FloatArray:
@@ -247,21 +271,24 @@ def _deviance(right: FloatArray, number: FloatArray, p: FloatArray) -> FloatArra
 
 
 def _flags(
-    answers: LevelAnswers, thresholds: FloatArray, asked: FloatArray, p: float
+    answers: LevelAnswers,
+    chance: float,
+    thresholds: FloatArray,
+    asked: FloatArray,
+    reason: str | None,
+    p: float,
 ) -> tuple[str, ...]:
     """Return in a few words each what speaks against believing the estimate."""
-    lowest, highest = asked[0], asked[-1]
-    outside = not lowest <= thresholds[1] <= highest
+    right, total = int(answers.correct.sum()), int(answers.trials.sum())
     found = {
-        "all right: the threshold may be lower than any level": (
-            answers.correct.sum() == answers.trials.sum()
-        ),
-        "all wrong: the threshold may be higher than any level": not answers.correct.sum(),
+        f"worse than chance: {right} of {total} right": chance > 0
+        and bdtr(right, total, chance) < WORSE,
+        "all right: the threshold may be lower than any level": right == total,
+        "all wrong: the threshold may be higher than any level": not right,
         "too few levels": asked.size < ENOUGH_LEVELS,
         "does not rise with the level": _trend(answers) < RISES,
-        "threshold outside the levels": outside,
-        "interval beyond the levels": not outside
-        and not lowest <= thresholds[0] <= thresholds[2] <= highest,
+        "interval beyond the levels": reason is None
+        and not asked[0] <= thresholds[0] <= thresholds[2] <= asked[-1],
         "poor fit": p < POOR_FIT,
     }
     return tuple(name for name, holds in found.items() if holds)

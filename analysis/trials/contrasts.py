@@ -15,12 +15,9 @@ from analysis.estimates import BoolArray, FloatArray, IntArray, Interval
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData
 from analysis.sensitivity.lines import Ratings
-from analysis.sensitivity.noticing import EXPECTED, OPPOSITE, SAME
-from analysis.sensitivity.two_stage_model import AnsweredTrials
 from device.friction import laws
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import (
-    AT_A_PLACE,
     CONDITIONS,
     LAW,
     Change,
@@ -299,36 +296,6 @@ def _positions(names: "pd.Series[str]", known: Sequence[str]) -> IntArray:
     return pd.Index(known).get_indexer(pd.Index(names))
 
 
-def detection_trials(data: StudyData, contrasts: TrialContrasts, study: Study) -> AnsweredTrials:
-    """Return scored and catch trials with what was answered, for change detection.
-
-    Contrasts and answers are told relative to what the condition expects, so that a trial in the
-    opposite order has a negative contrast, and its right answer is the opposite one.
-    """
-    expected = data.trials["condition"].map(
-        {entry.name: entry.expected for entry in study.condition}
-    )
-    chosen = (
-        data.trials["trial_kind"].isin(["trial", "catch"])
-        & data.trials["change"].notna()
-        & expected.notna()
-        & np.isfinite(contrasts.by_law[LAW])
-    )
-    trials = data.trials[chosen]
-    same = trials["change"].eq(
-        trials["question"].map({name: asked.same for name, asked in QUESTIONS.items()})
-    )
-    answers = np.select([trials["change"].eq(expected[chosen]), same], [EXPECTED, SAME], OPPOSITE)
-    both_ways = [each for it in QUESTIONS.values() if it.less for each in (it.more, it.less)]
-    # -0.0 and 0.0 are one contrast.
-    signed = contrasts.by_law[LAW][chosen] * np.where(trials["opposite"], -1.0, 1.0) + 0.0
-    return AnsweredTrials(
-        ratings=ratings_of(data, trials, signed),
-        answer=answers,
-        two_sided=expected[chosen].isin(both_ways).to_numpy(),
-    )
-
-
 # The range of each condition's contrast over rungs, laws, and what the paper leaves open.
 
 BEAM_MODELS = ("mode", "own-mode", "beam")
@@ -397,9 +364,3 @@ def _faster(change: Change, factor: float) -> Change:
         for moment in (change.before, change.after)
     )
     return replace(change, before=before, after=after)
-
-
-def at_places(ratings: Ratings, changes: Mapping[str, Change]) -> Ratings:
-    """Return the ratings of the conditions whose contrast is that at a place."""
-    places = [name in changes and changes[name].kind == AT_A_PLACE for name in ratings.conditions]
-    return ratings.where(np.array(places, dtype=np.bool_)[ratings.condition])

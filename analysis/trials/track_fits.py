@@ -17,16 +17,15 @@ from analysis.thresholds.psychometric import Mixed, Threshold, fitted, mixed
 from analysis.trials import track_readings
 from device.friction.calibration import Calibration
 from device.friction.changes import friction_difference
-from device.tracks.posterior import estimate, lattice
 from protocol.study.study import Study
 from protocol.study.track import AXIS_KEY, AXIS_UNITS, GUESS_RATE, Track, decibels
-from protocol.tracks.procedure import Answer, reversal_mean
+from protocol.tracks.procedure import reversal_mean
 
 NOT_AS_INSTRUCTED = 0.1
 """A larger share of touches that were not as instructed gets a note."""
 CURVE_POINTS = 61
-_NEAR = 0.02
-"""Of all levels, in ratios: so near its end an interval is cut off there."""
+_THRESHOLDS = 162
+"""Places between which the likelihood of thresholds is, for the cohort."""
 STUCK = 0.5
 """So does a larger share of the second half of the answers at an end of the levels."""
 
@@ -49,8 +48,10 @@ class PersonThreshold:
     """The threshold of a person in a track.
 
     Attributes:
-        threshold: median of the posterior that the track itself assumes, in the unit of the axis,
-            with its 95% interval: of thresholds within its levels, and of its slopes and rates.
+        threshold: of the fit, on the axis, in its unit, with its 95% interval; NaN if it is not
+            told, as all that would follow from it is None.
+        reason: why it is not, such as "above 160 V", the last level.
+        limit: that level.
         db: of a voltage, relative to 1 V or to that of the standard.
         contrast: of friction against the standard, predicted of the threshold: ln(mu / mu').
         weber: the Weber fraction, 1 - mu' / mu.
@@ -58,10 +59,9 @@ class PersonThreshold:
         measured: the threshold as a contrast of measured friction, ln(mu / mu'), with its interval.
         measured_weber: the Weber fraction of measured friction.
         reversal_mean: mean of the reversals made with the last step, another estimate.
-        fit: of the curve, with wider priors; its threshold is a distance from the standard.
+        fit: of the curve; its threshold is a distance from the standard.
         points: distance from the standard, answers, and how many of them were right (yes).
         detection: of yes or no with catch trials: d' and criterion over all levels together.
-        answers: those that the threshold follows from.
         readings: the threshold by other choices of estimate, curve and lapse rate.
         flags: what to look at before this is believed.
     """
@@ -71,6 +71,8 @@ class PersonThreshold:
     unit: str
     threshold: float
     threshold_interval: Interval
+    reason: str | None
+    limit: float | None
     db: float | None = None
     db_interval: Interval | None = None
     contrast: float | None = None
@@ -88,7 +90,6 @@ class PersonThreshold:
     points: tuple[tuple[float, int, int], ...]
     course: Course
     detection: Detection | NotEstimable | None
-    answers: tuple[Answer, ...]
     readings: Mapping[track_readings.Choice, float]
     flags: tuple[str, ...]
 
@@ -165,50 +166,53 @@ def _person(
     points = tuple(_points(track, trials))
     asked, number, right = zip(*points, strict=True) if points else ((), (), ())
     positive = [distance for distance in track.distances if distance > 0]
+    options: dict[str, Any] = {
+        "task": track.task,
+        "threshold_at": track.share,
+        "span": (positive[0], positive[-1]),
+    }
     fit = fitted(
-        levels=asked,
-        trials=number,
-        correct=right,
-        task=track.task,
+        asked,
+        number,
+        right,
+        **options,
         shape=track.shape,
-        threshold_at=track.share,
-        span=(positive[0], positive[-1]),
         band_at=curve_places(track),
+        likelihood_at=_threshold_edges(track),
     )
-    side = 1 if track.values[-1] > track.reference else -1
-    told = trials[
-        trials["track_role"].ne("catch") & trials["level"].notna() & trials["correct"].notna()
-    ]
-    answers = tuple(map(Answer, told["level"].astype(int), told["correct"].astype(bool)))
-    made = estimate(track, answers)
-    first, last = made.threshold_ci
+    threshold, *ends = (track.on_axis(each) for each in (fit.threshold, *fit.threshold_ci))
+    first, last = sorted(ends)
+    reason, limit = fit.reason, None
+    if reason is not None and reason.startswith(("above", "below")):
+        reason, limit = _beyond(track, far=reason.startswith("above"))
     chosen = trials[trials["track_role"].eq("level")]
     turned = chosen["reversal"].eq(True).fillna(False).to_numpy(bool)
     turns = tuple(chosen["level"][turned].astype(int))
     mean = reversal_mean(track, turns) if track.turns else None
-    ends = (first, last) if side > 0 else (last, first)
-    contrasts = [felt(level) for level in (made.threshold, *ends)]
-    known = all(each is not None for each in contrasts)
+    contrasts = [felt(level) for level in (threshold, *ends)]
+    known = fit.reason is None and all(each is not None for each in contrasts)
     follows = track_readings.felt_in(
         track, trials, touches, friction, lambda level: felt(track.values[level], signed=True)
     )
     values: dict[str, Any] = {}
-    if track.axis == "voltage":
-        ratios = [each / (track.reference or 1.0) for each in (made.threshold, first, last)]
+    if track.axis == "voltage" and fit.reason is None:
+        ratios = [each / (track.reference or 1.0) for each in (threshold, first, last)]
         db, low, high = (decibels(each) if each > 0 else float("nan") for each in ratios)
         values["db"] = db, (low, high)
     if known:
         values["contrast"] = contrasts[0], (contrasts[1], contrasts[2])
         values["weber"] = _weber_fractions(*values["contrast"])
-    if follows is not None and contrasts[0]:
+    if known and follows is not None and contrasts[0]:
         values["measured"] = follows.contrast(contrasts[0], (contrasts[1], contrasts[2]))
         values["measured_weber"] = _weber_fractions(*values["measured"])
     return PersonThreshold(
         participant=who,
         track=track.name,
         unit=AXIS_UNITS[track.axis],
-        threshold=made.threshold,
+        threshold=threshold,
         threshold_interval=(first, last),
+        reason=reason,
+        limit=limit,
         **{name: value for name, (value, _) in values.items()},
         **{f"{name}_interval": interval for name, (_, interval) in values.items()},
         felt=follows,
@@ -223,13 +227,8 @@ def _person(
             sessions=tuple(chosen["session"]),
         ),
         detection=_detection(trials) if track.intervals == 1 and track.catch else None,
-        answers=answers,
-        readings=dict(track_readings.readings(track, answers, mean)),
-        flags=(
-            *(flag for flag in fit.flags if "levels" not in flag),  # of its wider prior
-            *_at_an_end(track, [abs(end - track.reference) for end in ends]),
-            *_flags(track, trials, touches),
-        ),
+        readings=dict(track_readings.readings(track, points, fit, options, mean)),
+        flags=(*fit.flags, *_flags(track, trials, touches)),
     )
 
 
@@ -245,12 +244,12 @@ def _detection(trials: pd.DataFrame) -> Detection | NotEstimable:
     return detection(np.array(hits), np.array(alarms))
 
 
-def _at_an_end(track: Track, ends: Sequence[float]) -> Iterator[str]:
-    """Yield where the interval of a threshold ends at a level beyond which none was asked."""
-    distances = track.distances
-    for end, level, name in ((0, 0, "hardest"), (1, -1, "easiest")):
-        if abs(np.log(ends[end] / distances[level])) < _NEAR * np.log(distances[-1] / distances[0]):
-            yield f"may lie beyond the {name} level"
+def _beyond(track: Track, *, far: bool) -> tuple[str, float]:
+    """Return the level beyond which a threshold lies, in words, too: the easiest or the hardest."""
+    distances = [distance for distance in track.distances if distance > 0]
+    limit = track.on_axis(distances[-1] if far else distances[0])
+    side = "above" if far == (track.values[-1] > track.reference) else "below"
+    return f"{side} {limit:.4g} {AXIS_UNITS[track.axis]}".rstrip(), limit
 
 
 def _points(track: Track, trials: pd.DataFrame) -> Iterator[tuple[float, int, int]]:
@@ -307,10 +306,10 @@ def _flags(track: Track, trials: pd.DataFrame, touches: pd.DataFrame) -> Iterato
 
 def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     own = [each for each in people if each.track == track.name]
-    threshold, ends = mean_over_people([each.threshold for each in own])
     measured = bool(own) and all(each.measured_weber is not None for each in own)
     name = "measured_weber" if measured else "weber"
-    weber, weber_ends = mean_over_people([getattr(each, name) for each in own])
+    threshold, ends = _mean(own, "threshold")
+    weber, weber_ends = _mean(own, name)
     return CohortThreshold(
         track=track.name,
         unit=AXIS_UNITS[track.axis],
@@ -327,6 +326,19 @@ def _cohort(track: Track, people: Sequence[PersonThreshold]) -> CohortThreshold:
     )
 
 
+def _mean(
+    people: Sequence[PersonThreshold], name: str
+) -> tuple[float | NotEstimable, Interval | NotEstimable]:
+    """Return the geometric mean of everybody; without those beyond the levels it would be wrong."""
+    beyond = [each.reason for each in people if each.limit is not None]
+    if not beyond:
+        return mean_over_people([getattr(each, name) for each in people])
+    where = " or ".join(sorted({str(reason) for reason in beyond}))
+    lie = "lies" if len(beyond) == 1 else "lie"
+    none = NotEstimable(f"{len(beyond)} of {len(people)} thresholds {lie} {where}")
+    return none, none
+
+
 def mean_over_people(
     values: Sequence[float | None],
 ) -> tuple[float | NotEstimable, Interval | NotEstimable]:
@@ -341,12 +353,22 @@ def _mixed(track: Track, own: Sequence[PersonThreshold]) -> Mixed | NotEstimable
     """Return the cohort's threshold by a model with person effects, in the unit of the axis."""
     if track.reference:
         return NotEstimable("the model is of levels from 0")
-    if len(own) < 2:
+    likelihoods = [each.fit.likelihood for each in own if each.fit.likelihood]
+    if len(likelihoods) < 2:
         return NotEstimable("of one person")
-    grid = lattice(track, fine=True)
-    thresholds, place = np.unique(grid.threshold, return_inverse=True)
-    likelihood = [np.bincount(place, grid.weights(each.answers)) for each in own]
-    return mixed(np.array(likelihood), thresholds)
+    edges = _threshold_edges(track)
+    made = mixed(np.array(likelihoods), np.sqrt(edges[1:] * edges[:-1]))
+    low, *_, high = (each for each in track.distances if each > 0)
+    if low <= made.threshold <= high:
+        return made
+    return NotEstimable(_beyond(track, far=made.threshold > high)[0])
+
+
+def _threshold_edges(track: Track) -> FloatArray:
+    """Return places in equal ratios over all thresholds that are possible."""
+    low, *_, high = (each for each in track.distances if each > 0)
+    beyond = np.sqrt(high / low)
+    return np.geomspace(low / beyond, high * beyond, _THRESHOLDS)
 
 
 def curve_places(track: Track) -> FloatArray:

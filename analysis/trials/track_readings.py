@@ -3,23 +3,22 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, hypot, log
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from analysis.estimates import FloatArray, Interval, NotEstimable
 from analysis.statistics.intervals import mean_interval
-from device.tracks.posterior import estimate
+from analysis.thresholds.psychometric import Threshold, fitted
 from protocol.study.track import Track, decibels
-from protocol.tracks.procedure import Answer
 
 FEWEST: Final = 5
 """Trials whose friction was measured, for a ratio with an error."""
 _Z: Final = 1.959964
 _LEAST_LEFT: Final = 0.05
 """Of a trial's residual, where it alone draws the line."""
-LAPSES: Final = {"free": None, "known": (0.02, 0.02)}
+LAPSES: Final = {"free": None, "known": 0.02}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,16 +96,25 @@ class Choice(NamedTuple):
 
 
 def readings(
-    track: Track, answers: Sequence[Answer], reversals: float | None
+    track: Track,
+    points: Sequence[tuple[float, int, int]],
+    fit: Threshold,
+    options: Mapping[str, Any],
+    reversals: float | None,
 ) -> Iterator[tuple[Choice, float]]:
-    """Yield the threshold of each choice of curve and lapse rate, and the mean of reversals."""
+    """Yield the threshold of each choice of curve and lapse rate, and the mean of reversals.
+
+    `points` and `options` are those of `fit`, which is the choice of the track. In yes or no a
+    lapse rate that is known would be the share of false alarms, too.
+    """
     for shape in ("weibull", "normal"):
-        for lapses, known in LAPSES.items():
-            changed: dict[str, object] = {"shape": shape} | ({"lapse": known} if known else {})
-            if shape != track.shape:
-                changed["slope"] = None  # it is in other units
-            made = estimate(track.model_copy(update=changed), answers)
-            yield Choice("posterior", shape, lapses), made.threshold
+        for lapses, rate in LAPSES.items():
+            if rate is not None and track.task == "yes or no":
+                continue
+            made = fit
+            if (shape, rate) != (track.shape, None):
+                made = fitted(*zip(*points, strict=True), **options, shape=shape, lapse=rate)
+            yield Choice("posterior", shape, lapses), track.on_axis(made.threshold)
     if reversals is not None:
         yield Choice("mean of reversals", "", ""), reversals
 

@@ -193,19 +193,6 @@ def discrimination(
     )
 
 
-def gain_differences(ratings: Ratings) -> FTest | NotEstimable:
-    """Return the test of slopes of the subjects' own on the contrast, beyond a common one.
-
-    Subjects and conditions have levels of their own, so that what a condition does to all is no
-    difference between subjects. F supposes that everybody's ratings scatter alike.
-    """
-    trials, contrast = ratings.given, ratings.given.contrast[:, None]
-    if not len(contrast):
-        return NotEstimable("no trial was rated")
-    common = np.column_stack([_dummies(trials.condition), contrast])
-    return _test_of(trials, common, _dummies(trials.subject) * contrast)
-
-
 def _test_of(trials: Ratings, common: FloatArray, added: FloatArray) -> FTest | NotEstimable:
     """Return the test of the columns `added` to those `common` to both fits, within subjects."""
     without, rank, _ = _residual(trials, common)

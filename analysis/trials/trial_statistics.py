@@ -1,7 +1,6 @@
 """Everything that is computed from single trials: sensitivities, laws, and checks."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple, TypeVar
@@ -10,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimates import LEVEL, FloatArray, NotEstimable
-from analysis.loading.published import SCALE
 from analysis.loading.response import (
     NO_CHANGE,
     Directions,
@@ -19,10 +17,9 @@ from analysis.loading.response import (
     responses,
 )
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity import laplace, linear_model, predictive_checks
+from analysis.sensitivity import laplace
+from analysis.sensitivity.answers_model import StudyAnswers, evidence
 from analysis.sensitivity.lines import Ratings
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
 from analysis.statistics import corrections
 from analysis.statistics.detection import Detection, detection
 from analysis.statistics.factorial import (
@@ -31,11 +28,16 @@ from analysis.statistics.factorial import (
     Factorial,
     factorial_tests,
 )
-from analysis.statistics.ordinal import Link, OrdinalEffects, ordinal_effects_of_trials
 from analysis.statistics.slope import LevelSlope, Slope, level_slope, slope
 from analysis.statistics.summary import ConditionTests, condition_tests, table4
 from analysis.trials import contrasts as trial_contrasts
-from analysis.trials.law_likelihood import LawLikelihood, LawOrder, law_likelihoods, law_order
+from analysis.trials.law_comparison import (
+    LawOrder,
+    LawScore,
+    against_best,
+    law_order,
+)
+from analysis.trials.study_answers import study_answers
 from analysis.trials.trial_checks import (
     Discrimination,
     Drift,
@@ -47,16 +49,14 @@ from analysis.trials.trial_checks import (
 )
 from analysis.workers import done
 from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import AT_A_PLACE, LAW, Change
+from device.friction.changes import LAW
 from device.friction.surfaces import BeamSurface
 from protocol.study.factor import CONDITION
+from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study import Study
 
-LINKS: tuple[Link, ...] = ("probit", "logit")
 PROCESSES = 2
-"""They fit the models of a large study; the larger takes 0.5 GB of 1,000 people."""
-FEWEST_AT_PLACES = 40
-"""Of fewer ratings, gains at places alone would be the prior's rather than the data's."""
+"""They fit the model of a large study, which takes 0.5 GB of 1,000 people."""
 _NO_CHANGE = frozenset(NO_CHANGE.values())
 _Told = tuple[int, int]
 """Numbers of reported changes and of trials."""
@@ -162,82 +162,21 @@ _CLAIMED = {"voltage": 1.0, "pressure": -1.0}
 """Section 5.2: voltage is best, touch pressure weakest; of the others it says nothing."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LawScore:
-    """A law against the ratings; `predicted` has its mean contrast by condition.
-
-    The paper's own ranking has ranks in place of contrasts and says nothing of persons.
-    """
-
-    law: str
-    predicted: Mapping[str, float]
-    order: LawOrder | NotEstimable
-    likelihood: LawLikelihood | NotEstimable
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SensitivityModels(ABC):
-    """M1, M2 and M3 of the trials that count on their `contrasts`; each is fitted when asked for.
+class TrialStatistics:
+    """The statistics of the trials that count, felt on that rig; each is computed when it is asked.
 
-    `predictive` has the posterior predictive checks by model; a model that fails is not estimable.
+    `laws` are in a fixed order.
     """
 
     data: StudyData
     study: Study
-
-    @property
-    @abstractmethod
-    def contrasts(self) -> trial_contrasts.TrialContrasts:
-        """Contrasts of all trials, by law."""
+    rig: Calibration = NOMINAL
 
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:
         """The trials that count for Table 4."""
         return trial_contrasts.scored_trials(self.data, self.contrasts)
-
-    @cached_property
-    def m1(self) -> linear_model.LinearSensitivity | NotEstimable:
-        """The simple comparison."""
-        return linear_model.linear_sensitivity(self.scored.ratings)
-
-    @cached_property
-    def m2(self) -> OrdinalSensitivity | NotEstimable:
-        """The headline."""
-        return self._m2.fit
-
-    @cached_property
-    def m3(self) -> TwoStageSensitivity | NotEstimable:
-        """Noticing a change, then rating it."""
-        return self._m3.fit
-
-    @property
-    def predictive(self) -> Mapping[str, predictive_checks.PredictiveCheck | NotEstimable]:
-        """The checks of M2 and M3."""
-        return {"M2": self._m2.check, "M3": self._m3.check}
-
-    # Fit and check are one, because a fit that fails its check is withheld.
-    @cached_property
-    def _m2(self) -> predictive_checks.Checked[OrdinalSensitivity]:
-        return predictive_checks.checked_ordinal(self.scored.ratings)
-
-    @cached_property
-    def _m3(self) -> predictive_checks.Checked[TwoStageSensitivity]:
-        return predictive_checks.checked_two_stage(self._answered)
-
-    @cached_property
-    def _answered(self) -> AnsweredTrials:
-        return trial_contrasts.detection_trials(self.data, self.contrasts, self.study)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrialStatistics(SensitivityModels):
-    """The statistics of the trials that count, felt on that rig; each is computed when it is asked.
-
-    `ordinal` is by link, `laws` in a fixed order. `place_m2` is M2 of the conditions at a place
-    alone, where there are others too.
-    """
-
-    rig: Calibration = NOMINAL
 
     @cached_property
     def contrasts(self) -> trial_contrasts.TrialContrasts:
@@ -318,43 +257,11 @@ class TrialStatistics(SensitivityModels):
         return level_slope(trials.rating, trials.contrast, trials.subject, trials.condition)
 
     @cached_property
-    def ordinal(self) -> Mapping[str, OrdinalEffects | NotEstimable]:
-        """Effects of the conditions in the ordinal mixed model."""
-        return {link: self._ordinal(link)() for link in LINKS}
-
-    # Processes that fit import what a call names, so that none names a module with data frames.
-    def _ordinal(self, link: Link) -> partial[OrdinalEffects | NotEstimable]:
-        given = self.scored.every.given
-        trials = given.rating, given.subject, given.condition
-        return partial(ordinal_effects_of_trials, *trials, conditions=given.conditions, link=link)
-
-    # That one gain serves all kinds of contrast is an assumption; this fit does without it.
-    @cached_property
-    def place_m2(self) -> OrdinalSensitivity | NotEstimable:
-        """M2 of the conditions at a place."""
-        chosen = self._at_places
-        return chosen if isinstance(chosen, NotEstimable) else ordinal_sensitivity(chosen)
-
-    @cached_property
-    def _at_places(self) -> Ratings | NotEstimable:
-        changes = self._changes
-        if {change.kind for change in changes.values()} == {AT_A_PLACE}:
-            return NotEstimable("all conditions are at a place")
-        chosen = trial_contrasts.at_places(self.scored.ratings, changes)
-        if (count := len(chosen.given.rating)) >= FEWEST_AT_PLACES:
-            return chosen
-        return NotEstimable(f"at least {FEWEST_AT_PLACES} ratings there are needed, got {count}")
-
-    @cached_property
-    def _changes(self) -> Mapping[str, Change]:
-        return trial_contrasts.condition_changes(self.study, self.data)
-
-    @cached_property
     def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
         """How certain the contrast of each condition is, where a beam's model predicts it."""
         if not isinstance(self.rig.surface, BeamSurface):
             return ()
-        changes = self._changes.items()
+        changes = trial_contrasts.condition_changes(self.study, self.data).items()
         return tuple(trial_contrasts.contrast_range(*each, self.rig) for each in changes)
 
     @cached_property
@@ -375,47 +282,42 @@ class TrialStatistics(SensitivityModels):
         }
         return factorial_tests(*self.crossed, answers=answers)
 
-    def fit_ahead(self, models: Iterable[str]) -> None:
-        """Fit M2 and those of `models`, named `M3`, `M2 at places` or as in `LINKS`, two at a time.
-
-        The numbers do not depend on where they are computed. Below `LARGE` trials nothing is done:
-        to start processes would take longer.
-        """
-        ratings = self.scored.ratings
-        if len(ratings.rating) < laplace.LARGE:
-            return
-        m2, places = partial(predictive_checks.checked_ordinal, ratings), self._at_places
-        calls: dict[str, dict[str, partial[Any]]] = {
-            # In one process, because M3 takes the posterior of M2 if both rest on the same trials.
-            "M3": {"_m2": m2, "_m3": partial(predictive_checks.checked_two_stage, self._answered)},
-            **{link: {link: self._ordinal(link)} for link in LINKS},
-            "M2 at places": {}
-            if isinstance(places, NotEstimable)
-            else {"place_m2": partial(ordinal_sensitivity, places)},
-        }
-        groups = [calls[model] for model in models]
-        groups = groups if calls["M3"] in groups else [{"_m2": m2}, *groups]
-        fits: dict[str, Any] = {}
-        for made in done([partial(_called, group) for group in groups if group], PROCESSES):
-            fits |= made
-        if fits.keys() >= {*LINKS}:
-            fits["ordinal"] = {link: fits[link] for link in LINKS}
-        # Properties of these names are then cached already.
-        vars(self).update(fits)
-
     @cached_property
     def laws(self) -> tuple[LawScore, ...]:
         """Each law, and the paper's own ranking, against the ratings."""
-        published, rating = self.data.kinds == ("published",), self.study.rating
-        # A published table is on the paper's scale, whatever that of the study in the folder.
-        scale = SCALE if published else (float(rating.minimum), float(rating.maximum))
-        likelihoods = law_likelihoods(self.scored.ratings, self.scored.contrasts, scale)
-        # The page shows a reason wherever it shows no number.
-        nobody = NotEstimable("the claim ranks conditions and says nothing of single persons")
+        factors = against_best(self.evidence)
         return tuple(
-            law_score(law, means, self.orders[law], likelihoods.get(law, nobody))
+            LawScore(
+                law=law,
+                predicted=dict(zip(means.conditions, means.predicted.tolist(), strict=True)),
+                order=self.orders[law],
+                log_evidence=self.evidence[law],
+                ln_bayes_factor=factors[law],
+            )
             for law, means in self._means.items()
         )
+
+    @cached_property
+    def evidence(self) -> Mapping[str, float | NotEstimable]:
+        """Log evidence of the answers under each law's contrasts, all of the same trials."""
+        if not isinstance(self.rig.surface, BeamSurface):
+            return {LAW: NotEstimable("contrasts on this surface are the same under all laws")}
+        by_law = self.contrasts.by_law
+        known = np.isfinite([*by_law.values()]).all(axis=0)
+        # Processes import what a call names, so that none names a module with data frames.
+        calls = [
+            partial(_evidence, law, self.answers(np.where(known, contrast, np.nan)))
+            for law, contrast in by_law.items()
+        ]
+        is_large = len(self.data.trials) >= laplace.LARGE
+        found = dict(done(calls, PROCESSES) if is_large else (call() for call in calls))
+        in_order = {law: found[law] for law in by_law}
+        return {**in_order, PAPERS_RANKING: NotEstimable("the claim predicts no contrasts")}
+
+    def answers(self, contrast: FloatArray) -> StudyAnswers:
+        """Return the answers of the trials with these contrasts, shape (trials,), NaN for none."""
+        rating = PAPERS_SCALE if self.data.kinds == ("published",) else self.study.rating
+        return study_answers(self.study, self.data, contrast, rating)
 
     @cached_property
     def orders(self) -> Mapping[str, LawOrder | NotEstimable]:
@@ -443,7 +345,7 @@ class TrialStatistics(SensitivityModels):
     @cached_property
     def noticed(self) -> tuple[Detected, ...]:
         """What was noticed of each condition, and then of all; nothing without catch trials."""
-        trials = self.data.trials
+        trials = self.data.of_noticing
         if not trials["trial_kind"].eq("catch").any():
             return ()
         by_name = {each.of["condition"]: each for each in detected_by(trials, "condition")}
@@ -456,16 +358,9 @@ class TrialStatistics(SensitivityModels):
             *detected_by(trials),
         )
 
-    @property
-    def has_repeats(self) -> bool:
-        """Whether some subject rated some condition more than once."""
-        ratings = self.scored.every.given
-        cells = np.stack([ratings.subject, ratings.condition])
-        return len(np.unique(cells, axis=1).T) < len(ratings.rating)
 
-
-def _called(calls: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
-    return {name: call() for name, call in calls.items()}
+def _evidence(law: str, answers: StudyAnswers) -> tuple[str, float | NotEstimable]:
+    return law, evidence(answers)
 
 
 def crossed_responses(
@@ -568,14 +463,3 @@ def _papers_ranking(data: StudyData) -> FloatArray | None:
     if not conditions or not set(_CLAIMED) <= set(conditions):
         return None
     return np.array([_CLAIMED.get(name, 0.0) for name in conditions])
-
-
-def law_score(
-    law: str,
-    means: MeanContrasts,
-    order: LawOrder | NotEstimable,
-    likelihood: LawLikelihood | NotEstimable,
-) -> LawScore:
-    """Return how a law, or another predictor, orders the conditions and fits the ratings."""
-    predicted = dict(zip(means.conditions, means.predicted.tolist(), strict=True))
-    return LawScore(law=law, predicted=predicted, order=order, likelihood=likelihood)

@@ -42,7 +42,6 @@ class Moment:
 
 
 Kind = Literal["at a place", "over a path", "growth of a swing"]
-AT_A_PLACE: Kind = "at a place"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +66,7 @@ class Change:
         """The kind of the contrast; contrasts of different kinds need not feel alike."""
         if self.effect == "depth":
             return "growth of a swing"
-        return AT_A_PLACE if len(self.places_m) == 1 else "over a path"
+        return "at a place" if len(self.places_m) == 1 else "over a path"
 
 
 _PLACES = 143

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from device.arrays import BoolArray, FloatArray
-from device.tracks.posterior import choices, correct_share, lattice, slopes
+from device.tracks.posterior import choices, correct_share, lattice, report_lattice, slopes
 from protocol.study.track import Track
 from protocol.tracks.procedure import TrackPlace, constant_order, moved, start
 
 OBSERVERS, SEED = 200, 1
 _INNER = (0.1, 0.9)
 """The part of the levels, in ratios, over which the thresholds of observers are spread evenly."""
+STEEPER, LAPSES = 1.6, 0.15
+"""Observers are not those whom the track assumes: curves may be steeper, and lapses more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,24 +31,27 @@ class Expected:
 
 
 def expected(track: Track, seed: int = SEED, observers: int = OBSERVERS) -> Expected:
-    """Return what a track tells of observers with the rates and slopes that it assumes.
+    """Return what a report tells of observers, some of whom are not as the track assumes.
 
     Thresholds are spread evenly over the levels in ratios, without a tenth at each end; slopes and
-    lapse rates evenly over their ranges.
+    lapse rates evenly over the track's ranges and beyond.
     """
     random = np.random.default_rng(seed)
     ends = np.log([track.distances[0], track.distances[-1]])
     threshold = np.exp(ends[0] + random.uniform(*_INNER, observers) * (ends[1] - ends[0]))
-    slope = random.uniform(*slopes(track), observers)
-    lapse = random.uniform(*track.lapse, observers)
+    least, steepest = slopes(track)
+    slope = random.uniform(least, STEEPER * steepest, observers)
+    lapse = random.uniform(track.lapse[0], max(track.lapse[1], LAPSES), observers)
     levels = np.array(track.distances)[:, np.newaxis]
     alarms = np.zeros(observers)
     if track.task == "yes or no":
         alarms = random.uniform(*track.false_alarms, observers)
     right = correct_share(track, levels, threshold, slope, lapse, alarms)
     counted = counted_answers(track, right, random.random((track.trials, observers)))
-    grid = lattice(track, fine=True)
+    grid = report_lattice(track)
     middle, low, high = grid.interval(grid.posterior(counted))
+    # Beyond the levels the last one is all that is known.
+    middle = middle.clip(levels[levels > 0].min(), levels.max())
     return Expected(
         rmse_db=float(np.sqrt(np.mean((20 * np.log10(middle / threshold)) ** 2))),
         interval_db=float(np.mean(20 * np.log10(high / low))),

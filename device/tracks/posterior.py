@@ -9,7 +9,7 @@ Phi(b (x - m)). The threshold is where F has the share that defines it, whatever
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import log
 
@@ -20,6 +20,10 @@ from protocol.study.track import GUESS_RATE, Track, decibels
 from protocol.tracks.procedure import Answer
 
 _SLOPES, _LAPSES, _FALSE_ALARMS, _FINE = 5, 4, 4, 161
+_THRESHOLDS, _WIDTHS, _RATES = 81, 9, 5
+_USUAL_WIDTH, _WIDEST = 0.4, 2.4
+"""Of a report's prior: the width of a curve in the range of the levels, and the logarithm of how
+many times as wide or narrow it may be."""
 _RARE = 1e-12
 """Least chance of an answer: none is impossible, so that none can leave nothing."""
 _DIGITS = 10
@@ -35,15 +39,17 @@ class Lattice:
         right: chance of a correct answer, shape (levels, sets).
         information: minus the entropy of an answer, shape (levels, sets).
         logs: logarithms of the chance of an error and of a correct answer, (2, levels, sets).
+        before: logarithms of how likely each set is before, (sets,); None if all are alike.
     """
 
     threshold: FloatArray
     right: FloatArray
     information: FloatArray
     logs: FloatArray
+    before: FloatArray | None = None
 
     def weights(self, answers: Iterable[Answer]) -> FloatArray:
-        """Return the posterior probability of each set; all are equally likely before."""
+        """Return the posterior probability of each set."""
         counted = np.zeros(self.logs.shape[:2])
         for answer in answers:
             counted[int(answer.correct), answer.level] += 1
@@ -56,6 +62,8 @@ class Lattice:
         """
         many = self.logs.reshape(-1, self.threshold.size)
         log_weights = counted.reshape(len(counted), -1) @ many
+        if self.before is not None:
+            log_weights += self.before
         found = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
         found /= found.sum(axis=1, keepdims=True)
         return np.asarray(found, dtype=np.float64)
@@ -131,12 +139,59 @@ def lattice(track: Track, *, fine: bool = False) -> Lattice:
     steep = np.linspace(low, high, _SLOPES if low < high else 1)
     few, many = track.false_alarms if track.task == "yes or no" else (0.0, 0.0)
     alarms = np.linspace(few, many, _FALSE_ALARMS if few < many else 1)
-    sets = np.meshgrid(thresholds, steep, lapses, alarms, indexing="ij")
-    threshold, *others = (each.ravel() for each in sets)
+    return _of_sets(track, thresholds, steep, lapses, alarms)
+
+
+def _of_sets(track: Track, *axes: FloatArray) -> Lattice:
+    threshold, *others = (each.ravel() for each in np.meshgrid(*axes, indexing="ij"))
+    levels = np.array(track.distances)
     right = correct_share(track, levels[:, np.newaxis], threshold, *others)
     right = right.clip(_RARE, 1 - _RARE)
     logs = np.log(np.stack([1 - right, right]))
     return Lattice(threshold, right, _negative_entropy(right), logs)
+
+
+@lru_cache(maxsize=8)
+def report_lattice(track: Track) -> Lattice:
+    """Return parameter sets of the prior of a report, whatever the track assumes of people.
+
+    It is that of mathematics/thresholds, (4), on a grid that is the same for all answers,
+    but for the scatter, which answers of one time at each level hardly show.
+    """
+    first, *_, last = (each for each in track.distances if each > 0)
+    beyond = np.sqrt(last / first)
+    thresholds = np.geomspace(first / beyond, last * beyond, _THRESHOLDS)
+    of_width = np.linspace(-_WIDEST, _WIDEST, _WIDTHS)
+    if track.shape == "weibull":
+        length, ends = log(last / first), log(log(0.05) / log(0.95))
+    else:
+        length, ends = last - first, 3.2897073
+    steep = ends / (length * _USUAL_WIDTH * np.exp(-of_width))
+    rates = 1 - (1 - (np.arange(_RATES) + 0.5) / _RATES) ** 0.1  # of Beta(1, 10)
+    alarms = rates if track.task == "yes or no" else np.zeros(1)
+    sets = _of_sets(track, thresholds, steep, rates, alarms)
+    by_slope = np.broadcast_to(of_width[:, None, None], (_WIDTHS, _RATES, alarms.size))
+    before = np.tile(-2 * np.log(np.cosh(by_slope)).ravel(), _THRESHOLDS)
+    slope = np.tile(np.broadcast_to(steep[:, None, None], by_slope.shape).ravel(), _THRESHOLDS)
+    middle = _midpoint(track, sets.threshold, slope)
+    outside = np.maximum(np.maximum(-middle, middle - 1), 0.0).clip(max=0.5)
+    before += np.log((1 + np.cos(2 * np.pi * outside)) / 2 + _RARE)
+    if track.shape == "normal":
+        before += np.log(sets.threshold)  # equally likely in steps, of which there are ratios here
+    return replace(sets, before=before)
+
+
+def _midpoint(track: Track, threshold: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return where the curve is half-way, from 0 at the first level to 1 at the last."""
+    first, *_, last = (each for each in track.distances if each > 0)
+    by_chance = GUESS_RATE[track.task]
+    at = (track.share - by_chance) / (1 - by_chance)
+    if track.shape == "weibull":
+        above = (log(-log(1 - at)) - log(log(2))) / slope
+        return np.asarray((np.log(threshold / first) - above) / log(last / first))
+    from scipy.special import ndtri
+
+    return np.asarray((threshold - ndtri(at) / slope - first) / (last - first))
 
 
 def choices(track: Track, weights: FloatArray, hardest: FloatArray | int = 0) -> FloatArray:

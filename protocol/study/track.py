@@ -210,6 +210,11 @@ class Track(Record):
         reference = self.reference
         return tuple(abs(value - reference) for value in self.values)
 
+    def on_axis(self, distance: float) -> float:
+        """Return what lies so far from the standard, on the side of the levels."""
+        reference = self.reference
+        return reference + distance if self.values[-1] > reference else reference - distance
+
     def at(self, index: int, voltage_v: float | None = None) -> TrackTouch:
         """Return the comparison at a level; on the axis `contrast` with the voltage that gives it.
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.estimates import FloatArray, ScoreTable
-from analysis.sensitivity import predictive_checks
 from analysis.trials import trial_statistics
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
@@ -24,7 +23,6 @@ def fits_in_one_process() -> Iterator[None]:
     """Start no processes for fits, because other tests have the other cores."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trial_statistics, "PROCESSES", 1)
-        predictive_checks.fitted.cache_clear()
         yield
 
 

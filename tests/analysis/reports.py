@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.report.findings import Origin
 from analysis.report.report import Report, report
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.answers_model import Sensitivity
 from protocol.journal.events import (
     Answered,
     DeviceArmed,
@@ -172,11 +171,11 @@ def study_report() -> Report:
     return report("a study", found, EXTENDED, ORIGIN)
 
 
-def with_m2(found: Report, fit: OrdinalSensitivity | NotEstimable) -> Report:
-    """The report with another fit of M2."""
-    trials = replace(found.trials)
-    vars(trials)["m2"] = fit
-    return replace(found, trials=trials)
+def with_sensitivity(found: Report, known: Sensitivity) -> Report:
+    """The report with another outcome of the model of the answers."""
+    other = replace(found)
+    vars(other)["sensitivity"] = known
+    return other
 
 
 class ReadPage(HTMLParser):

@@ -4,11 +4,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.estimates import FloatArray
 from analysis.loading.course import Rows
 from analysis.loading.records import AttemptRow, SessionRow, TouchRow
 from analysis.loading.sessions import Sessions, sessions_of
 from analysis.loading.study_data import StudyData, study_data
-from analysis.simulation import AlikeTrials, Cohort, PlannedTrials, Simulation, names_of
+from analysis.simulation import (
+    AlikeTrials,
+    Cohort,
+    PlannedTrials,
+    Simulation,
+    mean_table,
+    names_of,
+)
 from device.people.answering import answer_of
 from device.people.person import World, truth_of
 
@@ -23,6 +31,13 @@ def simulated_data(simulation: Simulation, participants: int, seed: int | str) -
     made = list(zip(simulation.plans, cohorts, strict=True))
     found = loaded_sessions(made, names, seed, simulation.world)
     return study_data(found, rehearsals=True, rules=simulation.study.exclusions)
+
+
+def score_tables(simulation: Simulation, participants: int, *seeds: int | str) -> FloatArray:
+    """The mean scores of a cohort for each seed, (cohorts, people, conditions); NaN without any."""
+    _, everybody = simulation.studies(participants, *seeds)
+    means = mean_table(simulation.planned, everybody, everybody.score)
+    return means.reshape(-1, participants, means.shape[1])
 
 
 def loaded_sessions(

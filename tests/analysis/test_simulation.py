@@ -9,24 +9,41 @@ import numpy as np
 import pytest
 
 from analysis.loading.published import published_table
-from analysis.power.people_cohorts import PeopleCohorts
-from analysis.simulation import Simulation
+from analysis.loading.sessions import is_scored
+from analysis.simulation import Simulation, counted_trials, responses
+from analysis.trials.trial_statistics import TrialStatistics
+from benchmarks.response import how_to
 from device.people.person import DEFAULT, SENSITIVE, Person, Population, World
 from protocol.plan.plan import arrivals, plan
 from protocol.study.factor import Group
+from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.simulated_data import simulated_data
+from tests.analysis.simulated_data import score_tables, simulated_data
 
 PUBLISHED = published_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
 PAPER = parsed_study(template("paper"))
 EXTENDED = parsed_study(template("extended"))
+NO_RULES = Exclusions()
+RULES = Exclusions(
+    max_false_alarms=0.4,
+    max_missing_scores=0.3,
+    min_reaction_s=0.4,
+    max_reaction_s=2.5,
+    min_trials=4,
+)
+# Of few changes that are noticed, too many scores would be missing.
+SOME_RULES = RULES.model_copy(update={"max_missing_scores": None, "max_false_alarms": 0.7})
+CARELESS = replace(
+    DEFAULT,
+    typical=replace(DEFAULT.typical, dropout=0.08, lapse=0.2, place_offset_m=0.001, criterion=0.1),
+)
 EXACT = Person(felt_noise=0.0, rating_noise=0.0, criterion=0.0, criterion_less=0.0)
 
 
 def test_the_default_population_scores_as_the_people_of_table_4() -> None:
     masked: Any = np.ma  # which has no types
-    found = masked.masked_invalid(Simulation(study=PAPER).studies(9, *range(400))[0].scores)
+    found = masked.masked_invalid(score_tables(Simulation(study=PAPER), 9, *range(400)))
     means, spread = found.mean(axis=(0, 1)), found.std(axis=1, ddof=1).mean(axis=0)
     between = (found - means).mean(axis=2).std(axis=1, ddof=1).mean()
     scores = PUBLISHED.scores
@@ -38,7 +55,7 @@ def test_the_default_population_scores_as_the_people_of_table_4() -> None:
 
 def test_the_people_of_the_demo_leave_almost_no_score_missing() -> None:
     simulation = Simulation(study=PAPER, population=SENSITIVE)
-    tables = simulation.studies(9, *range(200))[0].scores
+    tables = score_tables(simulation, 9, *range(200))
     assert np.isnan(tables).mean() < 0.04
     means = np.nanmean(tables, axis=(0, 1))
     assert means == pytest.approx(PUBLISHED.scores.mean(axis=0), abs=0.5)
@@ -48,7 +65,7 @@ def test_the_people_of_the_demo_leave_almost_no_score_missing() -> None:
 def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
     simulation = Simulation(study=study)
     seeds: list[int | str] = [3, "a spawn key"]
-    tables = simulation.studies(6, *seeds)[0].scores
+    tables = score_tables(simulation, 6, *seeds)
     for table, seed in zip(tables, seeds, strict=True):
         loaded = simulated_data(simulation, 6, seed).table
         whole = {f"P{row + 1:02d}": scores for row, scores in enumerate(table)}
@@ -60,8 +77,8 @@ def test_a_table_is_that_of_the_loaded_study(study: Study) -> None:
 
 def test_a_cohort_is_the_same_alone_and_among_others() -> None:
     simulation = Simulation(study=PAPER)
-    among = simulation.studies(9, *range(5))[0].scores
-    assert np.array_equal(among[3:4], simulation.studies(9, 3)[0].scores, equal_nan=True)
+    among = score_tables(simulation, 9, *range(5))
+    assert np.array_equal(among[3:4], score_tables(simulation, 9, 3), equal_nan=True)
     assert not np.array_equal(among[3], among[4], equal_nan=True)
 
 
@@ -84,7 +101,7 @@ def test_the_rules_leave_out_whom_the_report_leaves_out(
     varied = {"reaction_median_s": DEFAULT.varied["reaction_median_s"]}
     people = Population(typical=person, varied=varied)
     simulation = Simulation(study=study, population=people)
-    table, data = simulation.studies(8, 1)[0].scores[0], simulated_data(simulation, 8, 1)
+    (table,), data = score_tables(simulation, 8, 1), simulated_data(simulation, 8, 1)
     assert data.left_out
     rows = [int(name[1:]) - 1 for name in data.table.subjects]
     assert np.array_equal(table[rows], data.table.scores, equal_nan=True)
@@ -104,10 +121,7 @@ def test_the_world_may_differ_from_the_analysis() -> None:
     exact = Population(typical=replace(EXACT, gain=10.0, bias=1.0))
     worlds = (World(), World(law="coulomb"), World(rung="mode"), World(damping_ratio=0.02))
     scores = [
-        Simulation(study=PAPER, population=exact, world=world)
-        .studies(1, 1)[0]
-        .scores[0, 0]
-        .tolist()
+        score_tables(Simulation(study=PAPER, population=exact, world=world), 1, 1)[0, 0].tolist()
         for world in worlds
     ]
     assert len({tuple(each) for each in scores}) == len(worlds), scores
@@ -153,7 +167,43 @@ def test_people_of_a_group_come_from_its_population() -> None:
         alike = data.virtual[name].gain == whole.virtual[name].gain
         assert alike == (group == "young")
         assert (data.virtual[name].gain == 0.5) == (group == "old")
-    (made,) = PeopleCohorts(study=study, participants=8, population=people).studies(["a"])[1]
-    (usual,) = PeopleCohorts(study=study, participants=8).studies(["a"])[1]
-    every = usual.population_gain
-    assert made.population_gain == pytest.approx((every + 0.5 * numb.typical.skin) / 2)
+
+
+@pytest.mark.parametrize("score_when", ["agrees", "noticed", "always"])
+@pytest.mark.parametrize("people", [DEFAULT, CARELESS])
+@pytest.mark.parametrize(
+    ("name", "rules"),
+    [("paper", NO_RULES), ("extended", RULES), ("factorial", SOME_RULES)],
+)
+def test_responses_are_those_that_a_report_makes_of_the_trials(
+    name: str, rules: Exclusions, people: Population, score_when: str
+) -> None:
+    text = how_to() if name == "factorial" else template(name)
+    study = parsed_study(text).model_copy(update={"exclusions": rules})
+    design = study.design.model_copy(update={"sessions": 2})
+    rating = study.rating.model_copy(update={"score_when": score_when, "minimum": -3})
+    study = study.model_copy(update={"design": design, "rating": rating})
+    simulation = Simulation(study=study, population=people)
+    tables, everybody = simulation.studies(12, "a")
+    data = simulated_data(simulation, 12, "a")
+    trials = TrialStatistics(data=data, study=study)
+    rows = [int(who[1:]) - 1 for who in data.table.subjects]
+    left_out = np.delete(np.arange(12), rows)
+    table = tables.responses[0]
+    np.testing.assert_allclose(table[rows], trials.response_tests.table.scores, rtol=1e-12)
+    assert np.isnan(table[left_out]).all()
+    crossed = trials.crossed
+    assert crossed is not None
+    over, wide = crossed
+    assert wide is not None
+    apart = tables.by_session[0][rows]
+    np.testing.assert_allclose(table[rows].ravel(), over.responses.ravel(), rtol=1e-12)
+    np.testing.assert_allclose(apart.ravel(), wide.responses.ravel(), rtol=1e-12)
+    # Trial by trial, of those who answered.
+    answered = responses(simulation.planned, everybody)
+    counted, *_ = counted_trials(simulation.planned, everybody)
+    for who, row in zip(data.table.subjects, rows, strict=True):
+        own = trials.responses[(data.trials["participant"] == who) & is_scored(data.trials)]
+        np.testing.assert_array_equal(answered[row, counted[row]], own[~np.isnan(own)])
+    assert (answered == 0).any()
+    assert (answered > 0).any()

@@ -1,4 +1,4 @@
-"""From physics over a virtual finger to M2: its intervals cover the gains that people have."""
+"""From physics over a virtual finger to gains: intervals cover those that people have."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.estimates import NotEstimable
 from analysis.loading.study_data import StudyData
-from analysis.sensitivity.ordinal_model import ordinal_sensitivity
+from analysis.sensitivity.answers_model import Rated, sensitivity
 from analysis.simulation import Simulation
-from analysis.trials.contrasts import scored_trials, trial_contrasts
+from analysis.trials.contrasts import trial_contrasts
+from analysis.trials.study_answers import study_answers
+from device.friction.changes import LAW
 from device.people.person import Normal, Person, Population
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
@@ -25,22 +26,22 @@ PEOPLE = Population(
     typical=Person(felt_noise=0.02, criterion=0.02, criterion_less=0.02),
     varied={"bias": Normal(mean=5.0, sd=1.0), "gain": Normal(mean=6.0, sd=2.0)},
 )
-"""They score along a line, as M2 assumes."""
+"""They score along a line, as the model assumes."""
 LEAST = 0.93
 
 
 def covered(data: StudyData, study: Study) -> Iterator[bool]:
-    """Whether M2's 95% interval holds the true gain, for each participant."""
-    contrasts = trial_contrasts(study, data.trials, data.touches)
-    found = ordinal_sensitivity(scored_trials(data, contrasts).ratings)
-    assert not isinstance(found, NotEstimable), found
-    for line in found.lines.subjects:
-        low, high = line.gain_interval
-        yield low <= data.virtual[line.subject].sensitivity <= high
+    """Whether the 95% interval holds the true gain, for each participant."""
+    contrast = trial_contrasts(study, data.trials, data.touches).by_law[LAW]
+    found = sensitivity(study_answers(study, data, contrast, study.rating)).rating
+    assert isinstance(found, Rated), found
+    for person in found.subjects:
+        low, high = person.gain.interval
+        yield low <= data.virtual[person.subject].sensitivity <= high
 
 
 def share(found: list[bool], path: str) -> float:
-    print(f"\nM2 covers {np.mean(found):.3f} of {len(found)} gains in the {path} path")
+    print(f"\nThe model covers {np.mean(found):.3f} of {len(found)} gains in the {path} path")
     return float(np.mean(found)) + 2 * float(np.sqrt(LEAST * (1 - LEAST) / len(found)))
 
 

@@ -182,7 +182,7 @@ def test_the_printed_page_is_legible_and_complete(
     words = re.findall(
         r'xMin="([\d.-]+)" yMin="[\d.]+" xMax="([\d.]+)" yMax="[\d.]+">(.*?)<', boxes
     )
-    assert {"comprehensive", "heterogeneity", "measured", "structure"} <= {w[2] for w in words}
+    assert {"comprehensive", "criterion", "measured", "structure"} <= {w[2] for w in words}
     left, right = (min(float(w[0]) for w in words), max(float(w[1]) for w in words))
     assert left >= 9 * POINTS_PER_MM
     assert right <= (210 - 9) * POINTS_PER_MM

@@ -58,20 +58,20 @@ def test_sections_are_chosen_by_file_and_by_name(
 def test_named_sections_alone_are_computed_and_old_figures_are_removed(study: Path) -> None:
     assert typed("report", study) == 0
     plain = (study / "report" / "report.json").read_bytes()
-    assert typed("report", study, "--figures", "--sections", "agreement,methods") == 0
-    assert shown(study) == ["agreement", "methods"]
+    assert typed("report", study, "--figures", "--sections", "tests,methods") == 0
+    assert shown(study) == ["tests", "methods"]
     numbers = json.loads((study / "report" / "report.json").read_text())
-    assert command(study) == "touchbeam report study --sections agreement,methods"
+    assert command(study) == "touchbeam report study --sections tests,methods"
     numbers["provenance"]["command"] = "touchbeam report study"
     assert numbers.items() <= json.loads(plain).items()
-    assert {"table4", "provenance", "ordinal"} < numbers.keys()
+    assert {"table4", "provenance", "pairwise"} < numbers.keys()
     assert not {"sensitivity", "laws", "trials"} & numbers.keys()
     drawn = study / "report" / "figures" / "people.pdf"
     assert drawn.exists()
-    touchbeam.load(study).report(sections="agreement", figures=True)
+    touchbeam.load(study).report(sections="tests", figures=True)
     assert drawn.exists()
-    assert shown(study) == ["agreement"]
-    assert command(study) == "touchbeam report study --sections agreement"
+    assert shown(study) == ["tests"]
+    assert command(study) == "touchbeam report study --sections tests"
     assert typed("report", study) == 0
     assert not drawn.exists()
     assert (study / "report" / "report.json").read_bytes() == plain
@@ -79,13 +79,14 @@ def test_named_sections_alone_are_computed_and_old_figures_are_removed(study: Pa
 
 def test_a_section_of_an_earlier_version_is_left_out_with_a_warning(study: Path) -> None:
     chosen = study / "report.toml"
-    chosen.write_text('sections = ["multiverse", "glossary"]\n')
-    said = "report.toml: sections that only earlier versions had are left out: multiverse"
+    chosen.write_text('sections = ["multiverse", "predictive", "glossary"]\n')
+    left = "multiverse, predictive"
+    said = f"report.toml: sections that only earlier versions had are left out: {left}"
     try:
         with pytest.warns(UserWarning, match=said):
             touchbeam.load(study).report()
         assert shown(study) == ["glossary"]
-        chosen.write_text('sections = ["multiverse"]\n')
+        chosen.write_text('sections = ["multiverse", "predictive"]\n')
         with pytest.warns(UserWarning, match=f"{said}; all sections are shown"):
             touchbeam.load(study).report()
         assert typed("report", study, "--sections", "multiverse") == 2
@@ -140,13 +141,13 @@ def test_what_is_not_shown_is_not_fitted() -> None:
     files = report_files(made, figures=True)
     # The results in words and their figures stand on every page.
     assert computed(made.table) == {"table4"}
-    fits = {"m1", "m2", "_m2", "orders", "_means"}
-    given_once = {"contrasts", "scored", "noticed", "crossed", "factorial"}
+    given_once = {"contrasts", "scored", "noticed", "crossed", "factorial", "orders", "_means"}
     given_once |= {"responses", "response_tests", "slope", "predicted", "directions"}
-    assert computed(made.trials) == fits | given_once
+    assert computed(made.trials) == given_once, "no law is fitted, no order tested"
+    assert {"sensitivity", "predictor"} <= computed(made), "what people are told of stands in front"
     assert made.trials.factorial is None, "it has no factors"
     drawn = {path.removesuffix(".svg") for path in files if path.endswith(".svg")}
-    assert drawn == {f"figures/{name}" for name in ("scores", "model", "relative-gains")}
+    assert drawn == {f"figures/{name}" for name in ("scores", "model", "people-levels")}
 
 
 def test_sections_have_the_names_by_which_they_are_chosen() -> None:

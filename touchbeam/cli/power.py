@@ -46,13 +46,13 @@ def power(
     study: StudyArgument,
     studies: Annotated[
         int, Option(min=2, max=1_000_000, help="Simulated studies of each design.")
-    ] = 500,
+    ] = 200,
     null_studies: Annotated[
         int | None,
         Option(
             min=2,
             max=1_000_000,
-            help="Further ones of each, without any effect. [default: twice as many]",
+            help="Null cohorts of each of three kinds. [default: twice as many]",
         ),
     ] = None,
     participants: Annotated[
@@ -63,7 +63,7 @@ def power(
         str | None, Option(metavar="N,…", help="Of every amplitude. [default: the study's]")
     ] = None,
     tests_only: Annotated[
-        bool, Option("--tests-only", help="Leave out the sensitivity models: much faster.")
+        bool, Option("--tests-only", help="Leave out the model of the answers: much faster.")
     ] = False,
     workers: Annotated[
         int | None, Option(min=1, max=1024, help="Processes. [default: one per core]")
@@ -78,7 +78,7 @@ def power(
 ) -> None:
     """Simulate a study many times: its power and its precision.
 
-    A design takes about a minute on two cores. A run that is interrupted keeps nothing. 'Plan
+    A design takes about two minutes on two cores. A run that is interrupted keeps nothing. 'Plan
     participants: power' (touchbeam docs) explains every number.
     """
     from importlib.metadata import version
@@ -165,9 +165,11 @@ def _simulated(
     """Return the summary of each design, all of which are simulated at once."""
     from analysis.power.engine import completed
     from analysis.power.job import asked
+    from analysis.power.null_cohorts import KINDS
     from analysis.power.power_summary import summary
     from analysis.power.study_records import Records
 
+    kinds = [kind.name for kind in KINDS]
     every = list(chain.from_iterable(tasks.values()))
     results = completed(job, every, workers, scheduler)
     done = dict(followed("studies", results, len(every), alone=alone))
@@ -177,10 +179,16 @@ def _simulated(
             asked(job), [done[task] for task in of_design if task.null == null]
         )
         for design, of_design in tasks.items()
-        for null in (False, True)
+        for null in ("", *kinds)
     }
     return [
-        summary(design, asked(job), joined[design, False], joined[design, True]) for design in tasks
+        summary(
+            design,
+            asked(job),
+            joined[design, ""],
+            {kind: joined[design, kind] for kind in kinds},
+        )
+        for design in tasks
     ]
 
 
@@ -193,8 +201,9 @@ def _print(summaries: "list[Summary]", record: "Json") -> None:
     for summary in summaries:
         if summary.tests:
             print_table(f"Tests: {summary.design}", lines_of_tests(summary))
-        print_table(f"Estimates: {summary.design}", lines_of_estimates(summary))
+        if summary.estimates:
+            print_table(f"Estimates: {summary.design}", lines_of_estimates(summary))
     studies, null = summaries[0].studies, summaries[0].null_studies
     if null:
         say(FAMILY)
-    say(f"Simulated: {studies} studies, {null} without any effect.")
+    say(f"Simulated: {studies} studies" + f", {null} null cohorts of each kind" * bool(null) + ".")

@@ -17,11 +17,10 @@ from analysis.report.wording import SKIN
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
-from analysis.sensitivity.predictive_checks import SEED
 from analysis.statistics.detection import Detection
 from analysis.statistics.factorial import Effect
 from analysis.statistics.groups import Compared, GroupInteraction, GroupStatistics
-from analysis.statistics.omnibus import Friedman
+from analysis.statistics.omnibus import SEED, Friedman
 from analysis.statistics.signed_rank import SignedRank
 from analysis.statistics.slope import LevelSlope, Slope
 from analysis.statistics.summary import ConditionTests
@@ -31,6 +30,7 @@ from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
 from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
+from protocol.errors import listed
 from protocol.study.study import Study
 
 
@@ -47,7 +47,9 @@ def _data(found: Findings) -> str:
     origin = (
         "The scores are those of a published table."
         if found.published
-        else "Each condition changed one parameter of the vibrating surface. Participants reported "
+        else "Each condition changed "
+        + ("factors" if found.study.factors else "one parameter")
+        + " of the vibrating surface. Participants reported "
         "the change that they felt and, "
         + {
             "agrees": "if their answer agreed with the expectation,",
@@ -112,7 +114,7 @@ def tests_in_words(found: Findings) -> Iterator[tuple[str, str]]:
             "questions",
             "The p of all questions of the report were corrected by Holm's method.",
         )
-    yield from _of_scores(found)
+    yield from _of_order(found)
     lock = found.loaded.lock
     if lock is not None and lock.registration.earlier:
         yield (
@@ -160,34 +162,9 @@ def _of_conditions(tests: ConditionTests, measure: str) -> Iterator[tuple[str, s
         )
 
 
-def _of_scores(found: Findings) -> Iterator[tuple[str, str]]:
-    """Yield what was computed of scores alone."""
-    table, trials = found.table, found.trials
-    if not isinstance(table.additive, NotEstimable):
-        yield (
-            "additive",
-            "Additive effects of participants and conditions on scores were estimated by least "
-            "squares.",
-        )
-    if not all(isinstance(icc, NotEstimable) for icc in (table.icc_subjects, table.icc_conditions)):
-        yield (
-            "icc",
-            "Intraclass correlations of the scores (Shrout and Fleiss) were estimated from the "
-            "mean squares of the same fit.",
-        )
-    if not isinstance(table.heterogeneity, NotEstimable):
-        yield (
-            "gain_heterogeneity",
-            "Equality of slopes (Mandel's F) was tested by shuffling scores and residuals within "
-            "subjects, with subjects weighted by 1 / variance, and the larger p taken.",
-        )
-    if any(not isinstance(fit, NotEstimable) for fit in trials.ordinal.values()):
-        unit = "single trials" if trials.has_repeats else "one score per subject and condition"
-        yield (
-            "ordinal",
-            "An ordinal mixed model (cumulative link, random intercept per subject, maximum "
-            f"likelihood) was fitted to {unit}.",
-        )
+def _of_order(found: Findings) -> Iterator[tuple[str, str]]:
+    """Yield the checks of the order in which scores were given."""
+    trials = found.trials
     checks = {
         "order": (trials.order_effect, "An effect of the place in the session"),
         "carry_over": (trials.carry_over, "Carry-over"),
@@ -233,42 +210,39 @@ def _model(found: Findings) -> str:
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
             f"{calibrated}; {touches}.",
             *models,
-            *[SKIN] * bool(models),
+            *[SKIN] * (bool(models) and not found.predictor[1]),
         ]
     )
 
 
 def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield each model of sensitivity that was fitted, by its name, in a sentence or two."""
-    trials = found.trials
     law = f" under the law '{LAW}'" if isinstance(found.origin.rig.surface, BeamSurface) else ""
-    if not isinstance(trials.m2, NotEstimable):
-        # Large studies need fewer of the points that they are integrated with.
-        large = len(trials.scored.ratings.given.rating) > LARGE
-        least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
+    noticing, rating = found.sensitivity.noticing, found.sensitivity.rating
+    if not isinstance(noticing, NotEstimable):
         yield (
-            "M2",
-            f"Sensitivities were estimated{law} by M2, an ordinal mixed model: a latent rating, "
-            "bias + gain × contrast + an effect of the condition + noise, is mapped to scores "
-            "through ordered thresholds common to all subjects. A relative gain is a subject's "
-            "gain less the mean gain of the subjects; the just noticeable difference (JND) is the "
-            "standard deviation of the noise over the gain, and no threshold of a psychometric "
-            "function. Intervals are integrated over the variance parameters instead of fixing "
-            f"these at their best-fitting values; a fit with fewer than {least:.0f} effective "
-            "points of this integration is withheld.",
+            "noticing",
+            f"Whether a change is noticed was modelled{law} from the answers to all trials, by a "
+            "probit model of the contrast with a d and a criterion of each subject, effects of the "
+            "conditions, and 2% of lapses.",
         )
-    if not isinstance(trials.m1, NotEstimable):
-        yield (
-            "M1",
-            "M1, the simple comparison, is a linear mixed model, rating = bias + gain × contrast.",
-        )
-    if not isinstance(trials.m3, NotEstimable):
-        yield (
-            "M3",
-            "M3 first models whether a change is noticed, from the answers to all trials, by a "
-            "probit model with noise and criterion of each subject, and then, by M2, how noticed "
-            "changes are rated.",
-        )
+    if isinstance(rating, NotEstimable):
+        return
+    beside = ["an effect of the condition"]
+    beside += ["the mean noise of those who notice such a change"] * (rating.selection is not None)
+    beside += ["level and gain of the group"] * bool(rating.groups)
+    beside += ["an effect of the session"] * (len(found.loaded.trials["session"].unique()) > 1)
+    # Large studies need fewer of the points that they are integrated with.
+    large = len(found.trials.scored.ratings.given.rating) > LARGE
+    least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
+    yield (
+        "rating",
+        f"Ratings were modelled{law} by an ordinal mixed model: level and gain × {found.contrast} "
+        f"of each subject, {listed(beside)}, and noise, in thresholds common to all. A relative "
+        "gain is a subject's gain less the mean gain of the subjects. Intervals are integrated "
+        "over the variance parameters instead of fixing these at their best-fitting values; a fit "
+        f"with fewer than {least:.0f} effective points of this integration is withheld.",
+    )
 
 
 _LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
@@ -300,7 +274,7 @@ def _facts(found: Findings) -> dict[str, str]:
         "versions that recorded": "; ".join(recording.versions) or "none: imported",
         "seeds": f"design {design}; sessions "
         + (", ".join(map(str, recording.seeds)) or "none")
-        + f"; permutations and predictive checks {SEED}",
+        + f"; permutations {SEED}",
         "model parameters": ", ".join(
             f"{name} {value}" for name, value in _model_parameters(study, origin.rig).items()
         ),

@@ -25,7 +25,7 @@ _NoticedParts = Mapping[str, Sequence[Detected]]
 def section(found: Findings) -> Section:
     """Return what was noticed by condition, level, group and person; nothing without catch trials.
 
-    Every d′ here is from counts alone; that of M3 is at a contrast.
+    Every d′ here is from counts alone.
     """
     if not found.trials.noticed:
         return Section()
@@ -49,7 +49,7 @@ def section(found: Findings) -> Section:
 
 def _noticed_parts(found: Findings) -> _NoticedParts:
     """Return what was noticed at each level, in each group and by each subject."""
-    trials, names = found.loaded.trials, found.loaded.table.conditions
+    trials, names = found.loaded.of_noticing, found.loaded.table.conditions
     levels = sorted(
         detected_by(trials, "condition", "level"),
         key=lambda it: (names.index(it.of["condition"]), it.of["level"]),

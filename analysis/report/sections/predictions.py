@@ -1,4 +1,4 @@
-"""Ratings against the friction model: predicted contrasts and the fit of each law."""
+"""Ratings against the friction model: predicted contrasts, and the laws compared."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -11,9 +11,9 @@ from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.estimates_json import law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
-from analysis.trials.law_likelihood import LawLikelihood, shared_contrasts
+from analysis.trials.law_comparison import LawOrder, LawScore, critical_rank_correlation
 from analysis.trials.trial_checks import Proportion, proportion
-from analysis.trials.trial_statistics import PAPERS_RANKING, LawScore, TrialStatistics
+from analysis.trials.trial_statistics import PAPERS_RANKING, TrialStatistics
 from device.friction.changes import CONDITIONS, LAW, RUNG, predicted_contrast
 from device.friction.laws import LAWS
 
@@ -31,8 +31,7 @@ def section(found: Findings) -> Section:
             _signal_line(felt, predicted, found) if has_signal else None,
             ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
-            _laws_line(found.trials),
-            _law_table(found.trials.laws) if len(found.shown_laws) > 1 else None,
+            *(_laws_compared(found.trials) if len(found.shown_laws) > 1 else ()),
         ],
         data={
             "laws": [law_json(score) for score in found.trials.laws],
@@ -74,11 +73,10 @@ def _signal_line(
     )
 
 
-_LINES = {
-    figure_data.HEADLINE: "The solid line is the mean rating that M2 expects of the group's "
-    "average subject, without effects of conditions beyond their contrasts. ",
-    figure_data.SIMPLE: "The dashed line is the group's by M1, the simple comparison. ",
-}
+_LINE = (
+    "The line is the group's in the model of the ratings, without effects of conditions beyond "
+    "their contrasts and as if nobody had been selected by noticing; it ends with the scale. "
+)
 _THRESHOLDS = (
     "A dotted line is the geometric mean of a track's thresholds, as the contrast that is "
     "predicted of them, the bar at its foot the 95% interval. "
@@ -94,7 +92,7 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
         return Figure(name="model", instead=instead, table=table)
     # `where` takes a mask rather than positions.
     chosen = np.isin(np.arange(count), figure_data.thinned(count, figure_data.MOST_POINTS))
-    ratings, (at, curves) = given.where(chosen), figure_data.model_curves(found)
+    ratings, curve = given.where(chosen), figure_data.model_curve(found)
     thresholds = figure_data.thresholds_of(found)
     return Figure(
         name="model",
@@ -102,9 +100,10 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
         caption="Ratings against the contrast that is predicted for each trial, from "
         f"{found.friction_source}. "
         "Shape and colour mark the condition; equal ratings are offset slightly. "
-        f"{''.join(_LINES[model] for model in curves)}{_THRESHOLDS * bool(thresholds)}"
-        f"{SKIN_IN_SHORT}{of_all(len(ratings.rating), count, 'ratings')}",
-        draw=partial(figure_data.scatter_figure, ratings, found.scale, at, curves, thresholds),
+        f"{_LINE * (curve is not None)}{_THRESHOLDS * bool(thresholds)}"
+        f"{'' if found.predictor[1] else SKIN_IN_SHORT}"
+        f"{of_all(len(ratings.rating), count, 'ratings')}",
+        draw=partial(figure_data.scatter_figure, ratings, found.scale, curve, thresholds),
         table=table,
         front=True,
     )
@@ -118,8 +117,9 @@ def _levels_figure(found: Findings) -> Figure:
         name="levels",
         title="Scores by level",
         caption="Scores against the level of each condition: small points are single scores, "
-        "large ones means with standard errors. The line is the mean rating that M2 expects of "
-        "the group's average subject at the predicted contrasts.",
+        "large ones means with standard errors."
+        + " The line is the group's in the model of the ratings, at the predicted contrasts."
+        * any(it.expected is not None for it in data),
         draw=partial(figure_data.levels_figure, data, found.scale),
         table=Table(
             name="levels",
@@ -137,7 +137,7 @@ def _levels_figure(found: Findings) -> Figure:
 def _prediction_table(found: Findings) -> Table:
     laws, means = found.trials.laws, found.trials.response_tests.means
     # The paper's own ranking has ranks, which would look like contrasts here.
-    physical = [score for score in laws if not isinstance(score.likelihood, NotEstimable)] or laws
+    physical = [score for score in laws if score.law != PAPERS_RANKING]
     return Table(
         name=PREDICTIONS,
         caption="Mean predicted contrast of each condition under each friction law, from "
@@ -151,37 +151,38 @@ def _prediction_table(found: Findings) -> Table:
     )
 
 
-def _laws_line(trials: TrialStatistics) -> str:
-    """Return cautions on the laws' log-likelihoods, or an empty text if there are none."""
-    if not any(isinstance(score.likelihood, LawLikelihood) for score in trials.laws):
-        return ""
-    cautions = (
-        "Conditions, not trials, are the units that tell laws apart. If p is large, arbitrary "
-        "contrasts would fit as well; a law that predicts no better than none adds nothing."
+def _laws_compared(trials: TrialStatistics) -> tuple[str, Table]:
+    # All laws rank the same conditions, so that the first one tells.
+    orders = [order for order in trials.orders.values() if isinstance(order, LawOrder)]
+    return _too_few_means(orders[0].rated) if orders else "", _law_table(trials.laws)
+
+
+def _too_few_means(count: int) -> str:
+    """Return a sentence on the correlation that `count` condition means need for p < .05."""
+    needed = critical_rank_correlation(count)
+    if isinstance(needed, NotEstimable):
+        reached = "cannot have p < .05, even for a perfect order"
+    # With few conditions only the perfect order is rare enough.
+    elif needed >= 1:
+        reached = "has p < .05 only if it is 1 or −1"
+    else:
+        reached = f"must reach {needed:.3f} for p < .05"
+    return (
+        f"With {count} condition means and no ties, Spearman's rank correlation {reached}. Most "
+        "orders of the conditions are not evidence for or against a law."
     )
-    scored = trials.scored
-    # Only then is a law's fit a matter of condition means alone.
-    if all(shared_contrasts(scored.ratings, x) for x in scored.contrasts.values()):
-        cautions += (
-            " Here all subjects have the same contrasts, so a law cannot explain who felt what: "
-            "its fit reflects the condition means and how strongly each subject follows them."
-        )
-    return cautions
 
 
 def _law_table(laws: Sequence[LawScore]) -> Table:
     return Table.over(
         laws,
-        law_columns("law", "without a law"),
+        law_columns("law"),
         name="laws",
-        caption="Each friction law compared with the ratings. Order of the conditions: Spearman's "
-        "correlation of predicted contrasts with mean responses, p over all orders, and the "
-        "smallest correlation of these ranks, including ties, that has p < .05. Prediction "
-        "error: root mean square error, in points, of the mean rating of each condition predicted "
-        "from the other conditions, and the same without a law, from the subjects' levels alone; a "
-        "prediction outside the scale counts as its end, and conditions whose mean prediction is "
-        "outside are named. p of the fit: share of all assignments of the contrasts to the "
-        "conditions that fit the ratings at least as well."
+        caption="Each friction law compared with the ratings. ln Bayes factor: log evidence of "
+        "the answers and ratings under the law's contrasts, less that under the best law's; at −3 "
+        "they are 20 times as probable under the best one. A gain may have either sign; that "
+        "of Spearman's correlation (of predicted contrasts with mean responses of the conditions, "
+        "p over all orders) tells whether ratings follow the law or its reverse."
         + _CIRCULAR
         * any(score.law == PAPERS_RANKING for score in laws),
     )

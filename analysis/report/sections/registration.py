@@ -76,7 +76,8 @@ def analysis_settings(schema: int = SCHEMA) -> dict[str, str | float]:
     return {
         "significance level": LEVEL,
         **(of_scores if schema < SCHEMA else of_responses),
-        "sensitivity model": "M2, ordinal mixed model, integrated over its variances",
+        "sensitivity model": "noticing (probit), then rating (ordinal mixed model) with a column "
+        "for who noticed, integrated over their variances",
         "effective points of the integration, fewest": LEAST_EFFECTIVE,
         "measured force, step relative to the planned one": FORCE_STEP,
         "measured place, step in m": PLACE_STEP_M,

@@ -247,8 +247,7 @@ def _catch_table(catch: CatchAnswers) -> blocks.Table:
         name="catch",
         caption="Trials on which a change in either direction was reported: scored trials (hits) "
         "and catch trials at 0 V (false alarms), with exact 95% intervals; d′ and criterion are "
-        "computed from the counts alone, so that few trials limit d′; those of M3 are at a "
-        "contrast.",
+        "computed from the counts alone, so that few trials limit d′.",
         columns=columns("subject", "hits", "false alarms", "d′", "criterion"),
         rows=[[name, *_catch_cells(answers)] for name, answers in catch.subjects.items()],
     )

@@ -29,17 +29,17 @@ FIGURES = tuple(f"{what}-{number}" for what in ("track", "psychometric") for num
 MOST_PANELS = 12
 PANELS_A_ROW = 3
 METHOD = (
-    "The threshold of each person in each track is the median of its posterior probability, with "
-    "its 95% credible interval: before, all thresholds within the levels are equally likely, in "
-    "ratios, and so are the slopes, lapse rates and false alarms that the study file gives. The "
-    "answers at all levels and of easy trials count. The share that defines a threshold is that of "
-    "somebody who does not lapse. The curve, its slope and its lapse rate are fitted beside it "
-    "with wider priors, as touchbeam fit does, in yes or no with catch trials. The mean of "
+    "Threshold, slope and lapse rate of each person in each track are medians of one posterior, "
+    "as touchbeam fit computes it, with its 95% credible intervals. The answers at all levels and "
+    "of easy trials count, in yes or no those of catch trials, too. Answers may scatter more than "
+    "binomial ones. The share that defines a threshold is that of "
+    "somebody who does not lapse. A threshold beyond the levels is not told: the answers do not "
+    "say how far it lies beyond. The mean of "
     "reversals estimates the level to which a staircase converges, which can "
-    "be that of another share. The Weber fraction (1 − μ′/μ) is the one that the model "
-    "predicts at the threshold. Where friction was recorded, a person's measured contrasts follow "
-    "the predicted ones by a factor, that of the skin, and the threshold on the measured axis is "
-    "the predicted contrast times this factor."
+    "be that of another share. The Weber fraction (1 − μ′/μ) is that of the friction which the "
+    "model predicts at the threshold. Where friction was recorded, a person's measured contrasts "
+    "follow the predicted ones by a factor, that of the skin, and the threshold on the measured "
+    "axis is the predicted contrast times this factor."
 )
 
 
@@ -76,14 +76,14 @@ def curves_figures(found: Findings) -> Iterator[Figure]:
 
 def _json(found: PersonThreshold) -> Json:
     """Return all numbers of a person in a track; those of the fit stand beside the others."""
-    told: Json = plain(replace(found, answers=(), readings={}))
+    told: Json = plain(replace(found, readings={}))
     fit = told.pop("fit")
-    del told["answers"], told["readings"]  # those of the cohort are told
-    wanted = ("threshold_at", "slope", "slope_ci", "lapse", "lapse_ci", "guess", "deviance_p")
+    del told["readings"]  # those of the cohort are told
+    wanted = ("threshold_at", "slope", "slope_ci", "lapse", "lapse_ci", "guess", "scatter")
     points = ("level", "answers", "right")
     return {
         **told,
-        **{name: fit[name] for name in (*wanted, "trials")},
+        **{name: fit[name] for name in (*wanted, "deviance_p", "trials")},
         "points": [dict(zip(points, each, strict=True)) for each in told["points"]],
     }
 
@@ -121,7 +121,8 @@ def _cohort_table(cohort: Sequence[CohortThreshold]) -> Table:
         ],
         name="thresholds-cohort",
         caption="Geometric mean of the thresholds of all people, with the t interval of their "
-        "logarithms. At a share of: the share right, in yes or no that of yes, which defines it. "
+        "logarithms; none if the threshold of one lies beyond the levels, which the mixed model "
+        "takes in. At a share of: the share right, in yes or no that of yes, which defines it. "
         "Mixed model: the same and the SD of people, from all answers at once, with an effect of "
         "each person. Weber fraction: of friction as predicted, or as measured where it was "
         "recorded of everybody. "
@@ -164,11 +165,13 @@ def _people_table(people: Sequence[PersonThreshold]) -> Table:
             Column("subject", "participant", kind="text"),
             Column(
                 "threshold",
-                lambda each: f"{_short(each.threshold)}\N{NO-BREAK SPACE}{each.unit}".rstrip(),
+                lambda each: (
+                    each.reason or f"{_short(each.threshold)}\N{NO-BREAK SPACE}{each.unit}".rstrip()
+                ),
             ),
             Column("95%", "threshold_interval", _ends),
             *[Column("dB", "db", _short)] * any_of("db"),
-            *[Column("Weber fraction", "weber", _short)] * any_of("weber"),
+            *[Column("predicted Weber fraction", "weber", _short)] * any_of("weber"),
             *[
                 Column("measured Weber fraction", "measured_weber", _short),
                 Column("95%", "measured_weber_interval", _ends),
@@ -295,10 +298,10 @@ def _curves_figure(track: Track, people: Sequence[PersonThreshold], sheet: plot.
         levels, answers, right = np.array(points, float).reshape(-1, 3).T
         place = track.reference + side * levels
         axes.scatter(place, right / answers, s=6 * answers, color=plot.COLOURS[0], alpha=0.6)
+        at = track.reference + side * distance
+        axes.fill_between(at, *np.array(fit.band).T, color=plot.GREY, alpha=0.3, linewidth=0)
         if np.isfinite(fit.threshold):
             curve = curve_of(track, person, distance)
-            at = track.reference + side * distance
-            axes.fill_between(at, *np.array(fit.band).T, color=plot.GREY, alpha=0.3, linewidth=0)
             axes.plot(at, curve, color="black")
             height = curve_of(track, person, np.array([fit.threshold]))
             axes.plot(person.threshold_interval, [*height, *height], color=plot.COLOURS[1])

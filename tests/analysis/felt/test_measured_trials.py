@@ -13,7 +13,6 @@ from analysis.felt.measured_statistics import (
     measures_of_touches,
     session_friction,
 )
-from analysis.friction.recorded import PREDICTORS
 from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.changes import LAW
@@ -79,12 +78,20 @@ def test_trials_without_a_recording_are_left_out_and_counted() -> None:
     assert (len(known), known.sum()) == (15, 12)
     assert found.left_out == {NOT_RECORDED: 3}
     assert sum(entry.trials for entry in found.conditions) == 12
-    assert {len(values) for values in found.trials.predictors.values()} == {len(data.trials)}
+    silent = found.trials.why.index(NOT_RECORDED)
+    assert np.isnan([found.trials.value[silent], found.trials.best[silent]]).all()
 
 
-def test_all_predictors_are_scored_as_laws_are() -> None:
-    scores = paper_statistics().predictors
-    assert [score.law for score in scores] == list(PREDICTORS)
+def test_conditions_have_the_means_of_their_trials() -> None:
+    found = paper_statistics()
+    for entry in found.conditions:
+        of = paper().trials["condition"].eq(entry.condition).to_numpy() & found.trials.known
+        of &= paper().trials["trial_kind"].eq("trial").to_numpy()
+        assert entry.mean == pytest.approx(found.trials.value[of].mean())
+        error = np.sqrt((found.trials.error[of] ** 2).sum()) / of.sum()
+        assert entry.mean_error == pytest.approx(error)
+        assert entry.predicted == pytest.approx(found.predicted[of].mean())
+        assert entry.trials == of.sum()
 
 
 def test_a_study_without_recordings_has_no_measured_statistics() -> None:

@@ -5,32 +5,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.estimates import FloatArray, NotEstimable
-from analysis.sensitivity.linear_model import linear_sensitivity
-from analysis.sensitivity.lines import Lines, Ratings
-from analysis.sensitivity.ordinal_model import ordinal_sensitivity
+from analysis.sensitivity.answers_model import UNEQUAL
+from analysis.sensitivity.lines import Ratings
+from analysis.sensitivity.rating_stage import Beside, rating_stage
 from analysis.trials.contrasts import ratings_of
-from analysis.trials.trial_checks import gain_differences
 from tests.analysis.friction.recorded_sessions import MeasuredStudy
-from tests.analysis.sensitivity.calibration import EVEN, held
+from tests.analysis.sensitivity.calibration import EVEN, held, width
 
 BIAS, BIAS_SD, GAIN, NOISE_SD = 4.0, 1.0, 8.0, 1.0
-CLAIMED = 0.05
-"""Differences in gain are claimed at a smaller p."""
-MODELS = {"M1": linear_sensitivity, "M2": ordinal_sensitivity}
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainMeasures:
-    """One fit: the share of gains in their intervals, of relative ones, and the spread.
+    """One fit: the share of gains in their intervals, of relative ones, and how wide these are.
 
-    `claimed` is whether the report's test finds differences in gain.
+    `claimed` is whether equal gains have a probability below `UNEQUAL`.
     """
 
     gain: float
     relative_gain: float
     group_gain: float
     claimed: float
-    spread: float
     width: float
 
 
@@ -47,22 +42,16 @@ def rated(
     return replace(ratings, rating=np.searchsorted(EVEN, latent).astype(np.float64)), gain
 
 
-def gain_measures(
-    ratings: Ratings, contrast: FloatArray, gain: FloatArray, model: str
-) -> GainMeasures | None:
-    """Return what a model makes of the ratings with these contrasts; None without a fit."""
-    taken = replace(ratings, contrast=contrast)
-    fit, differences = MODELS[model](taken), gain_differences(taken)
-    if isinstance(fit, NotEstimable) or isinstance(differences, NotEstimable):
+def gain_measures(ratings: Ratings, contrast: FloatArray, gain: FloatArray) -> GainMeasures | None:
+    """Return what is made of the ratings with these contrasts; None without a fit."""
+    fit = rating_stage(replace(ratings, contrast=contrast), Beside())
+    if isinstance(fit, NotEstimable):
         return None
-    lines: Lines = fit.lines
-    intervals = [line.gain_interval for line in lines.subjects]
-    relative = [line.relative_gain_interval for line in lines.subjects]
+    gains = fit.of_subjects("gain")
     return GainMeasures(
-        gain=held(intervals, gain),
-        relative_gain=held(relative, gain - gain.mean()),
-        group_gain=held([lines.gain_interval], GAIN),
-        claimed=float(differences.p < CLAIMED),
-        spread=lines.gain_sd / lines.gain,
-        width=float(np.diff(intervals).mean()),
+        gain=held(gains, gain),
+        relative_gain=held(fit.of_subjects("relative gain"), gain - gain.mean()),
+        group_gain=held([fit.of_group("gain")], GAIN),
+        claimed=float(fit.equal_gains < UNEQUAL),
+        width=width(gains),
     )

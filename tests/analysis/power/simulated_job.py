@@ -19,7 +19,7 @@ def job(seed: int = 2, *, models: bool = True) -> Job:
     return Job(study=template("paper"), version=version("touchbeam"), seed=seed, models=models)
 
 
-def wanted(studies: int = 6, null: int = 120) -> list[Task]:
+def wanted(studies: int = 6, null: int = 60) -> list[Task]:
     return tasks(job(), DESIGN, studies, null)
 
 

@@ -9,8 +9,9 @@ import pytest
 
 from analysis.power.designs import Design
 from analysis.power.engine import connected
-from analysis.power.job import Job, records, tasks
+from analysis.power.job import Job, asked, records, tasks
 from protocol.errors import BadInput, WorkFailed
+from protocol.registration.registration import GAINS
 from tests.analysis.power.simulated_job import job, numbers_alone, numbers_by, wanted
 
 
@@ -29,16 +30,20 @@ def test_a_longer_run_has_the_studies_of_a_shorter_one() -> None:
 def test_studies_without_models_are_those_with_models() -> None:
     task, fitted = wanted(studies=2)[0], records(job(), wanted(studies=2)[0])
     tested = records(job(models=False), task)
-    differences = tested.estimates.shape[1]
-    np.testing.assert_array_equal(tested.p, fitted.p)
-    np.testing.assert_array_equal(tested.estimates, fitted.estimates[:, -differences:])
-    assert fitted.estimates.shape[1] == differences + 7
+    names = asked(job()).tests
+    assert [name for name in names if name not in asked(job(models=False)).tests] == [GAINS]
+    without_gains = np.delete(fitted.p, names.index(GAINS), axis=1)
+    np.testing.assert_array_equal(tested.p, without_gains)
+    assert tested.estimates.shape[1] == 0
+    assert fitted.estimates.shape[1] == 2
+    assert np.isnan(tested.told).all()
+    assert set(fitted.told.tolist()) <= {0.0, 1.0}
 
 
 def test_no_task_has_more_people_than_memory_is_for() -> None:
     crowd = Design(participants=1000, repeats=1)
     sizes = [task.count for task in tasks(job(models=False), crowd, 5, 3)]
-    assert sizes == [2, 2, 1, 2, 1]
+    assert sizes == [2, 2, 1, *[2, 1] * 3]
     assert [task.first for task in tasks(job(), crowd, 5, 0)] == [0, 4]
 
 

@@ -1,6 +1,6 @@
 """The summary of studies whose numbers are known, and their Monte Carlo errors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
@@ -10,23 +10,28 @@ import pytest
 
 from analysis.estimates import FloatArray
 from analysis.power.designs import Design
+from analysis.power.null_cohorts import DIFFERING, KINDS, NOTICING, SHUFFLED
 from analysis.power.power_report import (
     answer,
     design_answer,
-    lines_of_estimates,
+    lines_of_tests,
+    power_record,
     warnings,
 )
 from analysis.power.power_summary import Summary, claims, ratio, summary, too_often
 from analysis.power.study_records import (
     BY_GROUP,
     GROUP_SCORE,
+    LEVELS,
+    MEAN_GAIN,
     Asked,
-    Estimate,
     Record,
     Records,
+    Sums,
     record_of_tables,
 )
-from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
+from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS
+from protocol.study_file.loading import parsed_study, template
 
 DESIGN = Design(participants=9, repeats=1)
 NAMES = Asked(conditions=("a", "b", "c", "d", "e"))
@@ -39,7 +44,7 @@ def records_of(tables: Sequence[FloatArray], asked: Asked | None = None) -> Reco
     groups = np.arange(people) % max(1, len(asked.groups))
     noticed = np.zeros((people, conditions + 1, 2), dtype=np.int64)
     of_studies = (
-        record_of_tables(asked, each, each, noticed, each[..., None], groups) for each in tables
+        record_of_tables(asked, each, noticed, each[..., None], groups) for each in tables
     )
     return Records.of(asked, list(of_studies))
 
@@ -70,8 +75,13 @@ def records_by(seed: int, studies: int, effects: tuple[float, ...] = (0, 0, 0, 0
 NONE = Records.of(NAMES, [])
 
 
+def of_each(null: Records) -> Mapping[str, Records]:
+    """The same null cohorts as each kind of them."""
+    return {kind.name: null for kind in KINDS}
+
+
 def summed(records: Records, null: Records = NONE) -> Summary:
-    return summary(DESIGN, NAMES, records, null)
+    return summary(DESIGN, NAMES, records, of_each(null))
 
 
 def test_a_ratio_has_the_error_of_independent_studies() -> None:
@@ -93,7 +103,7 @@ def test_a_share_of_all_studies_is_not_known_without_error() -> None:
 
 def test_no_null_cohort_in_twenty_has_a_false_claim() -> None:
     null = records_by(5, 2000)
-    claimed = summed(null, null).any_false_claim
+    claimed = summed(null, null).any_false_claim[SHUFFLED.name]
     assert claimed.value <= 0.05 + 2 * claimed.error
     assert claimed.error == pytest.approx(np.sqrt(0.05 * 0.95 / 2000), rel=0.3)
     # Two questions, each on its own, would have made more than one correction over both.
@@ -120,70 +130,55 @@ def test_power_is_the_share_of_studies_and_pairs_wait_for_the_omnibus_test() -> 
     assert by_name["a - e"].power.value > by_name["a - b"].power.value
 
 
-def test_t_intervals_of_differences_cover_the_mean_of_all_studies() -> None:
-    report = summed(records_by(7, 1500, (0, 0, 0, 0, 2.0)))
-    by_name = {estimate.name: estimate for estimate in report.estimates}
-    big, none = by_name["mean difference a - e"], by_name["mean difference a - b"]
-    for estimate in (big, none):
-        assert abs(estimate.coverage.value - 0.95) < 4 * estimate.coverage.error
-        assert estimate.bias.value == pytest.approx(0, abs=1e-9)
-        assert estimate.estimable.value == 1
-        assert 3 * estimate.rmse.value < estimate.width.value < 6 * estimate.rmse.value
-    assert big.truth < -1 < none.truth
-    # A bias of 0 by definition, so that the terminal leaves it out.
-    _, *lines, _ = lines_of_estimates(report)
-    assert {line[1] for line in lines if line[0] in by_name} == {"–"}
-
-
-def test_a_pair_of_scores_of_one_person_has_no_interval() -> None:
-    scores = np.full((9, 2), np.nan)
-    scores[:2], scores[2, 0] = [[1.0, 2.0], [3.0, 5.0]], 4.0
-    alone = np.where(np.arange(9)[:, None] == 0, scores, np.nan)
-    records = records_of([scores, alone])
-    number, error, *_, width = records.estimates[0, 0]
-    assert (number, error) == (1, -1.5)
-    assert width == pytest.approx(12.706 * 2 * 0.5, rel=1e-4)  # t with 1 df, SE 1/2
-    assert (records.estimates[1, 0] == 0).all()
-    (estimate,) = summary(DESIGN, Asked(conditions=("a", "b")), records, records).estimates
-    assert estimate.estimable.value == 0.5
-    assert (estimate.truth, estimate.coverage.value) == (-1.5, 1)
-
-
 def test_estimates_add_up_over_studies() -> None:
     asked = Asked(conditions=NAMES.conditions, models=True)
     both = [
-        Estimate(number=9, error=9.0, squared=36.0, covered=9, width=18.0),
-        Estimate(number=1, error=1.0, squared=4.0, covered=0, width=2.0),
+        Sums(number=9, error=9.0, squared=36.0, covered=9, width=18.0),
+        Sums(number=1, error=1.0, squared=4.0, covered=0, width=2.0),
     ]
-    records = Records.of(asked, [Record({}, {"M2 gain": sums}) for sums in both])
-    report = summary(DESIGN, asked, records, Records.of(asked, []))
-    by_name = {estimate.name: estimate for estimate in report.estimates}
-    gain = by_name["M2 gain"]
-    assert (gain.bias.value, gain.rmse.value, gain.width.value) == (1.0, 2.0, 2.0)
-    assert (gain.coverage.value, gain.estimable.value) == (0.9, 10 / 18)
-    nothing = by_name["M2 group's gain"]
+    of_studies = [Record({}, {LEVELS: sums}, told=float(sums.covered > 0)) for sums in both]
+    records = Records.of(asked, of_studies)
+    report = summary(DESIGN, asked, records, of_each(Records.of(asked, [])))
+    nothing, levels = report.estimates
+    assert (levels.name, nothing.name) == (LEVELS, MEAN_GAIN)
+    assert (levels.bias.value, levels.rmse.value, levels.width.value) == (1.0, 2.0, 2.0)
+    assert (levels.coverage.value, levels.estimable.value) == (0.9, 10 / 18)
     assert nothing.estimable.value == 0
     assert np.isnan([nothing.bias.value, nothing.rmse.value, nothing.coverage.value]).all()
+    assert report.told.value == 0.5
+    assert GAINS not in [test.name for test in report.tests], "no gain could be estimated"
+    record = power_record([report], parsed_study(template("paper")), "", 1)
+    assert record["design"]["told"] == 0.5
+    assert record["design"]["told_mc_error"] == pytest.approx(np.sqrt(0.25 / 2))
+    begin = "9 participants x 1 repeat: levels to within ±1.0 points, gains of people told in 50%"
+    assert design_answer(report).startswith(begin)
+
+
+def test_a_study_whose_gains_can_be_estimated_has_their_test() -> None:
+    asked = Asked(conditions=NAMES.conditions, models=True)
+    several = [Record({GAINS: 0.01}, {}, told=0.0), Record({}, {}, told=0.0)]
+    report = summary(DESIGN, asked, Records.of(asked, several), of_each(Records.of(asked, [])))
+    gains = report.tests[-1]
+    assert (gains.name, gains.after, gains.power.value) == (GAINS, None, 0.5)
+    assert np.isnan([gains.supported.value, *(of.value for of in gains.false.values())]).all()
 
 
 def test_subjects_who_are_left_out_count_for_nothing() -> None:
     scores = tables(9, 4, (0, 0, 0, 1, 2))
     with_empty = np.concatenate([scores, np.full((4, 2, 5), np.nan)], axis=1)
-    for more, few in zip(records_of(list(with_empty)), records_of(list(scores)), strict=True):
-        np.testing.assert_array_equal(more, few)
-    nobody = records_of([np.full((9, 5), np.nan)])
-    assert np.isnan(nobody.p).all()
-    assert not nobody.estimates.any()
+    more, few = records_of(list(with_empty)), records_of(list(scores))
+    np.testing.assert_array_equal(more.p, few.p)
+    assert np.isnan(records_of([np.full((9, 5), np.nan)]).p).all()
 
 
-def test_the_answer_says_which_condition_is_above_which() -> None:
+def test_the_answer_says_which_conditions_are_told_apart() -> None:
     records = records_by(6, 200, (0, 0, 0, 0, 3.5))
     begin = "9 participants x 1 repeat: 99% power to tell that the conditions"
     assert design_answer(summed(records)).startswith(begin)
     nothing = design_answer(summed(records_by(5, 50)))
     assert ", less than 80% power for every pair of conditions." in nothing
     p_of(NAMES, records, "a - e")[:] = 0.01
-    assert "80% power for e above a" in design_answer(summed(records))
+    assert "80% power to tell apart a and e" in design_answer(summed(records))
 
 
 def test_of_several_designs_the_smallest_that_does_is_the_answer() -> None:
@@ -191,7 +186,7 @@ def test_of_several_designs_the_smallest_that_does_is_the_answer() -> None:
     designs = [Design(participants=people, repeats=1) for people in (6, 9, 12)]
     null = records_by(5, 10)
     reports = [
-        summary(design, NAMES, records, null)
+        summary(design, NAMES, records, of_each(null))
         for design, records in zip(designs, (weak, strong, strong), strict=True)
     ]
     smallest = "The smallest design with 80% power to tell that the conditions differ: 9 parti"
@@ -210,20 +205,51 @@ def test_a_claim_that_is_not_protected_is_not_counted_and_told() -> None:
     p_of(NAMES, null, OMNIBUS)[::5] = 0.001
     report = summed(records, null)
     differ, *_ = report.tests
-    assert differ.false.value > 0.1
+    assert differ.false[SHUFFLED.name].value > 0.1
     assert np.isfinite(differ.power.value)
     assert np.isnan(differ.supported.value)
     (line,) = warnings([report])
-    assert line.startswith("9 participants x 1 repeat: without any effect ")
+    begin = f"9 participants x 1 repeat: of {SHUFFLED.name!r} "
+    assert line.startswith(begin)
     assert "where at most 5% should; do not claim 'conditions differ', which" in line
     assert warnings([summed(records, records_by(5, 400))]) == []
 
 
+def test_a_claim_that_is_true_of_a_kind_of_null_cohorts_is_no_false_one() -> None:
+    asked = replace(NAMES, contrasts=(0.1, 0.2, 0.3, 0.4, 0.6))
+    p = np.full((200, len(asked.tests)), 0.5)
+    p[:, asked.tests.index(NOTICED)] = np.nan
+    nothing = Records(p, np.zeros((200, 0, 5)), np.full(200, np.nan))
+    certain = nothing._replace(p=np.where(np.isnan(p), np.nan, 0.001))
+    nulls = {SHUFFLED.name: nothing, DIFFERING.name: certain, NOTICING.name: certain}
+    report = summary(DESIGN, asked, certain, nulls)
+    by_name = {test.name: test for test in report.tests}
+    differ, follows = by_name[OMNIBUS], by_name[FOLLOWS]
+    assert differ.supported.value == 1
+    assert np.isnan(follows.supported.value), "it is claimed of people without a gain"
+    assert follows.false[DIFFERING.name].value == 1
+    assert [kind for kind, of in differ.false.items() if of.value >= 0] == [SHUFFLED.name]
+    anything = report.any_false_claim
+    assert (anything[SHUFFLED.name].value, anything[DIFFERING.name].value) == (0, 1)
+    (line,) = warnings([report])
+    assert f"of {DIFFERING.name!r} 100% of reports claim something false" in line
+    assert "do not claim 'ratings follow the prediction'" in line
+    null = power_record([report], parsed_study(template("paper")), "", 1)["null"]
+    assert (null["studies"], null["any_supported"]) == (200, 0.0)
+    assert [kind["name"] for kind in null["kinds"]] == [kind.name for kind in KINDS]
+    assert [kind["any_supported"] for kind in null["kinds"]] == [0.0, 1.0, None]
+    header, *_, footer = lines_of_tests(report)
+    assert header[3:] == [kind.name for kind in KINDS]
+    assert footer[4] == "1.000 ±0.005"
+
+
 def test_intervals_that_miss_the_truth_are_told() -> None:
-    records = records_by(6, 400)
-    records.estimates[:, NAMES.estimates.index("mean difference a - b"), -1] /= 3
-    (line,) = warnings([summed(records, records_by(5, 400))])
-    assert "the 95% intervals of mean difference a - b hold the truth in " in line
+    asked = Asked(conditions=NAMES.conditions, models=True)
+    sums = Sums(number=9, error=0.0, squared=9.0, covered=7, width=18.0)
+    of_studies = [Record({}, {LEVELS: sums}, told=0.0) for _ in range(100)]
+    null = records_of(list(tables(5, 100)), asked)
+    (line,) = warnings([summary(DESIGN, asked, Records.of(asked, of_studies), of_each(null))])
+    assert "the 95% intervals of levels hold the truth in 78%" in line
 
 
 DESIGNED = Asked(
@@ -242,7 +268,7 @@ def test_groups_and_factors_are_tested_and_any_claim_without_effect_is_rare() ->
     effect = 2.0 * old[:, None] + 2.0 * np.outer(1 + old, high)
     without = records_of(list(null), DESIGNED)
     records = records_of(list(null[:60] + effect), DESIGNED)
-    report = summary(DESIGN, DESIGNED, records, without)
+    report = summary(DESIGN, DESIGNED, records, of_each(without))
     by_name = {test.name: test for test in report.tests}
     for strong in (GROUP_SCORE, BY_GROUP, "effect of voltage"):
         assert by_name[strong].supported.value > 0.8
@@ -250,7 +276,7 @@ def test_groups_and_factors_are_tested_and_any_claim_without_effect_is_rare() ->
     apart = by_name["high a: young - old between groups"]
     assert apart.after == (GROUP_SCORE, BY_GROUP)
     assert apart.power.value > by_name["low a: young - old between groups"].power.value
-    assert not too_often(report.any_false_claim)
+    assert not too_often(report.any_false_claim[SHUFFLED.name])
     # Each question on its own would have been answered wrongly far more often.
     of_design = DESIGNED.tests[DESIGNED.tests.index(GROUP_SCORE) :]
     p = np.column_stack([p_of(DESIGNED, without, name) for name in of_design])
@@ -265,14 +291,14 @@ def test_responses_follow_the_prediction_only_in_the_order_of_the_contrasts() ->
     along, across = (records_of(list(tables(13, 60, of)), asked) for of in (rising, folded))
     null = records_of(list(tables(14, 200)), asked)
     for records, follows in ((along, True), (across, False)):
-        report = summary(DESIGN, asked, records, null)
+        report = summary(DESIGN, asked, records, of_each(null))
         by_name = {test.name: test for test in report.tests}
         assert by_name[OMNIBUS].supported.value > 0.9, "the conditions differ in either order"
         assert by_name[FOLLOWS].after == ()
         # The least p of five conditions is 1/60, where contrasts rise or fall.
         supported = by_name[FOLLOWS].supported.value
         assert supported > 0.7 if follows else supported < 0.1
-        assert not too_often(by_name[FOLLOWS].false)
+        assert not too_often(by_name[FOLLOWS].false[SHUFFLED.name])
         assert "% power to tell that responses follow the prediction, " in design_answer(report)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.power.null_cohorts import kind_of
 from analysis.power.power_summary import share, too_often
 from analysis.power.study_records import BY_GROUP, GROUP_GAIN, GROUP_SCORE, asked_by
 from benchmarks.response import (
@@ -15,7 +16,6 @@ from benchmarks.response import (
     STUDIES,
     WITH_ALONE,
     World,
-    kind_of,
     reports,
 )
 from device.people.person import DEFAULT

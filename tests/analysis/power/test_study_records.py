@@ -3,21 +3,24 @@
 import numpy as np
 import pytest
 
-from analysis.estimates import FloatArray, NotEstimable
+from analysis.estimates import Estimate, NotEstimable
+from analysis.power.answered_cohorts import AnsweredCohort, AnsweredCohorts
 from analysis.power.designs import Design, designed
-from analysis.power.people_cohorts import PeopleCohorts, RatedCohort, without_effect
+from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.study_records import (
     BY_GROUP,
     GROUP_GAIN,
     GROUP_SCORE,
+    LEVELS,
+    MEAN_GAIN,
     Asked,
     Record,
     asked_by,
-    record_of_models,
+    record_of_answers,
     record_of_tables,
 )
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.simulation import Simulation, Tables
+from analysis.sensitivity.answers_model import Rated, sensitivity
+from analysis.simulation import Simulation
 from analysis.statistics.detection import Detection
 from analysis.statistics.factorial import Effect
 from analysis.statistics.groups import Compared, GroupInteraction, group_statistics
@@ -26,8 +29,9 @@ from analysis.statistics.signed_rank import SignedRank
 from analysis.statistics.slope import Slope, slope
 from analysis.trials.trial_statistics import TrialStatistics
 from benchmarks.response import how_to
+from device.friction.calibration import Calibration
+from device.friction.surfaces import GivenSurface
 from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS, effect_of
-from protocol.study.factor import Group
 from protocol.study.rules import Exclusions
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.simulated_data import simulated_data
@@ -39,26 +43,14 @@ def simulated(participants: int = 9, repeats: int = 1) -> PeopleCohorts:
     return PeopleCohorts(study=study, participants=participants)
 
 
-def cohort_of(made: PeopleCohorts, key: str) -> RatedCohort:
-    (cohort,) = made.studies([key])[1]
-    return cohort
+def cohort_of(made: PeopleCohorts, key: str) -> AnsweredCohort:
+    return AnsweredCohorts(cohorts=made).cohort(key)
 
 
 def record_of(made: PeopleCohorts) -> Record:
-    """The tests and mean differences of a cohort."""
-    (tables,) = zip(*made.studies(["1"])[0], strict=True)
+    """The tests of a cohort."""
+    (tables,) = zip(*made.simulation.studies(made.participants, "1")[0], strict=True)
     return record_of_tables(asked_by(made.study), *tables)
-
-
-def scores_of(made: PeopleCohorts, key: str) -> FloatArray:
-    """The table of scores as a report makes it of the trials."""
-    given = cohort_of(made, key).ratings.given
-    table = np.full((len(given.subjects), len(given.conditions)), np.nan)
-    for place in np.ndindex(*table.shape):
-        cell = (given.subject == place[0]) & (given.condition == place[1])
-        if cell.any():
-            table[place] = given.rating[cell].mean()
-    return table
 
 
 def test_what_is_asked_follows_from_the_study() -> None:
@@ -70,26 +62,27 @@ def test_what_is_asked_follows_from_the_study() -> None:
     questions = [name for name, after in paper.family.items() if not after]
     assert questions == [OMNIBUS, FOLLOWS, NOTICED]
     assert GAINS in paper.tests
-    assert paper.estimates[:2] == ["M2 bias", "M2 gain"]
+    assert GAINS not in asked_by(study).tests, "no model is fitted"
+    assert paper.estimates == [MEAN_GAIN, LEVELS] == ["group's gain", "levels"]
     # Two conditions have no more than two orders.
     two = study.model_copy(update={"condition": study.condition[:2]})
     assert FOLLOWS not in asked_by(two).tests
+    surface = study.surface.model_copy(update={"kind": "given", "length_m": 0.1})
+    given = study.model_copy(update={"surface": surface})
+    without = asked_by(given, Calibration.of(GivenSurface(length_m=0.1)), models=True)
+    assert without.estimates == [], "nothing is predicted"
+    assert GAINS not in without.tests
 
 
 def test_a_record_has_the_numbers_of_the_report() -> None:
     made = simulated(repeats=2)
-    tests, estimates = record_of(made)
+    tests = record_of(made).tests
     study = made.study
     trials = TrialStatistics(data=simulated_data(Simulation(study=study), 9, "1"), study=study)
     (first, *_) = trials.response_tests.pairwise
     assert isinstance(first.test, SignedRank)
     pair = " - ".join(study.conditions[:2])
     assert tests[pair] == pytest.approx(first.p_holm, rel=1e-12)
-    difference = estimates[f"mean difference {pair}"]
-    assert difference.error == pytest.approx(first.test.mean_difference, rel=1e-12)
-    interval = first.test.mean_difference_interval
-    assert not isinstance(interval, NotEstimable)
-    assert difference.width == pytest.approx(interval[1] - interval[0])
     # The rule of thumb of a simulated study where the report's p is exact.
     assert tests[OMNIBUS] == pytest.approx(omnibus_p(trials.response_tests.table))
     # A report has contrasts of fingers as measured, which come in the same order.
@@ -100,82 +93,36 @@ def test_a_record_has_the_numbers_of_the_report() -> None:
     assert tests[FOLLOWS] == as_planned.p
 
 
-def test_estimates_are_those_of_the_models() -> None:
-    cohort = cohort_of(simulated(repeats=2), "1")
-    fit, (tests, estimates) = ordinal_sensitivity(cohort.ratings), record_of_models(cohort)
-    assert isinstance(fit, OrdinalSensitivity)
-    assert not tests
-    gains = np.array([line.gain for line in fit.lines.subjects])
-    low, high = np.transpose([line.gain_interval for line in fit.lines.subjects])
-    number, error, squared, covered, width = estimates["M2 gain"]
-    assert number == len(gains)
-    assert error == pytest.approx((gains - cohort.gain).sum())
-    assert squared == pytest.approx(((gains - cohort.gain) ** 2).sum())
-    assert covered == ((low <= cohort.gain) & (cohort.gain <= high)).sum()
+def test_estimates_are_those_of_the_model_of_the_answers() -> None:
+    cohort = cohort_of(simulated(repeats=4), "1")
+    tests, estimates, told = record_of_answers(cohort, 3.0)
+    rated = sensitivity(cohort.answers).rating
+    assert isinstance(rated, Rated)
+    assert tests == {GAINS: pytest.approx(rated.equal_gains)}
+    assert told == (rated.untold is None)
+    names = cohort.answers.ratings.subjects
+    rows = [names.index(person.subject) for person in rated.subjects]
+    truth = (cohort.lines.bias + rated.contrast * cohort.lines.gain)[rows]
+    levels = np.array([person.level.value for person in rated.subjects])
+    low, high = np.transpose([person.level.interval for person in rated.subjects])
+    number, error, squared, covered, width = estimates[LEVELS]
+    assert number == len(levels)
+    assert error == pytest.approx((levels - truth).sum())
+    assert squared == pytest.approx(((levels - truth) ** 2).sum())
+    assert covered == ((low <= truth) & (truth <= high)).sum() > 0
     assert width == pytest.approx((high - low).sum())
-    group = estimates["M2 group's gain"]
-    assert group.error == pytest.approx(fit.lines.gain - cohort.population_gain)
-
-
-def test_the_tables_are_those_of_the_cohorts() -> None:
-    simulate = simulated(repeats=2)
-    tables = simulate.studies(["a", "b"])[0].scores
-    np.testing.assert_allclose(tables[0], scores_of(simulate, "a"), rtol=1e-12)
-    assert (tables[0] != tables[1]).any()
-
-
-def test_exclusions_leave_people_out() -> None:
-    study = simulated().study.model_copy(update={"exclusions": Exclusions(min_trials=5)})
-    strict = PeopleCohorts(study=study, participants=9)
-    scores, table = scores_of(strict, "3"), strict.studies(["3"])[0].scores[0]
-    assert len(scores) == 9
-    np.testing.assert_allclose(scores, table, rtol=1e-12)
-    late = study.model_copy(update={"exclusions": Exclusions(max_reaction_s=1.0, min_trials=3)})
-    strict = PeopleCohorts(study=late, participants=9)
-    left, table = scores_of(strict, "3"), strict.studies(["3"])[0].scores[0]
-    assert 0 < len(left) < 9
-    np.testing.assert_allclose(left, table[~np.isnan(table).all(axis=1)], rtol=1e-12)
+    assert isinstance(rated.gain, Estimate)
+    group = estimates[MEAN_GAIN]
+    assert group.number == 1
+    assert group.error == pytest.approx(rated.gain.value - 3.0)
 
 
 def test_rules_that_leave_nobody_leave_nothing_to_estimate() -> None:
     rules = Exclusions(max_reaction_s=0.1, min_trials=5)
     study = simulated().study.model_copy(update={"exclusions": rules})
     made = PeopleCohorts(study=study, participants=4)
-    assert record_of_models(cohort_of(made, "1")) == ({}, {})
+    assert record_of_answers(cohort_of(made, "1"), 3.0) == ({}, {}, 0.0)
     assert record_of(made).tests == {}
-
-
-def test_without_effect_each_subject_keeps_responses_and_reports() -> None:
-    study = parsed_study(template("extended"))
-    design = study.design.model_copy(update={"sessions": 2})
-    groups = tuple(Group(name=name, size=3) for name in ("young", "old"))
-    rating = study.rating.model_copy(update={"score_when": "always"})
-    study = study.model_copy(update={"design": design, "group": groups, "rating": rating})
-    made = PeopleCohorts(study=study, participants=6).studies(["1", "2"])[0]
-    made.scores[0, 2, 3] = np.nan
-    drawn = without_effect(made, map(np.random.default_rng, (1, 2)))
-    np.testing.assert_array_equal(np.sort(drawn.responses, axis=2), np.sort(made.responses, axis=2))
-    np.testing.assert_array_equal(np.sort(drawn.scores, axis=2), np.sort(made.scores, axis=2))
-    assert not np.array_equal(drawn.responses, made.responses, equal_nan=True)
-    # The responses and the scores of a condition go together.
-    for one, other in zip(*map(_pairs, (drawn, made)), strict=True):
-        assert sorted(one) == sorted(other)
-    # The responses of a condition's sessions go together, and may change places.
-    np.testing.assert_allclose(drawn.by_session.mean(axis=3), drawn.responses, rtol=1e-12)
-    assert (drawn.by_session != made.by_session).any()
-    assert (np.sort(drawn.groups) == [0, 0, 0, 1, 1, 1]).all()
-    assert (drawn.groups != made.groups).any()
-    np.testing.assert_array_equal(drawn.noticed[..., 1], made.noticed[..., 1])
-    reports = [each.noticed[..., 0].sum(axis=2) for each in (drawn, made)]
-    np.testing.assert_array_equal(*reports)
-    assert (drawn.noticed[..., 0] <= drawn.noticed[..., 1]).all()
-    assert (drawn.noticed != made.noticed).any()
-
-
-def _pairs(tables: Tables) -> list[list[tuple[float, float]]]:
-    """Responses with their scores, of each person."""
-    both = np.nan_to_num(np.stack([tables.responses, tables.scores], axis=-1), nan=-1.0)
-    return [[*map(tuple, of_person)] for of_person in both.reshape(-1, *both.shape[2:]).tolist()]
 
 
 def test_what_is_noticed_is_tested_as_in_the_report() -> None:
@@ -227,5 +174,16 @@ def test_groups_factors_and_sessions_are_tested_as_in_the_report() -> None:
 
 def test_a_cohort_that_no_model_can_fit_has_no_estimates() -> None:
     cohort = cohort_of(simulated(participants=2), "1")
-    cohort.ratings.rating[:] = np.where(np.isnan(cohort.ratings.rating), np.nan, 7.0)
-    assert record_of_models(cohort) == ({}, {})
+    cohort.answers.ratings.rating[:] = np.where(
+        np.isnan(cohort.answers.ratings.rating), np.nan, 7.0
+    )
+    assert record_of_answers(cohort, 3.0) == ({}, {}, 0.0)
+
+
+def test_a_single_person_with_ratings_has_a_level_and_tells_nothing_of_a_group() -> None:
+    cohort = cohort_of(simulated(repeats=4), "1")
+    ratings = cohort.answers.ratings
+    ratings.rating[ratings.subject > 0] = np.nan
+    tests, estimates, told = record_of_answers(cohort, 3.0)
+    assert (tests, list(estimates), told) == ({}, [LEVELS], 0.0)
+    assert estimates[LEVELS].number == 1

@@ -7,6 +7,7 @@ import pytest
 from analysis.power.designs import Design
 from analysis.power.engine import completed
 from analysis.power.job import Job, tasks
+from analysis.power.null_cohorts import KINDS
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.power_report import answer
 from analysis.power.power_summary import summary
@@ -77,25 +78,25 @@ def test_a_track_of_sensitive_people_lies_below_one_of_a_harder_rule() -> None:
     text = text.replace("stop = { reversals = 12 }", "threshold_at = 0.91")
     study = parsed_study(text)
     population = replace(DEFAULT, typical=Person(felt_noise=0.05), varied={})
-    cohorts = PeopleCohorts(study=study, participants=8, population=population)
+    cohorts = PeopleCohorts(study=study, participants=14, population=population)
     asked = asked_by(study)
     records = track_records(asked, cohorts, [f"1/{number}" for number in range(30)], first=0)
     assert asked.tests == ["thresholds: smallest amplitude - of nine in ten"]
-    design = Design(participants=8, repeats=1)
-    report = summary(design, asked, Records.of(asked, records), Records.of(asked, []))
+    design = Design(participants=14, repeats=1)
+    nulls = {kind.name: Records.of(asked, []) for kind in KINDS}
+    report = summary(design, asked, Records.of(asked, records), nulls)
     (differ,) = report.tests
     assert differ.power.value > 0.8
-    assert np.isnan(
-        [differ.supported.value, differ.false.value, report.any_false_claim.value]
-    ).all()
+    false = (*differ.false.values(), *report.any_false_claim.values())
+    assert np.isnan([measured.value for measured in (differ.supported, report.told, *false)]).all()
     first, second = report.estimates
     assert first.name == "threshold of smallest amplitude, dB"
-    assert first.rmse.value < 3
+    assert first.rmse.value < 4
     assert first.rmse.error > 0
     assert first.coverage.value > 0.85
-    assert 3 < first.width.value < 20
+    assert 3 < first.width.value < 32
     assert first.estimable.value == second.estimable.value == 1
-    begin = "8 participants x 1 repeat: threshold of smallest amplitude to within ±"
+    begin = "14 participants x 1 repeat: threshold of smallest amplitude to within ±"
     assert answer([report]).startswith(begin)
 
 
@@ -105,7 +106,7 @@ def test_errors_are_those_of_the_estimates_and_nobody_beyond_the_levels_counts()
     noise = LogNormal(median=0.1, log_sd=1.5)
     population = replace(DEFAULT, typical=Person(), varied={"felt_noise": noise})
     cohorts = PeopleCohorts(study=study, participants=40, population=population)
-    ((_, estimates),) = track_records(asked_by(study), cohorts, ["1"], first=0)
+    ((_, estimates, _),) = track_records(asked_by(study), cohorts, ["1"], first=0)
     names = [person_name("1", who) for who in names_of(40)]
     people = people_of(population, names)
     truth = truths(track, shares(study, track, people, NOMINAL), by_chance(track, people))

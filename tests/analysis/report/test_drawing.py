@@ -71,7 +71,7 @@ def test_many_conditions_have_room(count: int) -> None:
         rating=table.scores.ravel(),
     )
     at = np.array([0.0, 1.0])
-    draw = partial(scatter_figure, ratings, scale, at, {"M2": at, "M1": 2 * at}, {})
+    draw = partial(scatter_figure, ratings, scale, (at, at), {})
     svg = drawing(draw, words).svg
     assert len(set(re.findall(">condition [0-9]+</text>", svg))) == count
 

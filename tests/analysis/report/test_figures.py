@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.estimates import NotEstimable
-from analysis.report.figure_data import HEADLINE, MOST_PEOPLE, SIMPLE, levels, model_curves, people
+from analysis.report.figure_data import MOST_PEOPLE, levels, model_curve, people
 from analysis.report.sections import predictions
+from analysis.sensitivity.answers_model import Sensitivity
 from analysis.statistics.summary import TableStatistics
-from tests.analysis.reports import imported, plain_report, study_report, with_m2
+from tests.analysis.reports import imported, plain_report, study_report, with_sensitivity
 
 
 def test_conditions_with_several_levels_are_drawn_against_them() -> None:
@@ -42,14 +43,15 @@ def test_of_many_subjects_the_extreme_ones_are_drawn() -> None:
     assert loaded.table.subjects[0] == "P00"
 
 
-def test_the_caption_names_the_curves_that_are_drawn() -> None:
+def test_the_caption_names_the_curve_if_it_is_drawn() -> None:
     whole = study_report()
-    withheld = with_m2(whole, NotEstimable(reason="rejected"))
-    solid, dashed = "solid line is the mean rating that M2", "dashed line is the group's by M1"
-    for found, named in ((whole, True), (withheld, False)):
+    withheld = with_sensitivity(
+        whole, Sensitivity(noticing=whole.sensitivity.noticing, rating=NotEstimable("withheld"))
+    )
+    for found, fitted in ((whole, True), (withheld, False)):
         figure = predictions.section(found).figures[0]
-        assert (solid in figure.caption, dashed in figure.caption) == (named, True)
+        assert ("The line is the group's in the model of the ratings" in figure.caption) == fitted
         assert figure.drawing is not None
-        assert any(b"stroke-dasharray" in file for file in figure.drawing.files().values())
-        _, curves = model_curves(found)
-        assert (HEADLINE in curves, SIMPLE in curves) == (named, True)
+        drawn = [b"group, model" in file for file in figure.drawing.files().values()]
+        assert any(drawn) == fitted
+        assert (model_curve(found) is not None) == fitted

@@ -74,7 +74,9 @@ def test_sensitivity_and_order_are_told_of_a_study() -> None:
         f"Per unit of predicted contrast (change of log friction; law {LAW}), mean responses "
         "change by "
     )
-    assert "skin and perception" in found["Are some people more sensitive?"]
+    told = found["Are some people more sensitive?"]
+    assert told.startswith("How sensitive each person is cannot be told from these data: ")
+    assert " Levels are from " in told
     assert " In order alone: Spearman's ρ = " in found[FOLLOW]
 
 

@@ -1,14 +1,13 @@
-"""Simulated studies of known truth, and how often the models' 95% intervals hold it."""
+"""Simulated ratings of known truth, and how often the 95% intervals of their stage hold it."""
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.estimates import FloatArray, Interval, NotEstimable
-from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import UNEQUAL
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
+from analysis.estimates import Estimate, FloatArray, NotEstimable
+from analysis.sensitivity.answers_model import UNEQUAL
+from analysis.sensitivity.rating_stage import Beside, rating_stage
 from tests.analysis.sensitivity.simulated_raters import (
     VirtualPopulation,
     VirtualStudy,
@@ -40,7 +39,8 @@ POPULATIONS = {
 class Measures:
     """What one fit gives: shares of intervals that hold the truth, and their mean widths.
 
-    `differ` is 1 if it says that gains differ; `gain_error` is in the study's own points.
+    `differ` is 1 if equal gains have a probability below `UNEQUAL`, `sd_below` whether the SD of
+    gains is below its limit; `gain_error` is in the study's own points.
     """
 
     bias: float
@@ -48,16 +48,12 @@ class Measures:
     relative_gain: float
     group_gain: float
     group_excludes_0: float
-    gain_sd: float
+    sd_below: float
     differ: float
     gain_error: float
     gain_width: float
     relative_width: float
-    own_share: float
     tens: float
-    m1_gain: float
-    m1_group_gain: float
-    m1_group_excludes_0: float
 
 
 def drawn(name: str, design: str, seed: int) -> VirtualStudy:
@@ -73,9 +69,9 @@ def drawn(name: str, design: str, seed: int) -> VirtualStudy:
 
 
 def to_model_scale(study: VirtualStudy, thresholds: tuple[float, ...]) -> tuple[float, float]:
-    """Return (zero, unit): the latent value y of the study is zero + unit y on M2's scale.
+    """Return (zero, unit): the latent value y of the study is zero + unit y on the model's.
 
-    M2 fixes its outer thresholds midway between the two lowest and the two highest ratings given.
+    It fixes its outer thresholds midway between the two lowest and the two highest ratings given.
     """
     edges = np.array(thresholds)
     given = np.unique(study.ratings.rating).astype(np.int64)
@@ -87,57 +83,36 @@ def to_model_scale(study: VirtualStudy, thresholds: tuple[float, ...]) -> tuple[
 
 
 def measured(name: str, design: str, seed: int) -> Measures | NotEstimable:
-    """Return what M2, and M1 beside it, make of one study."""
+    """Return what the stage of ratings makes of one study."""
     study, population = drawn(name, design, seed), POPULATIONS[name]
-    m2, m1 = ordinal_sensitivity(study.ratings), linear_sensitivity(study.ratings)
-    if isinstance(m2, NotEstimable):
-        return m2
+    stage = rating_stage(study.ratings, Beside())
+    if isinstance(stage, NotEstimable):
+        return stage
     zero, unit = to_model_scale(study, population.thresholds)
-    return _measures(study, m2, m1, (zero, unit, unit * population.gain, population.gain_sd))
-
-
-def _measures(
-    study: VirtualStudy,
-    m2: OrdinalSensitivity,
-    m1: LinearSensitivity | NotEstimable,
-    truth: tuple[float, float, float, float],
-) -> Measures:
-    zero, unit, group, spread = truth
-    bias, gain = zero + unit * study.bias, unit * study.gain
-    lines = m2.lines
-    gains = [line.gain_interval for line in lines.subjects]
-    relative = [line.relative_gain_interval for line in lines.subjects]
+    bias, gain = zero + unit * (study.bias + study.discrepancy.mean()), unit * study.gain
+    gains, relative = stage.of_subjects("gain"), stage.of_subjects("relative gain")
+    group = [stage.of_group("gain")]
     return Measures(
-        bias=held([line.bias_interval for line in lines.subjects], bias),
+        bias=held(stage.of_subjects("bias"), bias),
         gain=held(gains, gain),
         relative_gain=held(relative, gain - gain.mean()),
-        group_gain=held([lines.gain_interval], group),
-        group_excludes_0=1 - held([lines.gain_interval], 0.0),
-        gain_sd=held([lines.gain_sd_interval], unit * spread),
-        differ=float(lines.equal_gains < UNEQUAL),
-        gain_error=float(np.mean([line.gain for line in lines.subjects] - gain) / unit),
-        gain_width=float(np.diff(gains).mean()),
-        relative_width=float(np.diff(relative).mean()),
-        own_share=float(np.mean([line.own_share for line in lines.subjects])),
+        group_gain=held(group, unit * population.gain),
+        group_excludes_0=1 - held(group, 0.0),
+        sd_below=float(unit * population.gain_sd < stage.gain_sd_upper),
+        differ=float(stage.equal_gains < UNEQUAL),
+        gain_error=float(np.mean([estimate.value for estimate in gains] - gain) / unit),
+        gain_width=width(gains),
+        relative_width=width(relative),
         tens=float((study.ratings.rating == 10).mean()),
-        **_of_m1(study, m1, group / unit),
     )
 
 
-def _of_m1(
-    study: VirtualStudy, m1: LinearSensitivity | NotEstimable, group: float
-) -> dict[str, float]:
-    if isinstance(m1, NotEstimable):  # what M2 makes of the study counts nevertheless
-        return dict.fromkeys(("m1_gain", "m1_group_gain", "m1_group_excludes_0"), math.nan)
-    lines = m1.lines
-    return {
-        "m1_gain": held([line.gain_interval for line in lines.subjects], study.gain),
-        "m1_group_gain": held([lines.gain_interval], group),
-        "m1_group_excludes_0": 1 - held([lines.gain_interval], 0.0),
-    }
-
-
-def held(intervals: list[Interval], truth: FloatArray | float) -> float:
+def held(estimates: Sequence[Estimate], truth: FloatArray | float) -> float:
     """Return the share of intervals that hold the truth."""
-    low, high = np.array(intervals).T
+    low, high = np.array([estimate.interval for estimate in estimates]).T
     return float(((low <= truth) & (truth <= high)).mean())
+
+
+def width(estimates: Sequence[Estimate]) -> float:
+    """Return the mean width of the intervals."""
+    return float(np.diff([estimate.interval for estimate in estimates]).mean())

@@ -39,13 +39,13 @@ class VirtualPopulation:
 class VirtualStudy:
     """The participants' ratings and true parameters.
 
-    `bias` and `gain` have shape (subjects,); `latent` (trials,) is the value before rounding.
+    `bias` and `gain` have shape (subjects,), `discrepancy` (conditions,).
     """
 
     ratings: Ratings
     bias: FloatArray
     gain: FloatArray
-    latent: FloatArray
+    discrepancy: FloatArray
 
 
 def virtual_study(
@@ -80,7 +80,7 @@ def virtual_study(
         contrast=np.tile(contrast, subjects),
         rating=rating.ravel(),
     )
-    return VirtualStudy(ratings=ratings, bias=bias, gain=gain, latent=latent.ravel())
+    return VirtualStudy(ratings=ratings, bias=bias, gain=gain, discrepancy=added)
 
 
 def _on_scale(latent: FloatArray, population: VirtualPopulation) -> FloatArray:

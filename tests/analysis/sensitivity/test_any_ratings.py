@@ -1,16 +1,22 @@
-"""Sensitivity models of arbitrary ratings: a finite result or a reason."""
+"""The model of the answers with arbitrary ones: a finite result or a reason."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.estimates import NotEstimable
-from analysis.sensitivity.linear_model import LinearSensitivity, linear_sensitivity
-from analysis.sensitivity.lines import Lines, Ratings
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity, ordinal_sensitivity
-from analysis.sensitivity.two_stage_model import AnsweredTrials, TwoStageSensitivity
-from tests.analysis.sensitivity.noticing_people import two_stage_sensitivity
+from analysis.estimates import Estimate, NotEstimable
+from analysis.sensitivity.answers_model import (
+    NOBODY_ASKED,
+    Noticed,
+    Rated,
+    StudyAnswers,
+    sensitivity,
+)
+from analysis.sensitivity.lines import Ratings
+from analysis.sensitivity.noticing_stage import Answered
 
 
 @st.composite
@@ -31,43 +37,68 @@ def any_ratings(draw: st.DrawFn) -> Ratings:
     )
 
 
-def is_sound(lines: Lines) -> bool:
-    return all(
-        np.isfinite([line.bias, line.gain, *line.bias_interval, *line.gain_interval]).all()
-        and line.gain_interval[0] <= line.gain <= line.gain_interval[1]
-        and 0 <= line.own_share <= 1
-        and 0 < line.jnd_interval[0] <= line.jnd <= line.jnd_interval[1]
-        for line in lines.subjects
-        if line.trials or lines.group_known
+def is_sound(rated: Rated) -> bool:
+    told = [
+        estimate
+        for person in rated.subjects
+        for estimate in (person.level, person.bias, person.gain, person.relative_gain)
+        if isinstance(estimate, Estimate)
+    ]
+    assert all(isinstance(person.relative_gain, Estimate) for person in rated.subjects[1:])
+    told += [one for one in (rated.level, rated.gain) if isinstance(one, Estimate)]
+    told += [*rated.effects.values(), *([rated.selection] if rated.selection else [])]
+    ends = [(one.interval[0], one.value, one.interval[1]) for one in told]
+    return bool(
+        np.isfinite(ends).all()
+        and (np.diff(ends) >= 0).all()
+        and 0 <= rated.equal_gains <= 1
+        and rated.gain_sd_upper > 0
+        and all(person.trials and person.told != bool(person.reason) for person in rated.subjects)
     )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(any_ratings())
-def test_lines_are_finite_or_not_estimable(ratings: Ratings) -> None:
-    result = linear_sensitivity(ratings)
-    assert isinstance(result, NotEstimable) or is_sound(result.lines)
+def test_ratings_alone_have_a_finite_result_or_a_reason(ratings: Ratings) -> None:
+    found = sensitivity(StudyAnswers(ratings=ratings, scale=(0.0, 10.0)))
+    assert found.noticing == NOBODY_ASKED
+    assert isinstance(found.rating, NotEstimable) or is_sound(found.rating)
 
 
-@settings(max_examples=10, deadline=None)
-@given(any_ratings())
-def test_the_latent_scale_is_finite_or_not_estimable(ratings: Ratings) -> None:
-    result = ordinal_sensitivity(ratings)
-    assert isinstance(result, NotEstimable) or is_sound(result.lines)
-
-
-@settings(max_examples=10, deadline=None)
-@given(any_ratings(), st.integers(0, 2**32 - 1))
-def test_detection_is_finite_or_not_estimable(ratings: Ratings, chance: int) -> None:
+@settings(max_examples=15, deadline=None)
+@given(any_ratings(), st.booleans(), st.integers(0, 2**32 - 1))
+def test_answers_have_a_finite_result_or_a_reason(
+    ratings: Ratings, selects: bool, chance: int
+) -> None:
     rng = np.random.default_rng(chance)
-    answer = rng.integers(-1, 2, len(ratings.rating))
-    two_sided = (answer < 0) | (rng.random(len(answer)) < 0.5)
-    trials = AnsweredTrials(ratings=ratings, answer=answer, two_sided=two_sided)
-    result = two_stage_sensitivity(trials)
-    if isinstance(result, NotEstimable):
-        return
-    assert is_sound(result.ratings.lines)
-    assert np.isfinite([found.d_prime for found in result.detection]).all()
+    count = len(ratings.rating)
+    answer, session = rng.integers(-1, 2, count), rng.integers(0, 2, count)
+    answered = Answered(
+        ratings=ratings,
+        answer=answer,
+        two_sided=(answer < 0) | (rng.random(count) < 0.5),
+        first=rng.random(count) < 0.5,
+        catch=ratings.contrast == 0,
+    )
+    people = len(ratings.subjects)
+    several = people > 1
+    found = sensitivity(
+        StudyAnswers(
+            ratings=ratings,
+            scale=(0.0, 10.0),
+            answered=answered,
+            selects=selects,
+            groups=("a", "b") if several else (),
+            group=np.arange(people) % 2 if several else None,
+            session=session,
+        )
+    )
+    if isinstance(found.noticing, Noticed):
+        ks = [person.criterion.interval for person in found.noticing.subjects]
+        ds = [person.d.interval for person in found.noticing.subjects]
+        assert np.isfinite([*ks, *ds]).all()
+        assert 0 <= found.noticing.p <= 1
+    assert isinstance(found.rating, NotEstimable) or is_sound(found.rating)
 
 
 @pytest.mark.parametrize("repeats", [2, 4])
@@ -80,13 +111,16 @@ def test_some_ratings_have_a_result(repeats: int) -> None:
         contrast=np.tile([0.0, 0.0, 0.5, 0.5, 1.0, 1.0], 2 * repeats),
         rating=np.tile([0.0, 2.0, 3.0, 4.0, 6.0, 9.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0], repeats),
     )
-    assert isinstance(linear_sensitivity(ratings), LinearSensitivity)
-    assert isinstance(ordinal_sensitivity(ratings), OrdinalSensitivity)
-    answer = np.where(ratings.rating > 2, 1, 0)
-    apart = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
-    found = two_stage_sensitivity(apart)
-    assert isinstance(found, NotEstimable)
-    assert "the skewness of a posterior is beyond the limit" in found.reason
+    alone = StudyAnswers(ratings=ratings, scale=(0.0, 10.0))
+    assert isinstance(sensitivity(alone).rating, Rated)
     answer = np.where(np.isin(ratings.rating, [1.0, 4.0, 5.0, 6.0, 9.0, 10.0]), 1, 0)
-    mixed = AnsweredTrials(ratings=ratings, answer=answer, two_sided=answer == 1)
-    assert isinstance(two_stage_sensitivity(mixed), TwoStageSensitivity)
+    answered = Answered(
+        ratings=ratings,
+        answer=answer,
+        two_sided=answer == 1,
+        first=np.ones(len(answer), dtype=np.bool_),
+        catch=ratings.contrast == 0,
+    )
+    found = sensitivity(replace(alone, answered=answered, selects=True))
+    assert isinstance(found.noticing, Noticed)
+    assert isinstance(found.rating, Rated)

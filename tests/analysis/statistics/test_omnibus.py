@@ -308,6 +308,27 @@ def test_tables_without_a_test_give_the_reason(
     assert reason in result.reason
 
 
+@settings(max_examples=200, deadline=None)
+@given(
+    st.tuples(st.integers(2, 6), st.integers(2, 5)).flatmap(
+        lambda shape: arrays(np.float64, shape, elements=SCORES | st.just(np.nan))
+    )
+)
+def test_conditions_are_compared_exactly_when_dummy_variables_tell_them_apart(
+    table_of: TableOf, scores: FloatArray
+) -> None:
+    scores = scores[:, (~np.isnan(scores)).any(axis=0)]
+    several = scores[(~np.isnan(scores)).sum(axis=1) >= 2]
+    assume(len(several) >= 2)
+    row, column = np.nonzero(~np.isnan(several))
+    rows, columns = several.shape
+    design = np.hstack([np.eye(rows)[row], np.eye(columns)[column]])
+    told_apart = np.linalg.matrix_rank(design) == rows + columns - 1
+    result = skillings_mack(table_of(scores))
+    refused = isinstance(result, NotEstimable) and "no chain of subjects" in result.reason
+    assert refused == (not told_apart)
+
+
 def rounded_scores(seed: int, subjects: int, conditions: int, missing: float = 0.0) -> FloatArray:
     """Forty tables of whole scores with ceilings, half points and missing cells."""
     rng = np.random.default_rng([seed, subjects, conditions])

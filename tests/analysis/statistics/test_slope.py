@@ -7,7 +7,14 @@ import pytest
 from scipy import stats
 
 from analysis.estimates import FloatArray, IntArray, NotEstimable
-from analysis.statistics.slope import MOST_CONDITIONS, LevelSlope, Slope, level_slope, slope
+from analysis.statistics.slope import (
+    MOST_CONDITIONS,
+    LevelSlope,
+    Slope,
+    level_slope,
+    own_gains,
+    slope,
+)
 
 NAN = float("nan")
 
@@ -226,3 +233,16 @@ def test_levels_of_one_person_tell_nothing_of_others() -> None:
     )
     assert isinstance(alone, NotEstimable)
     assert "at least 2 people" in alone.reason
+
+
+def test_own_gains_are_each_persons_regression() -> None:
+    rng = np.random.default_rng(6)
+    person = np.repeat(np.arange(4), [6, 2, 1, 5])
+    contrasts, responses = rng.uniform(0, 0.6, 14), rng.normal(size=14)
+    contrasts[-5:] = 0.3  # the last one felt the same contrast again and again
+    found = own_gains(responses, contrasts, person, people=5)
+    for who in (0, 1):
+        own = person == who
+        expected = stats.linregress(contrasts[own], responses[own]).slope
+        assert found[who] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(found[2:]).all()

@@ -30,9 +30,10 @@ def test_speed_with_and_without_vibration() -> None:
 
 
 def test_lapses_and_false_alarms_make_the_difference_limen_smaller() -> None:
-    """The most probable curves of psignifit 4.3."""
+    """The most probable curves of psignifit 4.3 have 8.675, 3.354, 8.215 and 2.487; medians, over
+    all rates of lapses and false alarms that the answers leave open, go farther (regression)."""
     found = touchbeam.fit(pd.read_csv(DATA), task="yes or no", shape="normal")
-    assert means(found) == pytest.approx([8.675, 3.354, 8.215, 2.487], abs=0.01)
+    assert means(found) == pytest.approx([8.71, 2.62, 8.27, 2.08], abs=0.02)
 
 
 def test_a_row_per_trial_and_other_columns() -> None:
@@ -71,7 +72,7 @@ def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None
     by_hand = pd.DataFrame({"level": values, "trials": 20, "correct": right})
     known = touchbeam.fit(by_hand.assign(participant="P01", track="T"))
     assert found.threshold.item() == known.threshold.item()
-    assert 2 < found.threshold.item() < 4
+    assert found.threshold.item() == pytest.approx(2.67, abs=0.02)  # 1.4 by their numbers
 
 
 def test_a_name_that_looks_like_a_formula_is_a_name() -> None:

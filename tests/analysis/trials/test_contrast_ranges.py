@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.estimates import NotEstimable
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
 from analysis.trials.contrasts import (
     BEAM_MODELS,
-    at_places,
     condition_changes,
     contrast_range,
 )
@@ -15,7 +12,7 @@ from device.friction.changes import CONDITIONS, predicted_contrast, trial_change
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
 from protocol.study_file.loading import parsed_study, template
-from tests.analysis.reports import EXTENDED, PAPER, imported, made
+from tests.analysis.reports import EXTENDED, PAPER, imported
 
 NAMES = ("frequency", "structure", "voltage", "direction", "pressure")
 SCORES = [[7, 8, 9, 6, 5], [8, 7, 9, 7, 6], [6, 8, 8, 8, 4], [7, 9, 10, 6, 6]]
@@ -69,14 +66,3 @@ def test_a_study_has_the_changes_that_it_plans() -> None:
     assert condition_changes(EXTENDED, data) == {name: CONDITIONS[name] for name in NAMES}
     unknown = imported([[5, 6]], names=("voltage", "temperature"))
     assert list(condition_changes(EXTENDED, unknown)) == ["voltage"]
-
-
-def test_gains_at_places_take_only_the_ratings_there() -> None:
-    trials = made(SCORES, names=NAMES).trials
-    changes = {name: CONDITIONS[name] for name in NAMES}
-    chosen = at_places(trials.scored.ratings, changes)
-    assert {NAMES[place] for place in chosen.condition} == {"structure", "voltage", "pressure"}
-    assert trials.place_m2 == NotEstimable("at least 40 ratings there are needed, got 12")
-    twice = made([*SCORES] * 4, names=NAMES).trials.place_m2
-    assert isinstance(twice, OrdinalSensitivity)
-    assert {line.trials for line in twice.lines.subjects} == {3}

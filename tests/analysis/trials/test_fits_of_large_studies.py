@@ -1,6 +1,5 @@
-"""Fits of large studies, which processes of their own make."""
+"""Fits of large studies: laws in processes of their own, and components that are known well."""
 
-from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,32 +7,23 @@ import pytest
 
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE, MODE_TRIALS
-from analysis.sensitivity.ordinal_model import (
-    OrdinalSensitivity,
-    PreparedTrials,
-    ordinal_sensitivity,
-    prepared_ratings,
-)
+from analysis.sensitivity.rating_stage import Beside, RatingStage, rating_stage
 from analysis.trials import trial_statistics
-from analysis.trials.trial_statistics import LINKS, TrialStatistics
+from analysis.trials.trial_statistics import TrialStatistics
 from tests.analysis.reports import study_report
 from tests.analysis.sensitivity.simulated_raters import VirtualPopulation, virtual_study
 
 
-@pytest.mark.parametrize("models", [("M3", *LINKS, "M2 at places"), LINKS])
-def test_fits_that_processes_make_ahead_are_taken_and_have_the_same_numbers(
-    models: Sequence[str], monkeypatch: pytest.MonkeyPatch
+def test_laws_that_processes_compare_have_the_same_evidence(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(trial_statistics, "laplace", SimpleNamespace(LARGE=1))
-    monkeypatch.setattr(trial_statistics, "FEWEST_AT_PLACES", 1)
-    monkeypatch.setattr(trial_statistics, "PROCESSES", 2)
     given = study_report()
-    ahead, anew = (TrialStatistics(data=given.loaded, study=given.study) for _ in range(2))
-    ahead.fit_ahead(models)
-    names = {"_m2", "_m3", "ordinal", "place_m2"} if "M3" in models else {"_m2", "ordinal"}
-    assert names <= vars(ahead).keys()
-    for name in names:
-        assert repr(vars(ahead)[name]) == repr(getattr(anew, name))
+    one, other = (TrialStatistics(data=given.loaded, study=given.study) for _ in range(2))
+    expected = one.evidence
+    monkeypatch.setattr(trial_statistics, "laplace", SimpleNamespace(LARGE=1))
+    monkeypatch.setattr(trial_statistics, "PROCESSES", 2)
+    assert other.evidence == expected
+    assert list(other.evidence) == list(expected)
 
 
 @pytest.mark.parametrize(
@@ -53,11 +43,12 @@ def test_a_large_study_has_sensitivities(
         contrast=contrast[condition],
         rng=np.random.default_rng(seed),
     ).ratings
-    prepared = prepared_ratings(ratings)
-    assert isinstance(prepared, PreparedTrials)
-    assert len(prepared.trials.x) > least
-    fit = ordinal_sensitivity(ratings)
-    assert isinstance(fit, OrdinalSensitivity), fit
-    assert fit.effective_points >= LARGE_EFFECTIVE
-    low, high = fit.lines.gain_sd_interval
+    stage = rating_stage(ratings, Beside())
+    assert isinstance(stage, RatingStage), stage
+    assert len(stage.ready.trials.x) > least
+    points = stage.posterior.points
+    assert points.effective >= LARGE_EFFECTIVE
+    unit = stage.ready.axes.y_sd / stage.ready.axes.x_sd
+    low, high = points.quantiles(lambda at: unit * np.exp(at[:, 2]), 0.025, 0.975)
     assert low < 2.0 < high < apart * low
+    assert low < stage.gain_sd_upper < high

@@ -49,7 +49,7 @@ def test_the_fit_is_that_of_touchbeam_fit_with_easy_trials_and_without_catch_tri
     level, number, right = zip(*person.points, strict=True)
     assert sum(number) == 40 + 4  # easy ones; no answer to a catch trial is right
     alone = fitted(level, number, right, threshold_at=0.75, span=(4.0, 160.0))
-    assert replace(person.fit, band=()) == alone
+    assert replace(person.fit, band=(), likelihood=()) == alone
     assert person.course.values[0] in parsed_study(TRACKS).track_of(QUEST).values
     assert person.reversal_mean is None
 
@@ -63,6 +63,34 @@ def test_reversals_have_a_mean_of_their_own() -> None:
 def test_who_feels_nothing_is_flagged() -> None:
     flags = [flag for each in found(TRACKS, 4000.0).people for flag in each.flags]
     assert "stuck at the easiest level" in flags
+
+
+def test_a_threshold_beyond_the_levels_is_said_and_has_no_weber_fraction() -> None:
+    made = found(TRACKS, 40.0, 4000.0)
+    near, far = (each for each in made.people if each.track == QUEST)
+    assert (near.reason, near.limit) == (None, None)
+    assert far.reason == "above 160 V"
+    assert far.limit == pytest.approx(160.0)
+    assert np.isnan([far.threshold, *far.threshold_interval]).all()
+    assert (far.db, far.contrast, far.weber, far.measured) == (None, None, None, None)
+    assert np.isfinite([far.fit.slope, far.fit.lapse]).all()
+    cohort = next(each for each in made.cohort if each.track == QUEST)
+    said = "1 of 2 thresholds lies above 160 V"
+    for value in (cohort.threshold, cohort.threshold_interval, cohort.weber, cohort.weber_interval):
+        assert value == NotEstimable(said)
+    # The model of all answers takes in what is known of both.
+    assert not isinstance(cohort.mixed, NotEstimable)
+    assert near.threshold < cohort.mixed.threshold
+
+
+def test_levels_below_a_standard_have_thresholds_below_it() -> None:
+    (track, *_) = parsed_study(TRACKS).track
+    standard = track.standard
+    assert standard is not None
+    changed = {"standard": standard.model_copy(update={"voltage_v": 200.0})}
+    below = track.model_copy(update=changed)
+    assert below.reference == 200
+    assert [below.on_axis(each) for each in below.distances] == pytest.approx(below.values)
 
 
 def test_who_names_one_touch_too_often_is_flagged() -> None:

@@ -18,7 +18,6 @@ from analysis.trials.trial_checks import (
     carry_over,
     discrimination,
     drift,
-    gain_differences,
     order_effect,
     proportion,
 )
@@ -172,25 +171,3 @@ def test_discrimination_from_counts() -> None:
 def test_discrimination_needs_both_kinds_of_trial() -> None:
     assert discrimination((1, 2), (0, 0)) == NotEstimable("there were no catch trials")
     assert discrimination((0, 0), (0, 3)) == NotEstimable("there were no signal trials")
-
-
-def test_differences_in_gain_are_found_and_those_of_conditions_are_none() -> None:
-    rng = np.random.default_rng(4)
-    subject, condition = np.repeat(np.arange(12), 10), np.tile(np.repeat(np.arange(5), 2), 12)
-    contrast = rng.uniform(0.05, 0.4, 120)
-    for gain_sd, least, most in ((0.0, 0.05, 1.0), (8.0, 0.0, 0.001)):
-        gain = 8 + gain_sd * rng.standard_normal(12)
-        rating = gain[subject] * contrast + np.arange(5)[condition] + rng.normal(0, 0.5, 120)
-        found = gain_differences(
-            Ratings(
-                subjects=tuple(f"s{number}" for number in range(12)),
-                conditions=tuple(f"c{number}" for number in range(5)),
-                subject=subject,
-                condition=condition,
-                contrast=contrast,
-                rating=rating,
-            )
-        )
-        assert isinstance(found, FTest)
-        assert found.df == (11, 120 - 12 - 4 - 12)
-        assert least <= found.p <= most

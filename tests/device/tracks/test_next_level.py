@@ -10,7 +10,7 @@ import pytest
 
 from device.tracks.expected import expected
 from device.tracks.next_level import Answer, levels_of, next_level
-from device.tracks.posterior import choices, correct_share, estimate, lattice
+from device.tracks.posterior import choices, correct_share, estimate, lattice, report_lattice
 from protocol.study.track import GUESS_RATE, Track
 from protocol.tracks.procedure import constant_order
 
@@ -78,13 +78,15 @@ def test_the_curve_has_its_share_at_the_threshold() -> None:
             assert found == pytest.approx(guess + (1 - guess) * share, abs=1e-12)
 
 
-def simulated(asked: Track, threshold: float, seed: str) -> list[Answer]:
-    """Return the answers of somebody with this threshold, a slope of 3 and 2% lapses."""
+def simulated(
+    asked: Track, threshold: float, seed: str, slope: float = 3.0, lapse: float = 0.02
+) -> list[Answer]:
+    """Return the answers of somebody with this threshold, slope and lapse rate."""
     random, told = Random(seed), list[Answer]()
     order = constant_order(asked, 1, seed)
     while (level := next_level(asked, told, order)) is not None:
         distance = asked.distances[level]
-        share = correct_share(asked, *map(np.array, (distance, threshold, 3.0, 0.02, 0.1)))
+        share = correct_share(asked, *map(np.array, (distance, threshold, slope, lapse, 0.1)))
         told.append(Answer(level, bool(random.random() < share)))
     return told
 
@@ -119,18 +121,37 @@ def test_the_steepest_curve_is_a_step_and_no_warning() -> None:
 
 
 def test_what_is_expected_is_what_single_tracks_give() -> None:
-    # People with the one slope and lapse rate that the track assumes, one by one.
-    asked = track(trials=30, slope=[3, 3], lapse=[0.02, 0.02])
+    # People with slopes and lapse rates that the track assumes and beyond, one by one.
+    asked = track(trials=30, slope=[2, 3], lapse=[0.02, 0.02])
     told = expected(asked)
     random = Random("observers")
-    squares = []
-    for number in range(60):
+    grid, squares = report_lattice(asked), []
+    for number in range(120):
         threshold = 4 * 40 ** random.uniform(0.1, 0.9)
-        found = estimate(asked, simulated(asked, threshold, f"expected {number}"))
-        squares.append((20 * np.log10(found.threshold / threshold)) ** 2)
+        slope, lapse = random.uniform(2, 4.8), random.uniform(0.02, 0.15)
+        answers = simulated(asked, threshold, f"expected {number}", slope, lapse)
+        middle = grid.interval(grid.weights(answers)[np.newaxis])[0, 0].clip(4, 160)
+        squares.append((20 * np.log10(middle / threshold)) ** 2)
     assert told.trials == 30
-    assert told.rmse_db == pytest.approx(np.sqrt(np.mean(squares)), rel=0.35)
+    assert told.rmse_db == pytest.approx(np.sqrt(np.mean(squares)), rel=0.3)
     assert expected(asked) == told
+
+
+@pytest.mark.parametrize("shape", ["weibull", "normal"])
+@pytest.mark.parametrize("task", GUESS_RATE)
+def test_the_prior_of_a_report_is_not_that_of_the_track(task: Any, shape: Any) -> None:
+    """The same answers are told alike, whatever slopes and lapse rates the track assumes."""
+    wide = track(task=task, shape=shape)
+    narrow = track(task=task, shape=shape, slope=[0.5, 0.5], lapse=[0.0, 0.0])
+    counted = np.zeros((1, 2, 41))
+    counted[0, 1, 10:] = 2
+    counted[0, 0, :25] = 2
+    told = [each.interval(each.posterior(counted)) for each in map(report_lattice, (wide, narrow))]
+    assert told[0] == pytest.approx(told[1])
+    # Without an answer anything within the levels and somewhat beyond is possible.
+    middle, low, high = report_lattice(wide).interval(report_lattice(wide).posterior(0 * counted))
+    assert low < 8 < middle < high
+    assert high > 150
 
 
 def test_more_trials_and_a_stop_change_what_is_expected() -> None:

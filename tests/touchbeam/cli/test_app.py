@@ -20,6 +20,7 @@ from protocol.study_file.loading import parsed_study, template
 from runner.doctor import findings
 from runner.launch.device_access import touchbeam_command
 from runner.study.folder import StudyFolder
+from tests.analysis.simulated_data import score_tables
 from tests.runner.command_line import TOUCHBEAM, assert_matches, everything, typed
 
 NOT_UTF8 = r"^touchbeam: text must be valid UTF-8, got '.udcff'\n$"
@@ -55,7 +56,7 @@ def test_the_demo_ends_with_table_4_and_the_device_off(tmp_path: Path) -> None:
         assert first == second.replace(b"demo-2", b"demo"), f"{name} depends on the seed alone"
     simulation = Simulation(study=parsed_study(template("paper")), population=SENSITIVE)
     found = pd.read_csv("demo/report/table4.csv", na_values="–").iloc[:2, 1:6]
-    np.testing.assert_array_equal(found, simulation.studies(2, 7)[0].scores[0])
+    np.testing.assert_array_equal(found, score_tables(simulation, 2, 7)[0])
     with closing(sqlite3.connect("demo/study.db")) as journal:
         offs = journal.execute("SELECT payload FROM event WHERE tag = 'device-off'").fetchall()
     assert [json.loads(body)["confirmed"] for (body,) in offs] == [True, True]
@@ -217,7 +218,7 @@ def test_import_names_conditions_that_the_model_does_not_know(
     )
     assert shown.err == ""
     assert typed("report", "published", "--json") == 0
-    reason = json.loads(capsys.readouterr().out)["sensitivity_models"]["M1"]["reason"]
+    reason = json.loads(capsys.readouterr().out)["rating"]["reason"]
     assert reason == "a line needs at least 3 ratings with a predicted contrast, got 2"
     assert typed("import", str(PUBLISHED), "another") == 0
     assert "predicted" not in capsys.readouterr().out

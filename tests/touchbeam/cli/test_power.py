@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from analysis.power.null_cohorts import KINDS
 from protocol.study_file.loading import text_digest
 from tests.runner.command_line import typed
 
@@ -32,14 +33,24 @@ def test_the_document_has_what_others_rely_on(
     found = document(folder, capsys, *FEW, "--studies", "2", "--null-studies", "20", "--seed", "3")
     assert (found["studies"], found["seed"], found["workers"]) == (2, 3, 1)
     assert found["study_sha256"] == text_digest((folder / "study.toml").read_text("utf-8"))
-    assert found["design"] == {
+    design = found["design"]
+    assert design.pop("told_mc_error") > 0
+    assert 0 <= design.pop("told") <= 1
+    assert design == {
         "participants": 4,
         "repeats": 1,
         "levels": 1,
         "sessions": 1,
         "conditions": ["frequency", "structure", "voltage", "direction", "pressure"],
     }
-    assert {"any_supported", "mc_error"} <= dict(found["null"]).keys()
+    null = found["null"]
+    kinds = [kind.name for kind in KINDS]
+    assert [kind["name"] for kind in null["kinds"]] == kinds
+    for of in (null, *null["kinds"]):
+        assert {"any_supported", "mc_error"} <= of.keys()
+    assert null["any_supported"] == null["kinds"][0]["any_supported"]
+    assert null["kinds"][2]["any_supported"] is None, "nothing that can be claimed is false"
+    assert set(null["supported"]) <= {test["name"] for test in found["tests"]}
     tests, estimates = found["tests"], found["estimates"]
     assert isinstance(tests, list)
     assert isinstance(estimates, list)
@@ -52,8 +63,9 @@ def test_the_document_has_what_others_rely_on(
     assert all({"power", "mc_error"} <= test.keys() for test in tests)
     wanted = {"name", "bias", "rmse", "coverage", "width", "mc_error"}
     assert all(wanted <= estimate.keys() for estimate in estimates)
-    assert "M2 relative gain" in [estimate["name"] for estimate in estimates]
-    assert str(found["answer"]).startswith("4 participants x 1 repeat: relative gains to within ±")
+    assert [estimate["name"] for estimate in estimates] == ["group's gain", "levels"]
+    assert str(found["answer"]).startswith("4 participants x 1 repeat: levels to within ±")
+    assert ", gains of people told in " in found["answer"]
     assert {path.name for path in folder.iterdir()} == {"study.toml", "test_study.py"}
 
 
@@ -88,7 +100,11 @@ def test_people_read_tables_and_an_answer(folder: Path, capsys: pytest.CaptureFi
     assert err == ""
     assert "Tests: 4 participants x 1 repeat" in out
     assert "conditions differ" in out
-    assert "Simulated: 30 studies, 20 without any effect." in out
+    assert "Simulated: 30 studies, 20 null cohorts of each kind." in out
+    header = next(line for line in out.splitlines() if line.strip().startswith("test "))
+    assert all(kind.name in header for kind in KINDS)
+    assert "anything false" in out
+    assert "Estimates" not in out, "there are none without the model"
     assert out.index("power to tell that") < out.index("Tests: 4"), "the answer stands first"
     assert "power to tell that the conditions differ" in out
 
@@ -117,11 +133,7 @@ def test_thresholds_are_estimates_beside_those_of_conditions(
     file = folder / "study.toml"
     file.write_text(file.read_text() + SECOND)
     both = document(folder, capsys, *few, "--tests-only")
-    assert [estimate["name"] for estimate in both["estimates"]] == [
-        "mean difference voltage - more voltage",
-        *names,
-    ]
-    assert both["estimates"][1:] == report["estimates"]
+    assert both["estimates"] == report["estimates"]
     assert both["tests"][-1] == report["tests"][0]
     assert both["null"]["any_supported"] is not None
     assert "thresholds" not in " ".join(both["null"]["supported"])

@@ -61,7 +61,8 @@ def test_groups_are_compared_with_their_own_catch_trials() -> None:
     trials = simulated().trials
     old = trials["participant"].isin(["P01", "P02", "P03"])
     group = old.map({True: "old", False: "young"})
-    result = made(replace(simulated(), trials=trials.assign(group=group)))
+    grouped = replace(simulated(), trials=trials.assign(group=group), with_alarmed=None)
+    result = made(grouped)
     found = report_json(result)["detection"]["groups"]
     whole = [each for each in found if "condition" not in each]
     assert [each["group"] for each in whole] == ["old", "young"]

@@ -1,17 +1,27 @@
-"""The section on measured friction: only where something was recorded, beside the predicted."""
+"""Friction as it was measured: what the model of the answers takes where touches were recorded."""
 
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+from analysis.estimates import Estimate
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.results import paragraphs
-from analysis.sensitivity.ordinal_model import OrdinalSensitivity
+from analysis.sensitivity.answers_model import Rated
 from tests.analysis.friction.recorded_sessions import recorded_cohort
 from tests.analysis.report.test_report import nulls_without_reason
-from tests.analysis.reports import ORIGIN, PAPER, ReadPage, plain_report, study_report
+from tests.analysis.reports import (
+    ORIGIN,
+    PAPER,
+    ReadPage,
+    cohort,
+    plain_report,
+    study_report,
+    with_sensitivity,
+)
 
 MEASURED = "Do they follow the change that was measured?"
 
@@ -26,26 +36,50 @@ def test_a_report_without_recordings_says_nothing_of_them() -> None:
     numbers = report_json(plain_report())
     assert "measured" not in numbers
     assert {trial["measured"] for trial in numbers["trials"]} == {None}
-    assert "Sensitivity to measured friction" not in report_html(plain_report())
+    assert numbers["rating"]["predictor"] == "predicted contrast"
+    assert "measured contrast" not in report_html(plain_report())
 
 
-def test_measured_contrasts_and_gains_stand_beside_the_predicted_ones() -> None:
-    page = ReadPage(report_html(measured_report()))
-    tables = {attrs.get("id") for tag, attrs in page.tags if tag == "table"}
-    assert {"measured-contrasts", "measured-gains", "measured-spread", "predictors"} <= tables
-    assert "Sensitivity to measured friction" in page.words
+def test_where_friction_was_measured_the_model_takes_it_for_the_predicted_one() -> None:
+    found = measured_report()
+    page = ReadPage(report_html(found))
+    tables = [attrs.get("id") for tag, attrs in page.tags if tag == "table"]
+    assert tables.count("gains") == tables.count("measured-contrasts") == 1
     text = " ".join(page.words)
     assert "4 scored trials, because it was not recorded" in text
+    assert "points per unit of measured contrast" in text
+    assert "per unit of predicted contrast" not in text.partition("Sensitivity")[2]
+    assert found.measured is not None
+    np.testing.assert_array_equal(found.predictor[0], found.measured.trials.best)
+    figure = next(it for it in found.figures if it.name == "model")
+    assert "The line is the group's" not in figure.caption, "not among predicted contrasts"
+
+
+def test_few_recordings_leave_the_model_to_predicted_contrasts() -> None:
+    """Where less than half of the trials that count have a measured contrast."""
+    recorded, _ = recorded_cohort(PAPER, 1)
+    chains = [*recorded, *cohort(PAPER, 4)[1:]]
+    found = report("a study", load_study_data(chains, rehearsals=False), PAPER, ORIGIN)
+    assert found.predictor[1] is False
+    numbers = report_json(found)
+    assert numbers["rating"]["predictor"] == "predicted contrast"
+    assert len(numbers["sensitivity"]) == 4, "nobody is left out for a want of recordings"
+    assert "measured" in numbers
 
 
 def test_the_results_in_words_take_the_measured_gains() -> None:
     told = dict(paragraphs(measured_report()))
     assert "of measured contrast" in told[MEASURED]
     assert MEASURED not in dict(paragraphs(study_report())), "where no friction was measured"
-    assert "not a matter of skin" in told["Are some people more sensitive?"]
-    assert (
-        "skin and perception" in dict(paragraphs(study_report()))["Are some people more sensitive?"]
-    )
+    for found, skin in (
+        (measured_report(), "not a matter of skin"),
+        (study_report(), "skin and perception cannot be told apart"),
+    ):
+        rating = found.sensitivity.rating
+        assert isinstance(rating, Rated)
+        known = replace(found.sensitivity, rating=replace(rating, untold=None))
+        answer = dict(paragraphs(with_sensitivity(found, known)))["Are some people more sensitive?"]
+        assert skin in answer
 
 
 @pytest.mark.parametrize(
@@ -65,23 +99,21 @@ def test_the_results_in_words_take_the_measured_gains() -> None:
 def test_a_measured_gain_is_told_by_a_number_with_its_sign(
     gain: float, ends: tuple[float, float], told: str, shown: str
 ) -> None:
-    fit = study_report().trials.m2
-    assert isinstance(fit, OrdinalSensitivity)
     found = measured_report()
-    assert found.measured is not None
-    measured = replace(found.measured)
-    lines = replace(fit.lines, gain=gain, gain_interval=ends)
-    vars(measured)["m2"] = replace(fit, lines=lines)
-    answer = dict(paragraphs(replace(found, measured=measured)))[MEASURED]
+    rating = found.sensitivity.rating
+    assert isinstance(rating, Rated)
+    other = replace(rating, gain=Estimate(value=gain, interval=ends))
+    known = with_sensitivity(found, replace(found.sensitivity, rating=other))
+    answer = dict(paragraphs(known))[MEASURED]
     answer = answer.replace("\N{NO-BREAK SPACE}", " ")
     assert f"ratings change by {told}{shown}" in answer
 
 
-def test_json_has_models_predictors_and_a_reason_for_each_missing_number() -> None:
+def test_json_has_measured_conditions_and_a_reason_for_each_missing_number() -> None:
     numbers = report_json(measured_report())
+    assert numbers["rating"]["predictor"] == "measured contrast"
     found = numbers["measured"]
-    assert list(found["models"]) == ["M1", "M2", "M3"]
-    assert len(found["predictors"]) == 4
+    assert found.keys() == {"conditions", "left_out"}
     assert found["left_out"] == {"it was not recorded": 4}
     assert [entry["condition"] for entry in found["conditions"]] == list(PAPER.conditions)[:5]
     assert nulls_without_reason(found) == []

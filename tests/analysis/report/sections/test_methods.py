@@ -12,7 +12,6 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.sections import methods
-from analysis.sensitivity import predictive_checks
 from analysis.statistics import omnibus
 from device.friction.calibration import Calibration
 from device.friction.changes import CONDITIONS, LAW, predicted_contrast
@@ -46,10 +45,9 @@ def test_the_stated_rung_is_the_one_used_for_predictions() -> None:
     assert by_rung[TOP_RUNG] != pytest.approx(by_rung["mode"], rel=1e-9)
 
 
-def test_the_seeds_of_permutations_and_predictive_checks_are_stated() -> None:
-    assert predictive_checks.SEED == omnibus.SEED
+def test_the_seeds_of_permutations_are_stated() -> None:
     stated = report_json(plain_report())["provenance"]["seeds"]
-    assert stated.endswith(f"; permutations and predictive checks {predictive_checks.SEED}")
+    assert stated.endswith(f"; permutations {omnibus.SEED}")
 
 
 def test_a_calibrated_rig_is_used_and_named() -> None:
@@ -90,7 +88,7 @@ def has(number: Any) -> bool:
 def made_of(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """The numbers of each analysis by the name that Methods give it, null where there is none."""
     responses, checks = numbers.get("responses", {}), numbers.get("checks", {})
-    fits, groups = numbers.get("sensitivity_models", {}), numbers.get("groups", {})
+    groups = numbers.get("groups", {})
     return {
         "friedman": numbers.get("friedman", {}).get("chi2"),
         "skillings_mack": (numbers.get("skillings_mack") or {}).get("statistic"),
@@ -102,18 +100,11 @@ def made_of(numbers: Mapping[str, Any]) -> dict[str, Any]:
         "profiles": groups.get("interaction", {}).get("p"),
         "noticed": [it.get("p") for it in numbers.get("detection", {}).get("conditions", ())],
         "questions": [*numbers.get("questions_p_holm", {}).values()][1:],
-        "additive": numbers.get("additive", {}).get("grand_mean"),
-        "icc": [
-            each.get(name)
-            for each in numbers.get("icc", {}).values()
-            for name in ("2,1", "3,1", "3,k")
-        ],
-        "gain_heterogeneity": numbers.get("gain_heterogeneity", {}).get("p"),
-        "ordinal": [fit.get("log_likelihood") for fit in numbers.get("ordinal", {}).values()],
         "order": checks.get("order", {}).get("p"),
         "carry_over": checks.get("carry_over", {}).get("p"),
         "drift": checks.get("drift", {}).get("p"),
-        **{name: fits.get(name, {}).get("subjects") for name in ("M1", "M2", "M3")},
+        "noticing": numbers.get("noticing", {}).get("subjects"),
+        "rating": numbers.get("sensitivity"),
     }
 
 
@@ -140,14 +131,14 @@ MADE: dict[str, Callable[[], Report]] = {
     "catch trials and levels": study_report,
 }
 NOT_MADE = {
-    "a published table without modelled conditions": {"slope", "M1", "M2", "M3", "order", "drift"},
-    "a published table with holes": {"friedman", "carry_over"},
-    "a published table where nobody differs": {"friedman", "pairwise", "ordinal", "M2"},
+    "a published table without modelled conditions": {"slope", "noticing", "rating", "order"},
+    "a published table with holes": {"friedman", "carry_over", "noticing"},
+    "a published table where nobody differs": {"friedman", "pairwise", "rating"},
     "tracks alone": set(made_of({})),
-    "tracks and one condition": {"friedman", "pairwise", "slope", "icc", "M2", "questions"},
-    "no catch trials": {"noticed", "M3", "level slope", "factors", "groups", "profiles"},
-    "one participant": {"friedman", "level slope", "icc", "additive", "gain_heterogeneity"},
-    "one participant, one trial a condition": {"friedman", "noticed", "additive", "ordinal", "M3"},
+    "tracks and one condition": {"friedman", "pairwise", "slope", "rating", "questions"},
+    "no catch trials": {"noticed", "level slope", "factors", "groups", "profiles"},
+    "one participant": {"friedman", "level slope"},
+    "one participant, one trial a condition": {"friedman", "noticed", "noticing"},
     "catch trials and levels": {"skillings_mack", "factors", "groups"},
 }
 

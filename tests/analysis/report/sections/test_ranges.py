@@ -1,8 +1,8 @@
-"""Ranges of the contrasts and gains of one kind, on the page and in the JSON."""
+"""Ranges of the contrasts, on the page and in the JSON."""
 
 from analysis.report.report import report_html, report_json
 from device.friction.rungs import TOP_RUNG
-from tests.analysis.reports import made, plain_report
+from tests.analysis.reports import made
 
 NAMES = ("frequency", "structure", "voltage", "direction", "pressure")
 SCORES = [[7, 8, 9, 6, 5], [8, 7, 9, 7, 6], [6, 8, 8, 8, 4], [7, 9, 10, 6, 6]]
@@ -18,14 +18,3 @@ def test_law_rung_kind_and_ranges_stand_beside_the_contrasts() -> None:
     assert ranges["voltage"]["by_rung"][TOP_RUNG] == ranges["voltage"]["value"]
     for words in ("growth of a swing", "over a path", "at a place", f"rung {TOP_RUNG}"):
         assert words in page
-    places = numbers["sensitivity_at_places"]
-    assert [line["subject"] for line in places["subjects"]][:2] == ["P00", "P01"]
-    assert len(places["subjects"]) == 16
-    assert places["population"]["gain_ci"][0] < places["population"]["gain"]
-    assert 'id="place-gains"' in page
-
-
-def test_gains_at_places_are_not_repeated_where_all_conditions_are_at_a_place() -> None:
-    numbers = report_json(plain_report())
-    assert numbers["sensitivity_at_places"]["reason"] == "all conditions are at a place"
-    assert "not available: all conditions are at a place." in report_html(plain_report())

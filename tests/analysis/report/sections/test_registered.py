@@ -23,6 +23,7 @@ from analysis.report.sections.registration import (
     named_results,
     registered_lines,
 )
+from analysis.sensitivity.answers_model import Rated
 from analysis.trials.trial_checks import order_as_run
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
@@ -38,10 +39,16 @@ from protocol.journal.events import (
 )
 from protocol.journal.records import RigCalibration
 from protocol.registration.deviations import deviations
-from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, Registration, locked
+from protocol.registration.registration import FOLLOWS, NOTICED, Registration, locked
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import chain
-from tests.analysis.reports import PAPER, plain_report, session_events
+from tests.analysis.reports import (
+    PAPER,
+    plain_report,
+    session_events,
+    study_report,
+    with_sensitivity,
+)
 
 SHA256 = "7" * 64
 OLD, NEW = (
@@ -166,7 +173,9 @@ def test_each_registered_result_is_that_of_the_report() -> None:
     assert (omnibus["name"], omnibus["primary"]) == ("conditions differ", True)
     tested = next(it for it in record["pairwise"] if {it["a"], it["b"]} == {"voltage", "pressure"})
     assert pair["p"] == tested["p_holm"]
-    assert spread["p"] == record["gain_heterogeneity"]["p"]
+    # Of four people the ratings have no model.
+    assert (spread["p"], spread["supported"]) == (None, None)
+    assert spread["found"] == record["rating"]["reason"]
     assert follows["p"] == record["responses"]["slope"]["p"]
     assert record["registration"]["schema"] == 2
     assert record["registration"]["deviations"] == []
@@ -174,6 +183,17 @@ def test_each_registered_result_is_that_of_the_report() -> None:
     assert "The study did not deviate from its registration." in report_html(found)
     lines = list(registered_lines(found))
     assert [line.split(": ")[1] for line in lines] == list(REGISTERED.hypotheses)
+
+
+@pytest.mark.parametrize("equal", [0.049, 0.051])
+def test_registered_gains_differ_where_equal_ones_are_improbable(equal: float) -> None:
+    rating = study_report().sensitivity.rating
+    assert isinstance(rating, Rated)
+    known = replace(study_report().sensitivity, rating=replace(rating, equal_gains=equal))
+    found = with_sensitivity(registered_report(), known)
+    (hypothesis,) = registered(found.study, ["gains differ"])
+    told = "equal gains have P\xa0=\xa0.05, before the study .50"
+    assert hypothesis.judge(found) == (told, None, equal < 0.05)
 
 
 @pytest.mark.parametrize(
@@ -257,7 +277,7 @@ def test_the_settings_of_version_1_are_no_deviation_where_its_tests_are_done_as_
 
 
 def test_each_hypothesis_of_version_1_has_a_test_or_says_that_it_has_none() -> None:
-    """Every name of today is one of version 1, too, and only those of factors have no test."""
+    """Every name of today is one of version 1, too, and those of factors and gains have no test."""
     text = (
         template("paper")
         + """
@@ -290,10 +310,11 @@ touches = [{ place = "smooth", voltage_v = 0, duration_s = 1 }]
     assert earlier.keys() - today.keys() == ({FOLLOWS} if len(study.conditions) <= 3 else set())
     assert today.keys() <= earlier.keys()
     assert {name for name in today if today[name] != earlier[name]} == {
-        name for name in today if NOTICED not in name and name != GAINS
+        name for name in today if NOTICED not in name
     }
     untested = [each.name for each in registered(study, [*today], "1.0.0") if not each.tested]
     assert untested == [
+        "gains differ",
         "effect of volts",
         "effect of session",
         "volts by session",

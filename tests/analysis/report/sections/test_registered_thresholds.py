@@ -52,6 +52,21 @@ def test_thresholds_that_are_twice_as_large_are_above_the_others(found: Findings
     assert contrary[1:] == (p, False)
 
 
+def test_a_threshold_beyond_the_levels_counts_as_the_last_level(found: Findings) -> None:
+    same = found.thresholds
+    assert same is not None
+    people = [
+        replace(each, threshold=float("nan"), reason="above 160 V", limit=160.0)
+        if each.track == STAIRCASE
+        else each
+        for each in same.people
+    ]
+    made: Any = SimpleNamespace(study=found.study, thresholds=replace(same, people=tuple(people)))
+    told = judged(cast(Findings, made), threshold_of(STAIRCASE, QUEST))
+    assert isinstance(told, tuple)
+    assert told[2]
+
+
 def test_a_single_threshold_is_estimated_and_nothing_is_claimed(found: Findings) -> None:
     told = judged(found, threshold_of(QUEST))
     assert isinstance(told, tuple)

@@ -4,8 +4,10 @@ from analysis.report.report import report_html
 from tests.analysis.reports import study_report
 
 
-def test_the_page_tells_d_prime_of_counts_from_that_of_m3() -> None:
-    assert "few trials limit d′; those of M3 are at a contrast." in report_html(study_report())
+def test_the_page_says_that_d_prime_is_of_counts_alone() -> None:
+    assert "computed from the counts alone, so that few trials limit d′." in report_html(
+        study_report()
+    )
 
 
 def test_the_page_says_after_which_trials_carry_over_is_tested() -> None:

@@ -11,9 +11,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-LEAST = 0.95
-"""What a share is meant to be."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedStudies:

@@ -100,6 +100,6 @@ def predictor(
     They are where friction was recorded in most of the trials that count; those without are then
     left out.
     """
-    if measured is None or np.isfinite(measured[scored]).mean() < 0.5:
+    if measured is None or 2 * np.isfinite(measured[scored]).sum() < max(scored.sum(), 1):
         return predicted, False
     return measured, True

@@ -290,9 +290,18 @@ def _noticing_table(found: Findings, noticing: Noticed) -> Table:
         caption=f"How changes are noticed. d: how strongly a change of {number(noticing.unit, 3)} "
         f"(one SD of the {found.contrast}s) is felt, in SDs of the noise. Criterion: how strongly "
         "a change must be felt to be answered as expected, in the same unit. With 95% intervals. "
-        f"{noticing.share:.0%} of the changes were answered as expected. The first answer of a "
-        f"question is given {'more' if noticing.lean.value < 0 else 'less'} readily than its "
-        f"contrary, by {number(abs(noticing.lean.value), 2)}; d allows for it.",
+        f"{noticing.share:.0%} of the changes were answered as expected.{_lean(noticing)}",
+    )
+
+
+def _lean(noticing: Noticed) -> str:
+    """Return which answers are given more readily, as far as it is known."""
+    low, high = noticing.lean.interval
+    if low <= 0 <= high:
+        return ""
+    return (
+        f" The first answer of a question is given {'more' if high < 0 else 'less'} readily than "
+        f"its contrary, by {number(abs(noticing.lean.value), 2)}; d allows for it."
     )
 
 

@@ -25,7 +25,7 @@ FIGURES = ("course", "reaction-times", "forces", "places")
 
 def section(found: Findings) -> blocks.Section:
     """Return the checks of whole sessions."""
-    catch, as_run = catch_answers(found.loaded.trials), order_as_run(found.loaded, found.study)
+    catch, as_run = catch_answers(found.loaded.of_noticing), order_as_run(found.loaded, found.study)
     order, carried, moved = found.trials.order_effect, found.trials.carry_over, found.trials.drift
     return blocks.Section(
         title="Sessions, touches and reaction times",

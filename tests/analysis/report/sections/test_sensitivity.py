@@ -14,7 +14,7 @@ from analysis.report.report import Report, report, report_files, report_html, re
 from analysis.report.results import SENSITIVE, paragraphs
 from analysis.report.sections import sensitivity
 from analysis.report.wording import bounded
-from analysis.sensitivity.answers_model import MOST_WIDTH, Rated
+from analysis.sensitivity.answers_model import MOST_WIDTH, Noticed, Rated
 from protocol.study.study import Study
 from tests.analysis.report.sections.test_groups import STUDY, grouped
 from tests.analysis.report.sections.test_measured import measured_report
@@ -470,3 +470,17 @@ def test_skin_is_named_wherever_a_predicted_gain_stands_and_nowhere_else() -> No
         assert short in caption[0], name
     assert short not in report_html(measured_report())
     assert report_json(measured_report())["sensitivity_note"] == ""
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"), [((-0.5, -0.1), "more"), ((0.1, 0.5), "less"), ((-0.3, 0.1), "")]
+)
+def test_a_lean_is_said_only_where_it_is_known(ends: tuple[float, float], said: str) -> None:
+    known = study_report().sensitivity
+    assert isinstance(known.noticing, Noticed)
+    lean = Estimate(value=sum(ends) / 2, interval=ends)
+    other = replace(known, noticing=replace(known.noticing, lean=lean))
+    found = with_sensitivity(study_report(), other)
+    words = " ".join(ReadPage(report_html(found)).words)
+    assert (f"is given {said} readily than its contrary" in words) == bool(said)
+    assert ("readily than its contrary" in words) == bool(said)

@@ -446,11 +446,14 @@ def _slope(found: Findings) -> str:
         f"{slope.least_p:.2g})"
     ) * (slope.least_p >= LEVEL)
     law = f"; law {LAW}" * (len(found.shown_laws) > 1)
+    # Its own p is below .05, so that the interval is without 0, and the corrected one is not.
+    alone = slope.p < LEVEL and not found.questions.holds(FOLLOWS)
     return (
         f"Per unit of predicted contrast (change of log friction{law}), mean {found.measure}s "
         f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
         f"is a change of about 10%){_ci(slope.interval)}, "
-        f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}."
+        f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}"
+        f"{', with the others; the interval is of this question alone' * alone}."
         f"{_in_order(found)}"
     )
 

@@ -223,8 +223,8 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
         yield (
             "noticing",
             f"Whether a change is noticed was modelled{law} from the answers to all trials, by a "
-            "probit model of the contrast with a d and a criterion of each subject, effects of the "
-            "conditions, and 2% of lapses.",
+            "Bayesian probit model of the contrast with a d and a criterion of each subject, "
+            "effects of the conditions, a lean towards one answer, and 2% of lapses.",
         )
     if isinstance(rating, NotEstimable):
         return
@@ -237,9 +237,11 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
     yield (
         "rating",
-        f"Ratings were modelled{law} by an ordinal mixed model: level and gain × {found.contrast} "
-        f"of each subject, {listed(beside)}, and noise, in thresholds common to all. A relative "
-        "gain is a subject's gain less the mean gain of the subjects. Intervals are integrated "
+        f"Ratings were modelled{law} by a Bayesian ordinal mixed model: level and gain × "
+        f"{found.contrast} of each subject, {listed(beside)}, and noise, in thresholds common to "
+        "all. Priors are wide, but for what selection adds (normal, an SD of half that of the "
+        "ratings), and equal gains have a probability of .50. A relative gain is a subject's gain "
+        "less the mean gain of the subjects. Posteriors are Laplace approximations, integrated "
         "over the variance parameters instead of fixing these at their best-fitting values; a fit "
         f"with fewer than {least:.0f} effective points of this integration is withheld.",
     )

@@ -151,6 +151,11 @@ def score_table(found: Findings) -> blocks.Table:
     name, *means, grand_mean = averages
     lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
     note = "Notes below explain the marks. " if found.loaded.marks else ""
+    if found.measure == "response" and found.loaded.empty:
+        note += (
+            "Averages are of the scores that were given, so that a condition which few noticed can "
+            "be high; the tests take responses. "
+        )
     shown = blocks.Table(
         name="table4",
         label="Table 4",

@@ -13,11 +13,11 @@ from analysis.report import blocks, figure_data
 from analysis.report.blocks import at, columns
 from analysis.report.estimates_json import unknown, with_reasons
 from analysis.report.findings import Findings
-from analysis.report.wording import interval, number, of_all, p_equals, place_of, share
+from analysis.report.wording import interval, number, of_all, p_equals, place_of
 from analysis.trials import trial_checks
 from analysis.trials.contrasts import FORCE_STEP, PLACE_STEP_M
 from analysis.trials.trial_checks import OrderAsRun, order_as_run
-from analysis.trials.trial_statistics import CatchAnswers, catch_answers
+from analysis.trials.trial_statistics import catch_answers
 from protocol.errors import listed
 
 FIGURES = ("course", "reaction-times", "forces", "places")
@@ -36,7 +36,6 @@ def section(found: Findings) -> blocks.Section:
                     _f_line("Carry-over from the scored trial directly before", carried),
                     _order_line(as_run),
                     _drift_line(moved),
-                    _catch_line(catch.overall),
                 ]
             ),
             _follower_table(as_run, found.study.conditions),
@@ -44,7 +43,6 @@ def section(found: Findings) -> blocks.Section:
             _reaction_times(found),
             _forces(found),
             _places(found),
-            _catch_table(catch) if catch.subjects else None,
         ],
         data={
             "checks": {
@@ -112,19 +110,6 @@ def _drift_line(drift: trial_checks.Drift | NotEstimable) -> str:
     return (
         f"Drift, mean of the subjects' slopes: {number(drift.points_per_trial)} points per trial, "
         f"95% interval {interval(drift.interval, 3)}, {p_equals(drift.p)} (t test, {drift.df} df)."
-    )
-
-
-def _catch_line(answers: trial_checks.Discrimination | NotEstimable) -> str:
-    if isinstance(answers, NotEstimable):
-        return f"Catch trials: not estimable ({answers.reason})."
-    unknown = answers.hits.interval
-    pooled = f" (no intervals: {unknown.reason})" if isinstance(unknown, NotEstimable) else ""
-    return (
-        f"Catch trials (0 V): a change in either direction was reported on "
-        f"{share(answers.false_alarms)} of the catch trials and {share(answers.hits)} of the "
-        f"scored trials; d′ = {number(answers.d_prime, 2)}, criterion "
-        f"{number(answers.criterion, 2)}{pooled}."
     )
 
 
@@ -240,24 +225,6 @@ def _strips(
             caption=f"Numbers shown in the figure: {axis}.",
         ),
     )
-
-
-def _catch_table(catch: CatchAnswers) -> blocks.Table:
-    return blocks.Table(
-        name="catch",
-        caption="Trials on which a change in either direction was reported: scored trials (hits) "
-        "and catch trials at 0 V (false alarms), with exact 95% intervals; d′ and criterion are "
-        "computed from the counts alone, so that few trials limit d′.",
-        columns=columns("subject", "hits", "false alarms", "d′", "criterion"),
-        rows=[[name, *_catch_cells(answers)] for name, answers in catch.subjects.items()],
-    )
-
-
-def _catch_cells(answers: trial_checks.Discrimination | NotEstimable) -> list[str]:
-    if isinstance(answers, NotEstimable):
-        return [f"not estimable: {answers.reason}", *[number(None)] * 3]
-    rates = [share(answers.hits), share(answers.false_alarms)]
-    return [*rates, number(answers.d_prime, 2), number(answers.criterion, 2)]
 
 
 def _discrimination_json(answers: trial_checks.Discrimination | NotEstimable) -> Json:

@@ -134,7 +134,8 @@ def _sessions(found: Findings) -> str:
     days = sorted(known.dt.strftime("%Y-%m-%d").unique())
     when = "" if not days else days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
     kind = " (rehearsals)" if found.rehearsals else ""
-    return f"{when}{kind}".strip()
+    count = len(found.loaded.trials[["participant", "session"]].drop_duplicates())
+    return f"{count:,}{kind}{f', {when}' * bool(when)}"
 
 
 @dataclass(frozen=True)

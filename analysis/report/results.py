@@ -93,7 +93,7 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     if rating.untold is None:
         yield SENSITIVE, _differ(found, rating)
     else:
-        yield SENSITIVE, f"{untold(rating)} {_levels(rating)}"
+        yield SENSITIVE, f"{untold(rating)} {_levels(found, rating)}"
 
 
 def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
@@ -178,18 +178,18 @@ def _noticed(found: Findings) -> str:
     more = [each.of["condition"] for each in conditions if each.noticed and at_all]
     others = [each.of["condition"] for each in conditions if not each.noticed]
     told = (
-        f"Noticed more often than catch trials: {listed(more)} (exact tests within people, "
-        "Holm's correction)"
+        f"Noticed more often than catch trials: {listed(more)} (one-sided exact tests within "
+        "people, Holm's correction)"
         if more
-        else "No condition was noticed significantly more often than catch trials (exact tests "
-        "within people, Holm's correction), which does not show that none is"
+        else "No condition was noticed significantly more often than catch trials (one-sided exact "
+        "tests within people, Holm's correction), which does not show that none is"
     )
     rest = f"; this is not shown of {listed(others)}" if more and others else ""
     alarmed = found.loaded.alarmed
     beside = f" (with {count_of(alarmed, 'participant')} left out elsewhere for false alarms)"
     return (
         f"A change was reported on {hits} trials with a change and on {alarms} catch trials"
-        f"{beside * bool(alarmed)}, "
+        f"{beside * bool(alarmed)}, one-sided "
         f"{_p(found, CHANGES_NOTICED, all_together.p)}; d′ = {number(all_together.d_prime, 2)}"
         f"{_ci(all_together.d_prime_interval)}. {told}{rest}."
     )
@@ -203,16 +203,32 @@ def _who(found: Findings) -> str:
     of = count_of(conditions, "condition")
     ways = found.trials.directions.values()
     if not ways:
-        return sentence(f"{count_of(people, 'participant')} rated {of} from {found.scale}.")
+        return sentence(
+            f"{count_of(people, 'participant')} rated {of} from {found.scale}{_left_out(found)}."
+        )
     expected, answers = (sum(getattr(each, name) for each in ways) for name in _COUNTED)
     return sentence(
         f"{count_of(people, 'participant')} gave {answers:,} answers on {of}, {expected:,} of them "
-        f"as expected. Each answer counts as a response from {found.response_scale}: 0 if the "
-        "change was not answered as expected, else its score, counted from 1."
+        f"as expected{_left_out(found)}. Each answer counts as a response from "
+        f"{found.response_scale}: 0 if the change was not answered as expected, else its score, "
+        "counted from 1."
     )
 
 
 _COUNTED = ("expected", "answers")
+
+
+def _left_out(found: Findings) -> str:
+    """Return who is not among them, and by whose decision."""
+    people = {it.participant: it.by for it in found.loaded.left_out if it.trial is None}
+    by_rule = [who for who, by in people.items() if by == "rule"]
+    if not by_rule:
+        return ""
+    return f"; {count_of(len(by_rule), 'other')} left out by the study's rules ({_some(by_rule)})"
+
+
+def _some(people: Sequence[str]) -> str:
+    return f"{listed(people[:MOST_PAIRS])}{', …' * (len(people) > MOST_PAIRS)}"
 
 
 def _omnibus(found: Findings, main: ConditionTests) -> str:
@@ -342,7 +358,9 @@ def _profiles(made: GroupStatistics, found: GroupInteraction | NotEstimable) -> 
 
 def _higher(pair: TwoGroups) -> str:
     """Tell how far apart two groups are, with the higher one first."""
-    return "{} above {} by {}".format(*_higher_first(pair, pair.shift, pair.shift_interval))
+    return "{} above {} by typically {}".format(
+        *_higher_first(pair, pair.shift, pair.shift_interval)
+    )
 
 
 def _factors(tests: Factorial) -> str:
@@ -409,15 +427,15 @@ def together(found: Findings) -> str:
     if not held:
         over = "the others" if has_primary else "all of them"
         return (
-            f"None of {count} has the answer yes, which does not show that nothing has an effect "
+            f"None of {count} holds, which does not show that nothing has an effect "
             f"(Holm's correction over {over}).{alone}"
         )
     over, any_of = ("the others", "any of these") if has_primary else ("all", "anything")
     return (
-        f"{sentence('; '.join(held))}. These are the answers yes to {count}, with one correction "
-        f"over {over} (Holm's), by which a page says yes to {any_of} in at most 5% of studies in "
-        "which nothing has an effect. Pairs, single conditions and pairs of groups count only "
-        f"after such a yes.{alone}"
+        f"{sentence('; '.join(held))}. This is what holds of {count}, corrected together (Holm's "
+        f"method, over {over}): where nothing has an effect, at most 5% of studies claim {any_of}. "
+        "Pairs, single conditions and pairs of groups count only where their question "
+        f"holds.{alone}"
     )
 
 
@@ -453,7 +471,7 @@ def _slope(found: Findings) -> str:
         f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
         f"is a change of about 10%){_ci(slope.interval)}, "
         f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}"
-        f"{', with the others; the interval is of this question alone' * alone}."
+        f"{' once corrected with the others; the interval is of this question alone' * alone}."
         f"{_in_order(found)}"
     )
 
@@ -483,7 +501,7 @@ def _differ(found: Findings, rating: Rated) -> str:
     ] * rating.gains_differ
     who = (
         f"{count_of(len(apart), 'participant')} differed from the mean gain of the group "
-        f"({listed(apart[:MOST_PAIRS])}{', …' if len(apart) > MOST_PAIRS else ''})."
+        f"({_some(apart)})."
         if apart
         else "no participant's gain can be told from the group's mean gain."
     )
@@ -508,15 +526,21 @@ def untold(rating: Rated) -> str:
     )
 
 
-def _levels(rating: Rated) -> str:
+BEYOND = "A level beyond the scale stands for ratings at its end."
+
+
+def _levels(found: Findings, rating: Rated) -> str:
     """Return how far apart the levels of people are."""
     levels = sorted(rating.subjects, key=lambda person: person.level.value)
     low, high = levels[0], levels[-1]
     wide = np.mean([np.ptp(person.level.interval) for person in levels])
+    least, most = found.study.rating.minimum, found.study.rating.maximum
+    inside = least <= low.level.value and high.level.value <= most
+    beyond = "" if inside else f" {BEYOND}"
     return (
         f"Levels are from {number(low.level.value, 1)} ({low.subject}) to "
         f"{number(high.level.value, 1)} ({high.subject}), each known to within "
-        f"±{number(float(wide) / 2, 1)} points on average."
+        f"±{number(float(wide) / 2, 1)} points on average.{beyond}"
     )
 
 

@@ -212,8 +212,8 @@ NO_OTHERS = NotEstimable("a single subject has no others to compare with")
 def sensitivity(answers: StudyAnswers) -> Sensitivity:
     """Return what the answers of a study tell of its people.
 
-    First, whether a change is noticed: n = d_s x + ε_c + e is answered as expected above the
-    subject's criterion. Then, how it is rated by those who noticed it: y = b_s + g_s x +
+    First, whether a change is noticed: n = d_s x + sign(x) ε_c + e is answered as expected above
+    the subject's criterion. Then, how it is rated by those who noticed it: y = b_s + g_s x +
     γ E(e | noticed) + δ_c + σ e₂, between thresholds common to all. So the gain g_s is that of the
     change, whether people score it or what they felt of it (Heckman, Econometrica 47, 1979, of
     selection). Both are mixed models by Laplace's approximation, integrated over the differences

@@ -176,9 +176,9 @@ class NoticingTrials(LatentTrials):
 class NoticingStage:
     """The posterior of noticing, integrated over the spread of d and k and that of ε.
 
-    n = d_s x + ε_c + e, e ~ N(0, 1), is answered as expected above k_s + r l, as the contrary below
-    -(k_s - r l), and as the same between. ε_c is by how much better a condition is noticed than its
-    contrast says, 0 without a change.
+    n = d_s x + sign(x) ε_c + e, e ~ N(0, 1), is answered as expected above k_s + r l, as the
+    contrary below -(k_s - r l), and as the same between. ε_c is by how much better a condition is
+    noticed than its contrast says, 0 without a change.
     """
 
     answered: Answered
@@ -237,7 +237,7 @@ class NoticingStage:
         return self.posterior.points.refusal((self._marginals.part(lines_of), intervals))
 
     def selection_at(self, d: FloatArray, k: FloatArray, lean: float, of: FloatArray) -> FloatArray:
-        """Return φ(a)/Φ(a) of each trial, a = d_s x + ε_c - k_s - r l.
+        """Return φ(a)/Φ(a) of each trial, a = d_s x + sign(x) ε_c - k_s - r l.
 
         It is how far above its mean the noise is, on average, of those who notice the change.
 

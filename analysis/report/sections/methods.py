@@ -13,7 +13,7 @@ from analysis.loading.response import IN_WORDS
 from analysis.loading.study_data import StudyData, changed_journal, rules_in_words
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
-from analysis.report.wording import SKIN
+from analysis.report.wording import SKIN, count_of, sentence
 from analysis.sensitivity.integration import LEAST_EFFECTIVE
 from analysis.sensitivity.laplace import LARGE
 from analysis.sensitivity.latent_posterior import LARGE_EFFECTIVE
@@ -59,16 +59,34 @@ def _data(found: Findings) -> str:
         + f" scored the strength of the effect from {found.scale_in_words}."
     )
     response = (
-        f"{IN_WORDS}, so that no answered trial is missing. A subject's response to a condition is "
-        "the mean over the trials."
+        f"{IN_WORDS}, so that no answered trial is missing. A participant's response to a "
+        "condition is the mean over the trials."
         if found.measure == "response"
-        else "A subject's score for a condition is the mean over the trials."
+        else "A participant's score for a condition is the mean over the trials."
     )
     return (
-        f"{origin} {people} {'subject' if people == 1 else 'subjects'} and {conditions} "
-        f"{'condition' if conditions == 1 else 'conditions'} were analysed. {response} "
+        f"{origin} {_design(found)}{sentence(count_of(people, 'participant'))} and "
+        f"{count_of(conditions, 'condition')} were analysed. {response} "
         f"Prespecified exclusion rules: {'; '.join(rules) or 'none'}."
     )
+
+
+def _design(found: Findings) -> str:
+    """Return what each participant did, in a sentence; nothing of published scores."""
+    design, study = found.study.design, found.study
+    if found.published:
+        return ""
+    crossed = " × ".join(f"{len(levels)} {name}" for name, levels in study.factors.items())
+    opposite = f"({count_of(design.opposite_repeats, 'time')} in the opposite order)"
+    parts = [
+        f"had each condition {count_of(design.repeats, 'time')}",
+        *[opposite] * bool(design.opposite_repeats),
+        *[f"and {count_of(design.catch_trials, 'catch trial')} at 0 V"] * bool(design.catch_trials),
+        *[f"in each of {count_of(design.sessions, 'session')}"] * (design.sessions > 1),
+    ]
+    factors = f" Conditions crossed {crossed}." * bool(crossed)
+    groups = f" Groups: {listed(study.groups)}." * bool(study.groups)
+    return f"A participant {' '.join(parts)}.{factors}{groups} "
 
 
 def _tests(found: Findings) -> str:
@@ -143,9 +161,9 @@ def _of_conditions(tests: ConditionTests, measure: str) -> Iterator[tuple[str, s
     if not isinstance(test, NotEstimable):
         name = "Friedman's test" if isinstance(test, Friedman) else "the Skillings–Mack test"
         p = (
-            f"{test.monte_carlo.shuffles:,} random permutations within subjects from a fixed seed"
+            f"{test.monte_carlo.shuffles:,} random permutations within participants, seed fixed"
             if test.monte_carlo is not None
-            else "all permutations within subjects"
+            else "all permutations within participants"
             if isinstance(test, Friedman) and not isinstance(test.p_exact, NotEstimable)
             else "the chi-square distribution"
         )
@@ -173,12 +191,12 @@ def _of_order(found: Findings) -> Iterator[tuple[str, str]]:
         if not isinstance(test, NotEstimable):
             yield (
                 name,
-                f"{what} was tested by an F test within subjects, adjusted for condition.",
+                f"{what} was tested by an F test within participants, adjusted for condition.",
             )
     if not isinstance(trials.drift, NotEstimable):
         yield (
             "drift",
-            "Drift was tested by a t test of the subjects' slopes on the place in the session.",
+            "Drift was tested by a t test of the participants' slopes on the place in the session.",
         )
 
 
@@ -223,8 +241,9 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
         yield (
             "noticing",
             f"Whether a change is noticed was modelled{law} from the answers to all trials, by a "
-            "Bayesian probit model of the contrast with a d and a criterion of each subject, "
-            "effects of the conditions, a lean towards one answer, and 2% of lapses.",
+            "Bayesian probit model of the contrast with a d and a criterion of each participant, "
+            "effects of the conditions, a lean towards one answer, and 2% of lapses. Intervals of "
+            "this and of any other model of people's answers are credible intervals.",
         )
     if isinstance(rating, NotEstimable):
         return
@@ -238,10 +257,10 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     yield (
         "rating",
         f"Ratings were modelled{law} by a Bayesian ordinal mixed model: level and gain × "
-        f"{found.contrast} of each subject, {listed(beside)}, and noise, in thresholds common to "
-        "all. Priors are wide, but for what selection adds (normal, an SD of half that of the "
-        "ratings), and equal gains have a probability of .50. A relative gain is a subject's gain "
-        "less the mean gain of the subjects. Posteriors are Laplace approximations, integrated "
+        f"{found.contrast} of each participant, {listed(beside)}, and noise, in thresholds common "
+        "to all. Priors are wide, but for what selection adds (normal, an SD of half that of the "
+        "ratings), and equal gains have a probability of .50. A relative gain is a participant's "
+        "gain less the mean gain of all. Posteriors are Laplace approximations, integrated "
         "over the variance parameters instead of fixing these at their best-fitting values; a fit "
         f"with fewer than {least:.0f} effective points of this integration is withheld.",
     )

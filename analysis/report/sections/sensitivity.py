@@ -12,7 +12,7 @@ from analysis.report import figure_data, wording
 from analysis.report.blocks import Block, Column, Figure, Items, Section, Table, estimated
 from analysis.report.estimates_json import noticing_json, people_json, rating_json
 from analysis.report.findings import Findings
-from analysis.report.results import untold
+from analysis.report.results import BEYOND, untold
 from analysis.report.wording import bounded, chance, interval, number
 from analysis.sensitivity.answers_model import UNEQUAL, GroupLine, Noticed, Person, Rated
 from analysis.sensitivity.coverage import SimulatedStudies, most_alike
@@ -21,7 +21,6 @@ from protocol.errors import listed
 
 _CEILING = 0.05
 """Share of scores at the top of the scale above which the report names it."""
-_BEYOND = "A level beyond the scale stands for ratings at its end."
 FIGURES = ("people-levels", "relative-gains", "sensitivity")
 
 
@@ -109,8 +108,13 @@ def _known(ranges: Sequence[ContrastRange]) -> str:
 
 def simulated(found: Findings, rating: Rated) -> SimulatedStudies:
     """Return the simulated studies that are most like this one."""
+    return _alike(found, rating, of="gains")
+
+
+def _alike(found: Findings, rating: Rated, *, of: str) -> SimulatedStudies:
     noticing = found.sensitivity.noticing
     return most_alike(
+        of,
         people=len(rating.subjects),
         trials=float(np.mean([person.trials for person in rating.subjects])),
         noticed=1.0 if isinstance(noticing, NotEstimable) else noticing.share,
@@ -126,6 +130,10 @@ def _coverage(found: Findings, rating: Rated) -> str:
     held = ", ".join(
         f"{name} {bounded(alike.held[name], 3)}" for name in names if name in alike.held
     )
+    if rating.differences:
+        grouped = _alike(found, rating, of="groups apart")
+        held += f"; differences of groups {bounded(grouped.held['groups apart'], 3)}"
+        held += f" ({grouped.name})" * (grouped.name != alike.name)
     too_few = f" Those of {listed(alike.too_few)} are too narrow." * bool(alike.too_few)
     return (
         f"In {alike.studies} simulated studies most like this one ({alike.name}: "
@@ -145,7 +153,8 @@ def _spread(rating: Rated) -> str:
         return f"Gains differ between people: {equal} (.50 before the study); their SD {below}."
     return (
         f"These data do not show that gains differ between people: {equal} ({before}). If gains "
-        f"differ, their SD {below}."
+        f"differ, their SD {below}. Gains that differ by an SD of 1 to 2 points "
+        "are seldom shown to."
     )
 
 
@@ -209,7 +218,7 @@ def front_figure(found: Findings) -> Figure:
         f"{number(rating.contrast, 2)}, the mean of the rated ones, with its 95% interval and the "
         "number of rated trials; the dashed line is the group. Levels differ between people who "
         "feel alike, because they use the scale in their own way: they are no sensitivities. "
-        f"{_BEYOND}{shown}",
+        f"{BEYOND}{shown}",
         draw=partial(
             figure_data.levels_of_people_figure,
             drawn,
@@ -252,7 +261,7 @@ def _people_table(found: Findings, rating: Rated) -> Table:
         ],
         name="gains",
         caption=f"Level: the rating of a {found.contrast} of {number(rating.contrast, 3)}, the "
-        f"mean of the rated ones. {_BEYOND} Gain: rating points per unit of it. Relative gain: the "
+        f"mean of the rated ones. {BEYOND} Gain: rating points per unit of it. Relative gain: the "
         "gain less the mean gain of the subjects, which is known better than the gain itself. With "
         "95% intervals. Trials: those with a rating. A gain is told if its interval leaves less "
         f"than half of the scale open over the contrasts of this study. {_skin(found)}",

@@ -30,9 +30,12 @@ BOUNDS = {
     "off_the_line_20x5x8": (0.03, 0.014),
     "noticing_9x5x1": (0.73, 0.56),
     "noticing_12x5x4": (0.31, 0.165),
+    "noticing_20x5x8": (0.25, 0.115),
+    "rating_12x5x4": (0.1, 0.018),
+    "rating_9x5x1": (0.085, 0.028),
 }
 # Mean departure of the column, which is between 0 and 2, of changes answered as expected.
-OF_COLUMN = {"noticing_9x5x1": 0.13, "noticing_12x5x4": 0.03}
+OF_COLUMN = {"noticing_9x5x1": 0.13, "noticing_12x5x4": 0.03, "noticing_20x5x8": 0.013}
 STUDIES = tuple(BOUNDS)
 RATED = [study for study in STUDIES if not study.startswith("noticing")]
 NOTICED = [study for study in STUDIES if study.startswith("noticing")]

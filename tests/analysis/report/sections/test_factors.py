@@ -170,7 +170,7 @@ def test_what_rests_on_a_question_counts_only_where_that_holds() -> None:
     told = dict(paragraphs(weak))
     assert not any(claim in told[question] for question, claim in claims.items())
     assert ".200 corrected" in told[DIFFER]
-    assert told[TOGETHER].startswith("None of seven questions has the answer yes")
+    assert told[TOGETHER].startswith("None of seven questions holds")
 
 
 def test_a_study_without_factors_has_nothing_of_it() -> None:

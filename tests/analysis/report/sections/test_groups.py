@@ -87,7 +87,7 @@ def test_a_higher_group_is_found_and_told() -> None:
     assert answer.startswith("Mean responses differed between groups")
     assert "old above young by" in answer
     together = dict(paragraphs(found))[TOGETHER]
-    assert "These are the answers yes to six questions" in together
+    assert "This is what holds of six questions" in together
     # By one correction over seven questions less is left than over three.
     assert "slopes differ between groups" not in together
     assert "mean responses differ between groups (p" in together

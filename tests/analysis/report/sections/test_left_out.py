@@ -6,11 +6,12 @@ import numpy as np
 
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_html, report_json
+from analysis.report.results import DIFFER, paragraphs
 from analysis.report.sections.session_checks import left_out_lines
 from protocol.journal.events import Answered, SessionExcluded, SessionOpened, TrialExcluded
 from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain
-from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
+from tests.analysis.reports import EXTENDED, ORIGIN, PAPER, cohort, plain_report, session_events
 
 
 def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
@@ -90,3 +91,14 @@ def test_an_older_study_says_whom_its_rule_left_out_for_not_noticing() -> None:
     assert (lines, report_json(found)["left_out_for_not_noticing"]) == ([], [])
     assert said not in report_html(found)
     assert "50% of the planned trials without an answer is left out" in report_html(found)
+
+
+def test_the_first_screen_names_whom_the_rules_left_out() -> None:
+    study = EXTENDED.model_copy(update={"exclusions": Exclusions(max_false_alarms=0.2)})
+    data = load_study_data(cohort(study, 4), rehearsals=False, rules=study.exclusions)
+    out = [it.participant for it in data.left_out if it.by == "rule"]
+    assert 0 < len(out) < 4
+    answer = dict(paragraphs(report("a study", data, study, ORIGIN)))[DIFFER]
+    assert f"left out by the study's rules ({', '.join(out)})" in answer
+    everybody = load_study_data(cohort(study, 4), rehearsals=False)
+    assert "left out" not in dict(paragraphs(report("a study", everybody, study, ORIGIN)))[DIFFER]

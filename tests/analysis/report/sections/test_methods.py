@@ -165,3 +165,19 @@ def test_methods_of_a_study_with_groups_and_factors_name_their_tests() -> None:
     data = replace(grouped.loaded, groups={"P01": "young", "P03": "young"})
     few = dict(methods.tests_in_words(replace(grouped, loaded=data)))
     assert not {"groups", "profiles"} & few.keys(), "nobody is in the other group"
+
+
+def test_methods_describe_what_each_participant_did() -> None:
+    design = EXTENDED.design
+    (said, *_) = methods.section(study_report()).blocks
+    assert design.opposite_repeats == 1
+    assert (
+        "A participant had each condition four times (one time in the opposite order) and "
+        "four catch trials at 0 V. " in str(said)
+    )
+    assert "A participant had" not in str(methods.section(plain_report()).blocks[0])
+    crossed = crossed_report()
+    names = [f"{len(levels)} {name}" for name, levels in crossed.study.factors.items()]
+    assert f"Conditions crossed {' × '.join(names)}." in str(methods.section(crossed).blocks[0])
+    groups = str(methods.section(of_rise(3)).blocks[0])
+    assert "Groups: young and old." in groups or "Groups: young, old." in groups

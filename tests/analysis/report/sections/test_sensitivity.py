@@ -484,3 +484,23 @@ def test_a_lean_is_said_only_where_it_is_known(ends: tuple[float, float], said: 
     words = " ".join(ReadPage(report_html(found)).words)
     assert (f"is given {said} readily than its contrary" in words) == bool(said)
     assert ("readily than its contrary" in words) == bool(said)
+
+
+def test_differences_of_groups_are_told_with_their_own_coverage() -> None:
+    page = str(sensitivity.section(of_groups()).blocks)
+    assert "; differences of groups " in page
+    assert "differences of groups" not in str(sensitivity.section(study_report()).blocks)
+
+
+def test_the_first_screen_explains_levels_beyond_the_scale() -> None:
+    found = study_report()
+    rating = found.sensitivity.rating
+    assert isinstance(rating, Rated)
+    assert rating.untold is not None
+    for place, beyond in ((9.9, False), (10.2, True), (-0.1, True)):
+        people = tuple(
+            replace(person, level=replace(person.level, value=place)) for person in rating.subjects
+        )
+        other = replace(found.sensitivity, rating=replace(rating, subjects=people))
+        answer = dict(paragraphs(with_sensitivity(found, other)))[SENSITIVE]
+        assert answer.endswith("stands for ratings at its end.") == beyond

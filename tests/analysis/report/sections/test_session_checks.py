@@ -4,11 +4,5 @@ from analysis.report.report import report_html
 from tests.analysis.reports import study_report
 
 
-def test_the_page_says_that_d_prime_is_of_counts_alone() -> None:
-    assert "computed from the counts alone, so that few trials limit d′." in report_html(
-        study_report()
-    )
-
-
 def test_the_page_says_after_which_trials_carry_over_is_tested() -> None:
     assert "Carry-over from the scored trial directly before: " in report_html(study_report())

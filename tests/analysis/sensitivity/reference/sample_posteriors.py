@@ -85,7 +85,6 @@ RUNS = {
     "noticing_20x5x8": Run(warm_up=1000, draws=2500),
     "rating_9x5x1": Run(warm_up=1000, draws=5000, depth=8),
     "rating_12x5x4": Run(warm_up=1000, draws=2500),
-    "rating_20x5x8": Run(warm_up=1000, draws=2000),
 }
 
 

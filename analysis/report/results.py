@@ -33,7 +33,7 @@ from analysis.statistics.groups import (
 )
 from analysis.statistics.omnibus import SkillingsMack
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank, least_holm_p
-from analysis.statistics.slope import Slope
+from analysis.statistics.slope import LevelSlope, Slope
 from analysis.statistics.summary import ConditionTests
 from analysis.trials.track_fits import CohortThreshold
 from device.friction.changes import LAW
@@ -115,6 +115,8 @@ def _mean_threshold(each: CohortThreshold) -> str:
     of = f"geometric mean of {each.people} {'person' if each.people == 1 else 'people'}"
     note = f", {each.flagged} of them with notes in the section Thresholds" * bool(each.flagged)
     share = f"a share of {each.threshold_at:.3g} {each.said}"
+    if 2 * each.flagged > each.people and not isinstance(each.mixed, NotEstimable):
+        note += f"; {each.mixed.threshold:.3g}{unit} by the mixed model of all answers"
     weber = ""
     if not isinstance(each.weber, NotEstimable):
         weber = f", a Weber fraction of {each.weber:.3g} of {each.weber_of} friction"
@@ -183,6 +185,9 @@ def _noticed(found: Findings) -> str:
         if more
         else "No condition was noticed significantly more often than catch trials (one-sided exact "
         "tests within people, Holm's correction), which does not show that none is"
+        if at_all
+        else "No single condition is told, because changes as a whole were not found to be noticed "
+        "more often than catch trials; the section Detection has the test of each"
     )
     rest = f"; this is not shown of {listed(others)}" if more and others else ""
     alarmed = found.loaded.alarmed
@@ -371,7 +376,12 @@ def _factors(tests: Factorial) -> str:
         return f"No effect of a factor could be tested: {'; '.join(dict.fromkeys(why))}."
     told = [_effect(tests, it) for it in known if it.found]
     rest = [it.name for it in known if not it.found]
-    none = f"No effect was found of {listed(rest)}, which does not show that there is none."
+    tested = [it for it in known if not isinstance(it.p_holm, NotEstimable)]
+    least = min(tested, key=lambda it: float(it.p_holm))  # type: ignore[arg-type]
+    smallest = "" if told else f" (smallest p: {least.name}, {p_equals(least.p_holm)} corrected)"
+    none = (
+        f"No effect was found of {listed(rest)}{smallest}, which does not show that there is none."
+    )
     people = count_of(min(it.effect.people for it in known), "participant")  # type: ignore[union-attr]
     how = (
         f"Permutation and F tests within {people}, main effects on ranks, the larger p corrected "
@@ -459,10 +469,12 @@ def _slope(found: Findings) -> str:
         if slope.value > 0
         else "they fall where a larger change is predicted"
     )
-    few = (
-        f" ({slope.conditions} conditions with such contrasts cannot show it: p is at least "
-        f"{slope.least_p:.2g})"
-    ) * (slope.least_p >= LEVEL)
+    few = ""
+    least, conditions = p_equals(slope.least_p), count_of(slope.conditions, "condition")
+    if slope.least_p >= LEVEL:
+        few = f" ({conditions} with such contrasts cannot show it, at best {least})"
+    elif not found.questions.holds(FOLLOWS) and slope.least_p * len(found.questions.p_holm) > 0.01:
+        few = f" ({conditions} have at best {least}, before any correction)"
     law = f"; law {LAW}" * (len(found.shown_laws) > 1)
     # Its own p is below .05, so that the interval is without 0, and the corrected one is not.
     alone = slope.p < LEVEL and not found.questions.holds(FOLLOWS)
@@ -470,9 +482,21 @@ def _slope(found: Findings) -> str:
         f"Per unit of predicted contrast (change of log friction{law}), mean {found.measure}s "
         f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
         f"is a change of about 10%){_ci(slope.interval)}, "
-        f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}"
+        f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order{few}: {shown}"
         f"{' once corrected with the others; the interval is of this question alone' * alone}."
-        f"{_in_order(found)}"
+        f"{_in_order(found)}{_within(found)}"
+    )
+
+
+def _within(found: Findings) -> str:
+    """Return what the levels of the conditions say of it, where it is clear."""
+    slope = found.trials.level_slope
+    if not isinstance(slope, LevelSlope) or slope.p >= LEVEL:
+        return ""
+    return (
+        f" Within conditions, over their levels alone, {found.measure}s change by "
+        f"{number(slope.value, 2)} points per unit{_ci(slope.interval)}, {p_equals(slope.p)} (not "
+        "among the corrected questions)."
     )
 
 
@@ -520,8 +544,10 @@ def _differ(found: Findings, rating: Rated) -> str:
 def untold(rating: Rated) -> str:
     """Return why the gains of people are not told, in a sentence."""
     assert rating.untold is not None
+    told, people = sum(person.told for person in rating.subjects), len(rating.subjects)
+    who = f"most people are ({people - told} of {people})" if told else "each person is"
     return (
-        f"How sensitive each person is cannot be told from these data: {rating.untold.reason}. "
+        f"How sensitive {who} cannot be told from these data: {rating.untold.reason}. "
         "What they do tell of each is a level, the rating of a change of medium size."
     )
 

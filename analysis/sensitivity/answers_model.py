@@ -300,7 +300,7 @@ class AnswersModel:
         for name, trials, level, bias, gain, relative in people:
             # Somebody without ratings has the group's line and nothing of the own.
             if trials:
-                reason = self.ceiling or self.too_wide(self.open_share(gain))
+                reason = self._untold(self.open_share(gain))
                 yield Person(
                     subject=name,
                     trials=int(trials),
@@ -317,7 +317,12 @@ class AnswersModel:
         """Why the gains of this study are not told, or None where those of most people are."""
         if isinstance(self.rating, NotEstimable):
             return self.rating
-        return self.ceiling or self.too_wide(self.usual_open_share)
+        return self._untold(self.usual_open_share)
+
+    def _untold(self, share: float) -> NotEstimable | None:
+        """Return all reasons why a gain is not told that leaves this part of the scale open."""
+        reasons = [why.reason for why in (self.ceiling, self.too_wide(share)) if why]
+        return NotEstimable("; ".join(reasons)) if reasons else None
 
     @property
     def ceiling(self) -> NotEstimable | None:
@@ -343,7 +348,7 @@ class AnswersModel:
             )
         part = f"{share:.0%} of the scale" if share < 1 else "more than the whole scale"
         return NotEstimable(
-            "over the contrasts of this study, the 95% interval of a person's gain leaves "
+            "over the contrasts of this study, the 95% interval of a typical person's gain leaves "
             f"{part} open; to leave less than {MOST_WIDTH:.0%} takes {needed}"
         )
 

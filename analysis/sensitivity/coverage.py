@@ -48,15 +48,11 @@ def simulated_studies() -> tuple[SimulatedStudies, ...]:
     )
 
 
-def most_alike(
-    of: str, *, people: int, trials: float, noticed: float, highest: float
-) -> SimulatedStudies:
-    """Return the simulated studies with estimates `of` this, most like one with these numbers.
+def most_alike(people: int, trials: float, noticed: float, highest: float) -> SimulatedStudies:
+    """Return the simulated studies that are most like one with these numbers.
 
     Only those count that a study can be seen to be like: how people differ in what they feel or
     how they score is not known of them.
     """
-    known = [
-        studies for studies in simulated_studies() if studies.observable and of in studies.held
-    ]
-    return min(known, key=lambda studies: studies.distance(people, trials, noticed, highest))
+    known = [of for of in simulated_studies() if of.observable]
+    return min(known, key=lambda of: of.distance(people, trials, noticed, highest))

@@ -17,6 +17,8 @@ from analysis.statistics.slope import Slope
 from protocol.errors import listed
 from protocol.registration.registration import OMNIBUS
 
+_ZEROS = " Many responses of 0 were not simulated: how these intervals cover then is not known."
+
 
 def tests(found: Findings) -> blocks.Section:
     """Return the tests of the conditions, and the scores that they compare."""
@@ -30,6 +32,7 @@ def tests(found: Findings) -> blocks.Section:
             _pairwise_table(of.pairwise) if of.pairwise else None,
             "Share of 95% intervals that covered the truth in simulations "
             f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
+            f"{_ZEROS * (found.measure == 'response')}"
             if of.pairwise
             else None,
             *([slope_line(slope), _level_line(found)] if found.is_predicted else []),
@@ -82,8 +85,8 @@ def _level_line(found: Findings) -> str:
         return f"The slope within conditions, over their levels, is not known: {slope.reason}."
     return (
         f"Within conditions, over their levels: {number(slope.value, 2)} points per unit of "
-        f"contrast, 95% interval{beside(slope.interval)}, {p_equals(slope.p)} (t test of "
-        f"{slope.people} participants' slopes)."
+        f"contrast, 95% interval{beside(slope.interval)}, {p_equals(slope.p)} (one "
+        f"slope of {slope.people} participants, t with an error from how theirs depart)."
     )
 
 

@@ -31,8 +31,9 @@ from protocol.errors import listed
 _METHOD = (
     "Groups are compared by one number of each participant: the mean response, the response to a "
     "condition, or the gain, which is the least-squares slope of the participant's own responses "
-    "on predicted contrasts. The gains of the models are not compared, because each borrows from "
-    "the other participants, which draws groups together. Responses at an end of the scale make "
+    "on predicted contrasts. The gains of the model (Sensitivity) are not compared by rank, "
+    "because each borrows from the others, which draws groups together; that section has the gain "
+    "of each group. Responses at an end of the scale make "
     "gains smaller and profiles flatter. p counts the ways in which these people could have come "
     "into groups of these sizes: all of them, or random ones where an error is given. Group × "
     "condition permutes people with their whole profiles, less their own mean, so that a group "

@@ -32,11 +32,13 @@ from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
 from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
 from protocol.errors import listed
 from protocol.study.study import Study
+from protocol.study.track import Track
 
 
 def section(found: Findings) -> Section:
     """Return the methods in three paragraphs, data, tests and models, of what was done alone."""
-    paragraphs = (_data(found), _tests(found), _model(found))
+    scored = found.loaded.table.conditions
+    paragraphs = (_data(found) if scored else "", _tracks(found), _tests(found), _model(found))
     return Section(title="Methods", blocks=[each for each in paragraphs if each])
 
 
@@ -48,7 +50,7 @@ def _data(found: Findings) -> str:
         "The scores are those of a published table."
         if found.published
         else "Each condition changed "
-        + ("factors" if found.study.factors else "one parameter")
+        + (" and ".join(found.study.factors) or "one parameter")
         + " of the vibrating surface. Participants reported "
         "the change that they felt and, "
         + {
@@ -64,10 +66,25 @@ def _data(found: Findings) -> str:
         if found.measure == "response"
         else "A participant's score for a condition is the mean over the trials."
     )
+    response += _without_model(found)
     return (
         f"{origin} {_design(found)}{sentence(count_of(people, 'participant'))} and "
         f"{count_of(conditions, 'condition')} were analysed. {response} "
         f"Prespecified exclusion rules: {'; '.join(rules) or 'none'}."
+    )
+
+
+def _without_model(found: Findings) -> str:
+    """Return how many scores the model of ratings does not take, in a sentence."""
+    rating = found.sensitivity.rating
+    if isinstance(rating, NotEstimable):
+        return ""
+    given = int(found.loaded.scored["score"].notna().sum())
+    others = given - sum(person.trials for person in rating.subjects)
+    if others <= 0:
+        return ""
+    return (
+        f" {sentence(count_of(others, 'score'))} of other answers are not in the model of ratings."
     )
 
 
@@ -76,7 +93,9 @@ def _design(found: Findings) -> str:
     design, study = found.study.design, found.study
     if found.published:
         return ""
-    crossed = " × ".join(f"{len(levels)} {name}" for name, levels in study.factors.items())
+    crossed = " × ".join(
+        count_of(len(levels), f"{name} level") for name, levels in study.factors.items()
+    )
     opposite = f"({count_of(design.opposite_repeats, 'time')} in the opposite order)"
     parts = [
         f"had each condition {count_of(design.repeats, 'time')}",
@@ -87,6 +106,33 @@ def _design(found: Findings) -> str:
     factors = f" Conditions crossed {crossed}." * bool(crossed)
     groups = f" Groups: {listed(study.groups)}." * bool(study.groups)
     return f"A participant {' '.join(parts)}.{factors}{groups} "
+
+
+def _tracks(found: Findings) -> str:
+    """Return how thresholds were measured and estimated; nothing without any."""
+    if found.thresholds is None:
+        return ""
+    tracks = "; ".join(map(_track, found.study.track))
+    return (
+        f"Thresholds were measured in {count_of(len(found.study.track), 'track')}: {tracks}. A "
+        "person's threshold is the level at which the share defines it for somebody without "
+        "lapses: the median of a posterior of the curve, its slope, lapses and the scatter of "
+        "answers, with a 95% credible interval. That of all is the geometric mean, with the t "
+        "interval of the logarithms; the mixed model takes all answers at once, with an effect of "
+        "each person."
+    )
+
+
+def _track(track: Track) -> str:
+    first, *_, last = (*sorted(track.levels.values), max(track.levels.values))
+    how = f"{track.method} {track.rule}" if track.rule else track.method
+    kinds = {"easy": track.easy, "catch": track.catch}
+    beside = "".join(f", {count} {kind}" for kind, count in kinds.items() if count)
+    return (
+        f"“{track.name}” ({track.task}, {how}, {len(track.values)} levels of {track.axis} from "
+        f"{first:g} to {last:g}, at most {count_of(track.trials, 'trial')}"
+        f"{beside}, {track.shape} curve, at a share of {track.share:.3g})"
+    )
 
 
 def _tests(found: Findings) -> str:
@@ -107,8 +153,8 @@ def tests_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     if found.is_predicted and isinstance(trials.level_slope, LevelSlope):
         yield (
             "level slope",
-            "Slopes within conditions, over their levels, were tested by a t test over "
-            "participants.",
+            "The common slope within conditions, over their levels, was tested by t with an error "
+            "clustered by participant.",
         )
     if found.factors is not None and any(
         isinstance(each.effect, Effect) for each in found.factors.effects
@@ -143,11 +189,14 @@ def tests_in_words(found: Findings) -> Iterator[tuple[str, str]]:
 
 
 def _of_groups(made: GroupStatistics) -> Iterator[tuple[str, str]]:
-    if any(isinstance(number, Compared) for number in (made.score, made.gain)):
+    compared = [number for number in (made.score, made.gain) if isinstance(number, Compared)]
+    if compared:
+        is_pair = len(compared[0].pairs) == 1
+        test = "Mann and Whitney's" if is_pair else "Kruskal and Wallis'"
         yield (
             "groups",
-            "Groups were compared by Mann and Whitney's or Kruskal and Wallis' test of one number "
-            "per participant, by permutation.",
+            f"Groups were compared by the permutation distribution of {test} test, of one number "
+            "per participant.",
         )
     if isinstance(made.interaction, GroupInteraction):
         yield (

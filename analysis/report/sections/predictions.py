@@ -11,7 +11,12 @@ from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.estimates_json import law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
-from analysis.trials.law_comparison import LawOrder, LawScore, critical_rank_correlation
+from analysis.trials.law_comparison import (
+    MOST_COUNTED,
+    LawOrder,
+    LawScore,
+    critical_rank_correlation,
+)
 from analysis.trials.trial_checks import Proportion, proportion
 from analysis.trials.trial_statistics import PAPERS_RANKING, TrialStatistics
 from device.friction.changes import CONDITIONS, LAW, RUNG, predicted_contrast
@@ -154,7 +159,8 @@ def _prediction_table(found: Findings) -> Table:
 def _laws_compared(trials: TrialStatistics) -> tuple[str, Table]:
     # All laws rank the same conditions, so that the first one tells.
     orders = [order for order in trials.orders.values() if isinstance(order, LawOrder)]
-    return _too_few_means(orders[0].rated) if orders else "", _law_table(trials.laws)
+    rated = orders[0].rated if orders else 0
+    return _too_few_means(rated) if orders else "", _law_table(trials.laws, rated)
 
 
 def _too_few_means(count: int) -> str:
@@ -166,23 +172,25 @@ def _too_few_means(count: int) -> str:
     elif needed >= 1:
         reached = "has p < .05 only if it is 1 or −1"
     else:
-        reached = f"must reach {needed:.3f} for p < .05"
+        reached = f"must reach about {needed:.2f} for p < .05"
     return (
         f"With {count} condition means and no ties, Spearman's rank correlation {reached}. Most "
         "orders of the conditions are not evidence for or against a law."
     )
 
 
-def _law_table(laws: Sequence[LawScore]) -> Table:
+def _law_table(laws: Sequence[LawScore], conditions: int) -> Table:
+    of = "over all orders" if conditions <= MOST_COUNTED else "by the t distribution"
     return Table.over(
         laws,
         law_columns("law"),
         name="laws",
-        caption="Each friction law compared with the ratings. ln Bayes factor: log evidence of "
-        "the answers and ratings under the law's contrasts, less that under the best law's; at −3 "
-        "they are 20 times as probable under the best one. A gain may have either sign; that "
-        "of Spearman's correlation (of predicted contrasts with mean responses of the conditions, "
-        "p over all orders) tells whether ratings follow the law or its reverse."
+        caption="Each friction law compared with answers and ratings. ln Bayes factor: log "
+        "evidence of the answers and ratings under the law's contrasts, less that under the best "
+        "law's; at −3 they are 20 times as probable under the best one. A gain may have either "
+        "sign; that of Spearman's correlation (of predicted contrasts with the conditions' mean "
+        "responses, "
+        f"p {of}) tells whether ratings follow the law or its reverse."
         + _CIRCULAR
         * any(score.law == PAPERS_RANKING for score in laws),
     )

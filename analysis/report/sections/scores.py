@@ -290,6 +290,7 @@ def _rows(
 
 def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
     kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    is_catch = record["kind"] == "catch"
     # The source of the touch for which the contrast is predicted.
     touch = "measured" if record["touch_measured"] else "as planned"
     if kind == "published":
@@ -304,6 +305,7 @@ def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
         MISSING if record["score"] is None else f"{record['score']:g}",
         MISSING if record["response"] is None else f"{record['response']:g}",
-        *(number(record["predicted"][law], 4) for law in laws),
+        # Nothing changes in a catch trial, whatever a law says of its touch at 0 V.
+        *(number(None if is_catch else record["predicted"][law], 4) for law in laws),
         touch,
     ]

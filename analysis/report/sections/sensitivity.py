@@ -13,12 +13,14 @@ from analysis.report.blocks import Block, Column, Figure, Items, Section, Table,
 from analysis.report.estimates_json import noticing_json, people_json, rating_json
 from analysis.report.findings import Findings
 from analysis.report.results import BEYOND, untold
-from analysis.report.wording import bounded, chance, interval, number
+from analysis.report.wording import bounded, chance, count_of, interval, number
 from analysis.sensitivity.answers_model import UNEQUAL, GroupLine, Noticed, Person, Rated
-from analysis.sensitivity.coverage import SimulatedStudies, most_alike
+from analysis.sensitivity.coverage import SimulatedStudies, most_alike, simulated_studies
+from analysis.statistics.slope import Slope
 from analysis.trials.contrasts import ContrastRange
 from protocol.errors import listed
 
+APART = "groups apart"
 _CEILING = 0.05
 """Share of scores at the top of the scale above which the report names it."""
 FIGURES = ("people-levels", "relative-gains", "sensitivity")
@@ -85,10 +87,15 @@ def group_gain(found: Findings, rating: Rated) -> str:
     if isinstance(gain := rating.gain, NotEstimable):
         return "A single participant tells nothing about a group."
     low, high = gain.interval
+    noticed = isinstance(found.trials.slope, Slope) and found.measure == "response"
+    beside = (
+        " It is of the scores of changes that were answered as expected; the slopes of responses "
+        "(Do the conditions differ?) also count what was not."
+    ) * noticed
     return (
         f"Ratings change by {number(gain.value, 2)} points per unit of {found.contrast} in the "
         f"group, 95% CI {interval(gain.interval)}, which "
-        f"{'includes' if low <= 0 <= high else 'excludes'} 0."
+        f"{'includes' if low <= 0 <= high else 'excludes'} 0.{beside}"
     )
 
 
@@ -108,13 +115,8 @@ def _known(ranges: Sequence[ContrastRange]) -> str:
 
 def simulated(found: Findings, rating: Rated) -> SimulatedStudies:
     """Return the simulated studies that are most like this one."""
-    return _alike(found, rating, of="gains")
-
-
-def _alike(found: Findings, rating: Rated, *, of: str) -> SimulatedStudies:
     noticing = found.sensitivity.noticing
     return most_alike(
-        of,
         people=len(rating.subjects),
         trials=float(np.mean([person.trials for person in rating.subjects])),
         noticed=1.0 if isinstance(noticing, NotEstimable) else noticing.share,
@@ -131,15 +133,15 @@ def _coverage(found: Findings, rating: Rated) -> str:
         f"{name} {bounded(alike.held[name], 3)}" for name in names if name in alike.held
     )
     if rating.differences:
-        grouped = _alike(found, rating, of="groups apart")
-        held += f"; differences of groups {bounded(grouped.held['groups apart'], 3)}"
-        held += f" ({grouped.name})" * (grouped.name != alike.name)
+        apart = [of.held[APART] for of in simulated_studies() if APART in of.held]
+        held += f"; differences of groups {bounded(min(apart), 3)} to {bounded(max(apart), 3)}"
+        held += f" (of {count_of(len(apart), 'kind')} of studies)"
     too_few = f" Those of {listed(alike.too_few)} are too narrow." * bool(alike.too_few)
     return (
-        f"In {alike.studies} simulated studies most like this one ({alike.name}: "
+        f"In the {alike.studies} simulated studies most like this one ({alike.name}: "
         f"{alike.people:.0f} people with {alike.trials:.0f} rated trials each, "
         f"{alike.highest:.0%} of the scores the highest), 95% intervals held the truth: {held}."
-        f"{too_few} Intervals that held it in more than .95 are wider than they need be."
+        f"{too_few} An interval that held it in nearly all is wider than it need be."
     )
 
 
@@ -261,10 +263,11 @@ def _people_table(found: Findings, rating: Rated) -> Table:
         ],
         name="gains",
         caption=f"Level: the rating of a {found.contrast} of {number(rating.contrast, 3)}, the "
-        f"mean of the rated ones. {BEYOND} Gain: rating points per unit of it. Relative gain: the "
-        "gain less the mean gain of the subjects, which is known better than the gain itself. With "
-        "95% intervals. Trials: those with a rating. A gain is told if its interval leaves less "
-        f"than half of the scale open over the contrasts of this study. {_skin(found)}",
+        f"mean of the rated ones. {BEYOND} Gain: rating points per unit of it. Relative gain: "
+        "the gain less the mean gain of the subjects, which is known better than the gain itself. "
+        "With 95% intervals, not corrected for the number of people. Trials: those that the model "
+        "takes. A gain is told if its interval leaves less than half of the scale open over the "
+        f"contrasts of this study. {_skin(found)}",
     )
 
 

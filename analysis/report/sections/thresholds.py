@@ -148,7 +148,8 @@ def _readings_table(made: Thresholds) -> Table:
             Column("SD, dB", "sd_db", _short),
         ],
         name="thresholds-readings",
-        caption="The geometric mean by every choice of analysis: curve, lapse rate (as the study "
+        caption="The geometric mean by each choice of analysis that has a threshold of everybody: "
+        "curve, lapse rate (as the study "
         "file gives it, or known to be .02), posterior or mean of reversals, on the track's own "
         "axis, on predicted and on measured friction. SD: between people.",
     )

@@ -12,6 +12,7 @@ import pytest
 from analysis.loading.study_data import load_study_data
 from analysis.report.report import Report, report, report_html, report_json
 from analysis.report.sections import methods
+from analysis.report.wording import count_of
 from analysis.statistics import omnibus
 from device.friction.calibration import Calibration
 from device.friction.changes import CONDITIONS, LAW, predicted_contrast
@@ -177,7 +178,20 @@ def test_methods_describe_what_each_participant_did() -> None:
     )
     assert "A participant had" not in str(methods.section(plain_report()).blocks[0])
     crossed = crossed_report()
-    names = [f"{len(levels)} {name}" for name, levels in crossed.study.factors.items()]
+    names = [
+        f"{count_of(len(levels), f'{name} level')}"
+        for name, levels in crossed.study.factors.items()
+    ]
     assert f"Conditions crossed {' × '.join(names)}." in str(methods.section(crossed).blocks[0])
     groups = str(methods.section(of_rise(3)).blocks[0])
     assert "Groups: young and old." in groups or "Groups: young, old." in groups
+
+
+def test_methods_of_a_study_of_thresholds_describe_its_tracks() -> None:
+    found = of_tracks(TRACKS)
+    said = methods.section(found).blocks
+    (tracks,) = (str(paragraph) for paragraph in said if "Thresholds were" in str(paragraph))
+    for track in found.study.track:
+        assert f"“{track.name}” ({track.task}, {track.method}" in tracks
+        assert f"at most {count_of(track.trials, 'trial')}" in tracks
+    assert not any("Each condition changed" in str(paragraph) for paragraph in said)

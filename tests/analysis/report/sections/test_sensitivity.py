@@ -169,7 +169,9 @@ def test_every_estimate_lies_within_its_interval(study: str) -> None:
 def test_the_page_quotes_the_simulated_studies_that_are_most_like_this_one() -> None:
     alike = report_json(of_people(9))["sensitivity_coverage"]
     told = " ".join(ReadPage(report_html(of_people(9))).words)
-    assert f"In {alike['studies']} simulated studies most like this one ({alike['name']}: " in told
+    assert (
+        f"In the {alike['studies']} simulated studies most like this one ({alike['name']}: " in told
+    )
     assert f"held the truth: gains {bounded(alike['held']['gains'], 3)}, " in told
     of_noticing = f"d {bounded(alike['held']['d'], 3)}."
     assert of_noticing in told

@@ -10,6 +10,7 @@ from analysis.loading.study_data import StudyData
 from analysis.loading.study_lock import StudyLock
 from analysis.report.hypotheses import how_tested
 from analysis.report.report import Report, report, report_html, report_json
+from analysis.report.results import NOTICE, paragraphs
 from analysis.report.sections.registration import NamedResult, named_results
 from analysis.simulation import Simulation
 from protocol.registration.registration import NOTICED
@@ -131,3 +132,17 @@ def test_a_registered_hypothesis_takes_the_p_of_the_section() -> None:
     assert "d′ = " in whole.found
     (nothing,) = registered(f"nothing {NOTICED}")
     assert nothing.supported is None
+
+
+def test_no_single_condition_is_told_where_the_question_does_not_hold() -> None:
+    found = made(simulated())
+    answer = dict(paragraphs(found))[NOTICE]
+    assert "Noticed more often than catch trials: " in answer
+    weak = replace(found)
+    vars(weak)["questions"] = replace(
+        found.questions, p_holm=dict.fromkeys(found.questions.p_holm, 0.2)
+    )
+    assert (
+        "No single condition is told, because changes as a whole"
+        in (dict(paragraphs(weak))[NOTICE])
+    )

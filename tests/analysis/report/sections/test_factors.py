@@ -171,6 +171,8 @@ def test_what_rests_on_a_question_counts_only_where_that_holds() -> None:
     assert not any(claim in told[question] for question, claim in claims.items())
     assert ".200 corrected" in told[DIFFER]
     assert told[TOGETHER].startswith("None of seven questions holds")
+    assert "(smallest p: " in told[matter]
+    assert "corrected), which does not show that there is none." in told[matter]
 
 
 def test_a_study_without_factors_has_nothing_of_it() -> None:

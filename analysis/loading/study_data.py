@@ -404,6 +404,16 @@ class StudyData:
         return self.trials[is_scored(self.trials)]
 
     @cached_property
+    def catch_scores(self) -> FloatArray | None:
+        """Each subject's mean score of catch trials; None where none was scored.
+
+        They are scored where no condition has a question, as touches at 0 V.
+        """
+        catch = self.trials[self.trials["trial_kind"].eq("catch")]
+        means = catch.dropna(subset=["score"]).groupby("participant")["score"].mean()
+        return means.reindex(self.table.subjects).to_numpy() if len(means) else None
+
+    @cached_property
     def ways(self) -> Mapping[tuple[int, int], Directions]:
         """How the changes of each cell were answered, by row and column of the table."""
         rows, columns = (

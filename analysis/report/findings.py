@@ -284,6 +284,11 @@ class Findings:
         return Scale(0, self.scale.span + 1) if self.measure == "response" else self.scale
 
     @property
+    def at_once(self) -> bool:
+        """Whether people scored what they felt at once, without a question about a change."""
+        return self.study.absolute and not self.published
+
+    @property
     def rehearsals(self) -> bool:
         """Whether any of the scores come from a rehearsal."""
         return "rehearsal" in self.loaded.kinds

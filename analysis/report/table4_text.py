@@ -8,6 +8,8 @@ from analysis.cells import csv_text
 from analysis.statistics.summary import Table4
 from protocol.study.fields import printable
 
+CATCH = "catch trials"
+"""Of scored touches at 0 V, beside the means, which do not include them."""
 FEW_CONDITIONS = 8
 """As many columns have room in a page's width."""
 # Only a table that is too wide shrinks; a narrow one keeps its size.
@@ -53,19 +55,23 @@ def table4_lines(
     of the last column, which has the means of the rows.
     """
     table = result.table
-    rows = []
+    rows, catch = [], result.catch
     for row, (subject, of_row) in enumerate(zip(table.subjects, result.row_means, strict=True)):
         # Whole scores as in the paper's Table 4; means of several trials need their decimals.
         scores = [
             _cell(score, marks.get((row, at), ""), missing)
             for at, score in enumerate(table.scores[row])
         ]
-        rows.append([subject, *scores, _mean(of_row, missing)])
+        beside = [] if catch is None else [_mean(catch[row], missing)]
+        rows.append([subject, *scores, _mean(of_row, missing), *beside])
     means = (_mean(each, missing) for each in result.column_means)
     return [
-        ["subject", *table.conditions, mean],
+        ["subject", *table.conditions, mean, *[CATCH] * (catch is not None)],
         *rows,
-        ["average", *means, _mean(result.grand_mean, missing)],
+        [
+            *("average", *means, _mean(result.grand_mean, missing)),
+            *[_mean(result.catch_mean, missing)] * (catch is not None),
+        ],
     ]
 
 
@@ -108,7 +114,10 @@ def table4_tex(
     header, *rows, averages = table4_lines(result, _LATEX_MISSING, marks, mean)
     many = len(header) > FEW_CONDITIONS + 2
     of_scale = f", {scale}" if scale else ""
-    caption = f"Scores by subject and condition{of_scale}. The last column and row are means."
+    last = "The last column and row are means."
+    if result.catch is not None:
+        last = f"{mean.capitalize()} and average are of the conditions, without {CATCH} (0 V)."
+    caption = f"Scores by subject and condition{of_scale}. {last}"
     below = r"\\[0.5ex] {\footnotesize \textit{Note.} " + escaped(" ".join(notes)) + "}"
     lines = [
         r"\begin{table}",

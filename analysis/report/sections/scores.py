@@ -156,13 +156,10 @@ def score_table(found: Findings) -> blocks.Table:
         )
 
     ends = 1 + len(table.conditions)
-    lines: list[blocks.Row] = [
-        [
-            *(line[0], *(score(row, place, text) for place, text in enumerate(line[1:ends]))),
-            *map(_mean, line[ends:]),
-        ]
-        for row, line in enumerate(rows)
-    ]
+    lines: list[blocks.Row] = []
+    for row, line in enumerate(rows):
+        scores = (score(row, place, text) for place, text in enumerate(line[1:ends]))
+        lines.append([line[0], *scores, *map(_mean, line[ends:])])
     means = (_mean(mean, target=PREDICTIONS) for mean in averages[1:ends])
     lines.append([averages[0], *means, *map(_mean, averages[ends:])])
     note = "Notes below explain the marks. " if found.loaded.marks else ""

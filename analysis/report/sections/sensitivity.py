@@ -115,6 +115,7 @@ def simulated(found: Findings, rating: Rated) -> SimulatedStudies:
         trials=float(np.mean([person.trials for person in rating.subjects])),
         noticed=1.0 if isinstance(noticing, NotEstimable) else noticing.share,
         highest=rating.highest,
+        absolute=found.at_once,
     )
 
 

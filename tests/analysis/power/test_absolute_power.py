@@ -8,11 +8,11 @@ from analysis.estimates import NotEstimable
 from analysis.power.answered_cohorts import AnsweredCohorts
 from analysis.power.null_cohorts import ALIKE, DIFFERING, KINDS, kind_named, kinds_of, null_tables
 from analysis.power.people_cohorts import PeopleCohorts
-from analysis.power.study_records import FOLLOWS, GAINS, OMNIBUS, asked_by
+from analysis.power.study_records import asked_by
 from analysis.sensitivity.answers_model import answers_model
 from analysis.simulation import responses
 from device.people.person import Person
-from protocol.registration.registration import NOTICED
+from protocol.registration.registration import FOLLOWS, GAINS, NOTICED, OMNIBUS
 from tests.analysis.rated import RATED
 from tests.analysis.reports import PAPER
 

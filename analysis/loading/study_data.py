@@ -209,7 +209,7 @@ def rules_in_words(rules: Exclusions, *, older: bool = False) -> list[str]:
     return [rule.words.format(settled[name]) for name, rule in named.items() if name in settled]
 
 
-# Why a cell of Table 4 has no score: not every such cell may be read as an answer.
+# Why a cell of the table of scores has no score: not every such cell may be read as an answer.
 
 
 class Why(StrEnum):
@@ -400,7 +400,7 @@ class StudyData:
 
     @property
     def scored(self) -> pd.DataFrame:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return self.trials[is_scored(self.trials)]
 
     @cached_property
@@ -432,7 +432,7 @@ class StudyData:
 
     @property
     def notes(self) -> list[str]:
-        """What stands under Table 4: each mark, how often, and who or what has no score."""
+        """What stands below the table: each mark, how often, and who or what has no score."""
         counts = Counter(self.marks.values())
         said = [
             f"{kind.mark} {kind.note}: {counts[kind.mark]} cell{'s' * (counts[kind.mark] != 1)}."

@@ -278,6 +278,12 @@ class Findings:
         """What conditions are compared by: `response`, or `score` where nobody was asked."""
         return "response" if self.loaded.scored["question"].notna().any() else "score"
 
+    def in_measure(self, text: str) -> str:
+        """Return words on responses as words on scores where these are what is compared."""
+        if self.measure == "response":
+            return text
+        return text.replace("response", "score").replace("Response", "Score")
+
     @property
     def response_scale(self) -> "Scale":
         """The ends of the scale of responses."""

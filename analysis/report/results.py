@@ -75,7 +75,7 @@ def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
     if found.groups is not None:
-        yield GROUPS, of_groups(found.groups, adjusted=not main.table.is_complete)
+        yield GROUPS, of_groups(found, found.groups)
     if found.factors is not None:
         yield FACTORS, _factors(found.factors)
     yield from _of_models(found)
@@ -299,12 +299,14 @@ def _higher_first(
     return a, b, f"{number(difference, 2)}{_ci(ends)}"
 
 
-def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
+def of_groups(found: Findings, made: GroupStatistics) -> str:
     """Tell in which of the questions about groups they differ, and by how much.
 
-    Means are `adjusted` where somebody has no answer to a condition: see `groups.mean_scores`.
+    Means are adjusted where somebody has no answer to a condition: see `groups.mean_scores`.
     """
-    means = f"Mean responses{', adjusted for conditions without an answer,' * adjusted}"
+    adjusted = not found.trials.response_tests.table.is_complete
+    means = found.in_measure("Mean responses")
+    means += ", adjusted for conditions without an answer," * adjusted
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
     most = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
@@ -432,7 +434,7 @@ def _claim(found: Findings, question: str) -> str:
             return f"scores are {_way(found, slope)}"
         if slope.value < 0:
             return "responses go against the prediction"
-    return question.replace("ratings", "responses")
+    return found.in_measure(question.replace("ratings", "responses"))
 
 
 def _way(found: Findings, slope: Slope) -> str:

@@ -264,7 +264,7 @@ def stepped(measured: float, planned: float, step: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredTrials:
-    """The trials that count for Table 4, in the order of `trials`; see `Ratings` for the arrays.
+    """The trials that count, in the order of `trials`; see `Ratings` for the arrays.
 
     `ratings` has the contrasts of the law `consistent` and, of all laws, only trials with a
     prediction; `contrasts` has the same trials by law. `every` are all trials, predicted or not,

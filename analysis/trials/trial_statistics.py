@@ -174,7 +174,7 @@ class TrialStatistics:
 
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return trial_contrasts.scored_trials(self.data, self.contrasts)
 
     @cached_property

@@ -1,10 +1,11 @@
 """The table of scores as text: rows of cells, CSV, and LaTeX for the booktabs package."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from analysis.cells import csv_text
+from analysis.cells import csv_cell, csv_quoted
 from analysis.statistics.summary import Table4
 from protocol.study.fields import printable
 
@@ -14,6 +15,7 @@ FEW_CONDITIONS = 8
 """As many columns have room in a page's width."""
 # Only a table that is too wide shrinks; a narrow one keeps its size.
 _SHRUNK = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
+_MINUS = re.compile(r"^-(?=\d)")
 # LaTeX sets two hyphens as a dash.
 _LATEX_MISSING = "--"
 _ESCAPED = {
@@ -89,7 +91,9 @@ def _mean(mean: float, missing: str) -> str:
 def table4_csv(result: Table4, mean: str = "mean") -> str:
     """Return the table as CSV; a missing score is an empty cell."""
     header, *rows = table4_lines(result, mean=mean)
-    return csv_text(header, rows)
+    # Only names can look like formulas: a score below 0 is a number.
+    named = [[*map(csv_cell, header)], *([csv_cell(name), *scores] for name, *scores in rows)]
+    return "".join(f"{','.join(map(csv_quoted, line))}\n" for line in named)
 
 
 def table4_tex(
@@ -142,7 +146,10 @@ def table4_tex(
 
 
 def _line(cells: list[str]) -> str:
-    return " & ".join(map(escaped, cells)) + r" \\"
+    first, *others = map(escaped, cells)
+    # A hyphen is no minus.
+    signed = (_MINUS.sub("$-$", cell) for cell in others)
+    return " & ".join([first, *signed]) + r" \\"
 
 
 def _turned(header: list[str]) -> str:

@@ -214,7 +214,7 @@ def _effects(found: Findings, effects: tuple[TestedEffect, ...]) -> Table:
         caption=f"Main effects and interactions of two factors on {found.measure}s, within people. "
         "A main effect is tested on each person's ranks over all conditions; an interaction on "
         f"means, so that it is one of the scale of {found.measure}s. p, shuffled: the levels of "
-        "these factors are shuffled within each person (exact where all could be listed); p, F: the "
+        "these factors are shuffled within each person (exact where all can be listed); p, F: the "
         "same F, with Greenhouse and Geisser's correction. The larger one decides, corrected by "
         "Holm's method over all questions of this page. Partial η² with its 95% interval: share of "
         "an effect in what other effects and people's levels leave.",

@@ -147,7 +147,7 @@ def score_table(found: Findings) -> blocks.Table:
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(
-            text=text,
+            text=_signed(text),
             target=_anchor("trials", row, column) if has_trials else "",
             label=f"{why}: its trials" if is_empty else "",
             why=why,
@@ -191,7 +191,12 @@ def _is_wide(found: Findings) -> bool:
 
 
 def _mean(text: str, target: str = "") -> blocks.Cell:
-    return blocks.Cell(text=text, target=target, missing=text == MISSING)
+    return blocks.Cell(text=_signed(text), target=target, missing=text == MISSING)
+
+
+def _signed(text: str) -> str:
+    """Return a number with the sign that stands before all numbers of the page."""
+    return text.replace("-", "\N{MINUS SIGN}", 1) if text.startswith("-") else text
 
 
 def _means_json(result: Table4) -> Json:
@@ -334,8 +339,10 @@ def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
         MISSING if record["level"] is None else f"{record['level']:g}",
         record["change"] or MISSING,
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
-        MISSING if record["score"] is None else f"{record['score']:g}",
-        MISSING if record["response"] is None else f"{record['response']:g}",
+        *(
+            MISSING if record[name] is None else _signed(f"{record[name]:g}")
+            for name in ("score", "response")
+        ),
         *(number(record["predicted"][law], 4) for law in laws),
         touch,
     ]

@@ -314,8 +314,9 @@ class Rating(Record):
     """When and on which scale the effect is scored, and how the scores are named."""
 
     score_when: Literal["agrees", "noticed", "always"] = "agrees"
-    """ask for the score only if the answer agrees with the expectation, if it says that anything
-    changed, or always; never in catch trials: a missing page tells the participant of one"""
+    """of conditions with a question: ask for the score only if the answer agrees with the
+    expectation, if it says that anything changed, or always; never in catch trials: a missing page
+    tells the participant of one"""
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
     ticks: Literal["all", "bands", "labels", "ends"] = "all"

@@ -154,7 +154,7 @@ class AskedIf(Record):
 
     question: Line
     """a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, `no`),
-    `agrees` (`yes`, `no`) or `score`"""
+    `agrees` (`yes`, `no`) or `score`; where conditions have no question, `score` alone"""
     answers: tuple[Name, ...] = setting((), "answers after which it is asked", alias="is")
     at_least: ScalePlace | None = setting(None, "smallest number after which it is asked")
     at_most: ScalePlace | None = setting(None, "largest number after which it is asked")

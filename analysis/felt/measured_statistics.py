@@ -196,6 +196,8 @@ def _of_trial(
         return session.jitter
     # What is scored without a question is the last touch alone, the more the higher its friction.
     is_level = change.effect == "level"
+    if is_level and planned[last].programme != "hold" and planned[last].voltage_v:
+        return NotEstimable("the drive changes within the touch, and not from 0 V")
     compared = contrast.TouchPair(
         effect="friction" if is_level else change.effect,
         contrary=is_level or change.contrary,

@@ -1,0 +1,4 @@
+"""Tables of others: the cells of a file, and what they mean.
+
+Public face: `reading.cells_in`.
+"""

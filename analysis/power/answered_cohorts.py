@@ -202,7 +202,8 @@ class AnsweredCohorts:
             said = kind.expected
             if kind.trial.kind == "catch":
                 condition = asked[kind.trial.condition or ""]
-                said = meaning(condition.question, condition.expected)
+                if condition.question is not None:
+                    said = meaning(condition.question, condition.expected)
             # What is not asked about is neither scored nor a catch trial.
             expected.append(SAME if said is None else said)
         return np.array(expected)

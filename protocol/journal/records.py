@@ -36,7 +36,9 @@ class PlannedTrial(JsonRecord):
     condition: str | None = key("name of its condition, if it has one; drive of a pass")
     question: str | None = key("the question after it, if any", missing=None)
     expected: str | None = key("the answer that the study expects", missing=None)
-    scored: bool = key("whether a score may be asked for", missing=False)
+    scored: bool = key(missing=False)
+    """whether a score may be asked for that counts; in a catch trial without a question one is
+    asked that does not"""
     touches: tuple[Mapping[str, Any], ...] = key(missing=())
     """its touches, with the keys of a touch in [the study file](../study-file.md)"""
     level: float = key("factor on its condition's amplitudes", missing=1.0)

@@ -153,8 +153,8 @@ class Design(Record):
     of their levels; never analysed"""
     catch_trials: Whole = setting(0, le=50)
     """number of trials at 0 V among the others, in which nothing changes; of any condition on the
-    mounted beam, also the one that was just felt; no score is asked in them, whatever
-    `rating.score_when` says"""
+    mounted beam, also the one that was just felt; a score is asked in them only where the
+    conditions have no question"""
     catch_apart: Count = setting(1, "smallest number of other trials between two catch trials")
     opposite_repeats: Whole = 0
     """number of repeats of a condition in which the touches come in the opposite order, so that the
@@ -248,7 +248,7 @@ class Publication(Record):
 
 # The scale of scores: its ends, its ticks and its bands; and the spread expected of scores.
 
-Score = Annotated[Whole, Field(le=1_000)]
+Score = Annotated[int, Field(ge=-1_000, le=1_000, strict=True)]
 """Whole, so that it can be typed and counted."""
 
 

@@ -38,8 +38,13 @@ class Item(Record):
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
-        # A trial without a question can expect no answer.
-        allowed = ANSWERS[self.question] if self.question else (None,)
+        if self.question is None:
+            if self.expected is not None:
+                raise ValueError(
+                    f"expected must be left out without a question, got {shown(self.expected)}"
+                )
+            return self
+        allowed = ANSWERS[self.question]
         if self.expected not in allowed:
             raise ValueError(
                 f"expected must be one of {', '.join(map(str, allowed))} "
@@ -56,7 +61,7 @@ class Opening(Item):
 
 
 class Condition(Item):
-    """A parameter that changes; its effect is scored."""
+    """A parameter that changes and is scored: its effect or, without a question, what is felt."""
 
     _cell: dict[str, str] = PrivateAttr(default_factory=dict)
     _written: int = PrivateAttr(0)
@@ -78,8 +83,10 @@ class Condition(Item):
         return self._written
 
     name: Annotated[Name, Field(description="name in tables and reports")]
-    question: Annotated[Question, Field(description="what is asked after the last touch")]
-    expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
+    question: Question | None = None
+    """what is asked after the last touch; without it what was felt is scored at once, also in catch
+    trials"""
+    expected: str | None = setting(None, "the answer that agrees with the expectation")
     levels: tuple[Level, ...] = setting((1.0,), min_length=1, max_length=20)
     """the repeats take these levels in random order; a level multiplies every amplitude of its
     trial, so that predicted contrasts are spread"""
@@ -202,6 +209,11 @@ class Study(Record):
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions in the order of the file."""
         return tuple(condition.name for condition in self.condition)
+
+    @property
+    def absolute(self) -> bool:
+        """Whether what is felt is scored at once: no condition asks what changed."""
+        return bool(self.condition) and all(each.question is None for each in self.condition)
 
     @property
     def groups(self) -> tuple[str, ...]:

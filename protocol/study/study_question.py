@@ -31,8 +31,9 @@ from protocol.study.rules import Rating
 # Questions after a touch, and the answers that each one allows.
 
 Question = Literal["roughness", "strength", "places"]
-Effect = Literal["friction", "depth", "places"]
-"""What is felt to change: friction, how much it varies along the path, or where it is high."""
+Effect = Literal["friction", "depth", "places", "level"]
+"""What is felt to change: friction, how much it varies along the path, or where it is high; or what
+is rated without a question: the level of friction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -489,7 +490,10 @@ _YES_NO = ("no", "yes")
 
 
 def trial_facts(rating: Rating) -> Iterator[StudyQuestion]:
-    """Yield what is known of every answered trial, as questions that others may depend on."""
+    """Yield what is known of every answered trial, as questions that others may depend on.
+
+    Without a question about a change it is the score alone.
+    """
     changes = dict.fromkeys(answer for answers in ANSWERS.values() for answer in answers)
     for name, values in (("change", changes), ("noticed", _YES_NO), ("agrees", _YES_NO)):
         yield _choice_of(name, values)
@@ -501,7 +505,7 @@ def facts_of_trial(
 ) -> dict[str, Answer]:
     """Return what the answer to a trial says, by the names of `trial_facts`."""
     if question is None or change is None:
-        return {}
+        return {} if score is None else {SCORE: score}
     return {
         "change": change,
         "noticed": _YES_NO[change != QUESTIONS[question].same],

@@ -216,6 +216,7 @@ def _key_problems(study: Study) -> Iterator[Problem]:
         rule = f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing"
         hint = "give the address of a gauge as force_channel.gauge"
         yield told("force_channel.rate_hz", rule, channel.rate_hz, hint)
+    yield from _absolute_problems(study)
     # Both may be simulated: a simulated gauge has a line of its own.
     if channel.gauge != SIMULATED and channel.gauge == rig.device:
         rule = "must have a port of its own, other than rig.device"
@@ -225,6 +226,20 @@ def _key_problems(study: Study) -> Iterator[Problem]:
         rule, value = "is simulated, and that is for a simulated device only", f"{rig.device!r}"
         hint = "the address of a gauge; run --device sim simulates both"
         yield told("force_channel.gauge", rule, f"rig.device = {value}", hint)
+
+
+def _absolute_problems(study: Study) -> Iterator[Problem]:
+    """Yield conditions without a question beside others, and what only questions give."""
+    rated = [condition for condition in study.condition if condition.question is None]
+    if rated and not study.absolute:
+        # Scores of what was felt and of its change cannot be compared with each other.
+        where, path = f"condition {rated[0].name}", ("condition", rated[0].written, "question")
+        rule, hint = "must be given, as in other conditions", "or leave it out in all of them"
+        yield Problem(f"{where}, question", rule, "nothing", hint, path)
+    if study.absolute and study.exclusions.max_false_alarms is not None:
+        rule = "must be left out where no condition has a question"
+        value, hint = study.exclusions.max_false_alarms, "a score of a catch trial is no alarm"
+        yield Problem.of_key("exclusions.max_false_alarms", rule, f"{value:g}", hint)
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:

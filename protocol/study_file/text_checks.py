@@ -26,6 +26,7 @@ from protocol.study.study_question import (
     MEANINGS,
     MOST_LABELS,
     ONCE,
+    SCORE,
     AskedIf,
     InstructionPage,
     Label,
@@ -281,7 +282,9 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
     if (rule := question.asked_if) is None:
         return
     before = study.question[: study.question.index(question)]
-    known = {each.name: each for each in (*trial_facts(study.rating), *before)}
+    # Where no condition asks what changed, nobody can have answered that.
+    facts = [each for each in trial_facts(study.rating) if each.name == SCORE or not study.absolute]
+    known = {each.name: each for each in (*facts, *before)}
     other = known.get(rule.question)
     if other is None:
         must, hint = "must name a question before this one", f"known: {', '.join(known)}"
@@ -304,8 +307,9 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
 
 def _no_such_change(study: Study, answers: Sequence[str], conditions: Sequence[str]) -> _Found:
     """Answers that are none to what these conditions ask."""
-    asked = {each.question for each in study.condition if each.name in conditions}
-    can = [answer for answer in MEANINGS if any(answer in ANSWERS[each] for each in asked)]
+    of_conditions = {each.question for each in study.condition if each.name in conditions}
+    asked = [ANSWERS[question] for question in of_conditions if question is not None]
+    can = [answer for answer in MEANINGS if any(answer in answers for answers in asked)]
     if can and answers and set(answers) <= MEANINGS.keys() - set(can):
         rule, value = "must say an answer to what its conditions ask", ", ".join(map(repr, answers))
         yield "asked_if", rule, value, f"known: {', '.join(can)}"

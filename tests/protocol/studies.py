@@ -108,6 +108,14 @@ def small_document(conditions: int = 2, beams: int = 1, **design: object) -> Doc
     }
 
 
+def rated(conditions: int = 2, **design: object) -> Study:
+    """A study whose conditions have no question: what is felt is scored at once."""
+    document = small_document(conditions, **design)
+    for condition in document["condition"]:
+        del condition["question"], condition["expected"]
+    return Study.model_validate(document)
+
+
 _SANE_TOUCH = st.fixed_dictionaries(
     {
         "place": st.sampled_from(["path", "smooth"]),

@@ -85,7 +85,7 @@ def test_a_study_may_ask_for_a_score_in_its_own_words() -> None:
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"minimum": -1}, "rating.minimum: must be at least 0, got -1"),
+        ({"minimum": -1001}, "rating.minimum: must be at least -1000, got -1001"),
         ({"maximum": 1001}, "rating.maximum: must be at most 1000, got 1001"),
         ({"maximum": 5.0}, "rating.maximum: must be a whole number, got 5.0"),
         ({"minimum": 10}, "rating: maximum must be above minimum = 10, got 10"),

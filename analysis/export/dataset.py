@@ -15,13 +15,14 @@ import pandas as pd
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
 from analysis.loading.sessions import load_sessions
+from analysis.loading.study_data import scale_of_scores
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column
 from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
-from protocol.study.rules import PAPERS_SCALE, Publication, Rating
+from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
 
@@ -220,8 +221,7 @@ class Dataset:
     @property
     def rating(self) -> Rating:
         """The scale of the scores."""
-        # Published scores were not given on the scale of the study that they are imported into.
-        return PAPERS_SCALE if self.published else self.study.rating
+        return scale_of_scores(self.study, self.kinds)
 
     def meaning(self, column: Column) -> str:
         """Return what `column` holds; scores lie on this study's scale."""

@@ -21,7 +21,8 @@ from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
-from protocol.study.rules import Exclusions
+from protocol.study.rules import PAPERS_SCALE, Exclusions, Rating
+from protocol.study.study import Study
 
 # The study's rules on who and what is left out, settled beforehand, applied to all alike.
 
@@ -282,6 +283,23 @@ def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
         tuple(who for row, who in enumerate(table.subjects) if not given[row].any()),
         tuple(name for column, name in enumerate(table.conditions) if not given[:, column].any()),
     )
+
+
+def is_papers_table(study: Study, table: ScoreTable) -> bool:
+    """Return whether a study's table of scores is the paper's Table 4, and may be called so."""
+    return study.is_papers and set(table.conditions) == set(study.conditions)
+
+
+def scale_of_scores(study: Study, kinds: Sequence[str]) -> Rating:
+    """Return the scale of the scores of sessions of these kinds: the study's.
+
+    Scores that were imported into a study to be run were not given on its scale: they were taken
+    for scores on the paper's, whose words are those of the paper's conditions.
+    """
+    is_run = bool(study.track) or any(item.touches for item in study.condition)
+    if tuple(kinds) != ("published",) or not is_run:
+        return study.rating
+    return PAPERS_SCALE if study.is_papers else PAPERS_SCALE.model_copy(update={"bands": ()})
 
 
 Value = TypeVar("Value")

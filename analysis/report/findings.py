@@ -11,7 +11,7 @@ from analysis.estimates import LEVEL, FloatArray, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.loading.records import values
 from analysis.loading.sessions import is_scored
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, is_papers_table, scale_of_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.sensitivity.answers_model import Sensitivity, sensitivity
 from analysis.statistics.corrections import holm
@@ -40,7 +40,7 @@ from protocol.registration.registration import (
     implying_differences,
 )
 from protocol.study.participant_texts import scale_in_words
-from protocol.study.rules import PAPERS_SCALE, Rating
+from protocol.study.rules import Rating
 from protocol.study.study import Study
 
 
@@ -295,8 +295,23 @@ class Findings:
 
     @property
     def rating(self) -> Rating:
-        """Scale of the scores: the study's, or that of published tables if `published`."""
-        return PAPERS_SCALE if self.published else self.study.rating
+        """Scale of the scores."""
+        return scale_of_scores(self.study, self.loaded.kinds)
+
+    @cached_property
+    def is_papers(self) -> bool:
+        """Whether the table of scores is the paper's Table 4."""
+        return is_papers_table(self.study, self.loaded.table)
+
+    @property
+    def table_name(self) -> str:
+        """What the table of scores is called within a sentence."""
+        return "Table 4" if self.is_papers else "the table of scores"
+
+    @property
+    def mean_name(self) -> str:
+        """What the means of its rows are called."""
+        return "comprehensive" if self.is_papers else "mean"
 
     @property
     def scale(self) -> Scale:

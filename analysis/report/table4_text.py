@@ -1,4 +1,4 @@
-"""Table 4 as text: rows of cells, CSV, and LaTeX for the booktabs package."""
+"""The table of scores as text: rows of cells, CSV, and LaTeX for the booktabs package."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -41,25 +41,29 @@ _ESCAPED = {
 
 
 def table4_lines(
-    result: Table4, missing: str = "", marks: Mapping[tuple[int, int], str] = MappingProxyType({})
+    result: Table4,
+    missing: str = "",
+    marks: Mapping[tuple[int, int], str] = MappingProxyType({}),
+    mean: str = "mean",
 ) -> list[list[str]]:
     """Return the header, a row per subject, and the row of averages, to two decimals.
 
     Whole scores have no decimals. A missing score is written as `missing`, or as the mark that
-    `marks` has for its row and column; a given one is followed by its mark.
+    `marks` has for its row and column; a given one is followed by its mark. `mean` is the header
+    of the last column, which has the means of the rows.
     """
     table = result.table
     rows = []
-    for row, (subject, mean) in enumerate(zip(table.subjects, result.row_means, strict=True)):
+    for row, (subject, of_row) in enumerate(zip(table.subjects, result.row_means, strict=True)):
         # Whole scores as in the paper's Table 4; means of several trials need their decimals.
         scores = [
             _cell(score, marks.get((row, at), ""), missing)
             for at, score in enumerate(table.scores[row])
         ]
-        rows.append([subject, *scores, _mean(mean, missing)])
-    means = (_mean(mean, missing) for mean in result.column_means)
+        rows.append([subject, *scores, _mean(of_row, missing)])
+    means = (_mean(each, missing) for each in result.column_means)
     return [
-        ["subject", *table.conditions, "comprehensive"],
+        ["subject", *table.conditions, mean],
         *rows,
         ["average", *means, _mean(result.grand_mean, missing)],
     ]
@@ -76,9 +80,9 @@ def _mean(mean: float, missing: str) -> str:
     return missing if math.isnan(mean) else f"{mean:.2f}"
 
 
-def table4_csv(result: Table4) -> str:
+def table4_csv(result: Table4, mean: str = "mean") -> str:
     """Return the table as CSV; a missing score is an empty cell."""
-    header, *rows = table4_lines(result)
+    header, *rows = table4_lines(result, mean=mean)
     return csv_text(header, rows)
 
 
@@ -87,6 +91,7 @@ def table4_tex(
     scale: str = "",
     notes: Sequence[str] = (),
     marks: Mapping[tuple[int, int], str] = MappingProxyType({}),
+    mean: str = "mean",
 ) -> str:
     """Return a LaTeX table to include; it requires the packages booktabs and fontenc (T1).
 
@@ -98,8 +103,9 @@ def table4_tex(
         scale: the scale in words, for the caption.
         notes: sentences below the table, which explain the `marks`.
         marks: as in `table4_lines`.
+        mean: as in `table4_lines`.
     """
-    header, *rows, averages = table4_lines(result, _LATEX_MISSING, marks)
+    header, *rows, averages = table4_lines(result, _LATEX_MISSING, marks, mean)
     many = len(header) > FEW_CONDITIONS + 2
     of_scale = f", {scale}" if scale else ""
     caption = f"Scores by subject and condition{of_scale}. The last column and row are means."

@@ -16,7 +16,7 @@ from analysis.loading.response import (
     mean_responses,
     responses,
 )
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, is_papers_table, scale_of_scores
 from analysis.sensitivity import laplace
 from analysis.sensitivity.answers_model import StudyAnswers, evidence
 from analysis.sensitivity.lines import Ratings
@@ -52,7 +52,6 @@ from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW
 from device.friction.surfaces import BeamSurface
 from protocol.study.factor import CONDITION
-from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study import Study
 
 PROCESSES = 2
@@ -316,7 +315,7 @@ class TrialStatistics:
 
     def answers(self, contrast: FloatArray) -> StudyAnswers:
         """Return the answers of the trials with these contrasts, shape (trials,), NaN for none."""
-        rating = PAPERS_SCALE if self.data.kinds == ("published",) else self.study.rating
+        rating = scale_of_scores(self.study, self.data.kinds)
         return study_answers(self.study, self.data, contrast, rating)
 
     @cached_property
@@ -337,8 +336,9 @@ class TrialStatistics:
         by_law = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
         if not isinstance(self.rig.surface, BeamSurface):  # there are no laws to compare
             by_law = {LAW: by_law[LAW]}
-        elif (ranking := _papers_ranking(self.data)) is not None:
-            by_law = {**by_law, PAPERS_RANKING: ranking}
+        elif is_papers_table(self.study, self.data.table):
+            ranking = [_CLAIMED.get(name, 0.0) for name in self.data.table.conditions]
+            by_law = {**by_law, PAPERS_RANKING: np.array(ranking)}
         names = self.data.table.conditions
         return {law: of_conditions(names, means, observed) for law, means in by_law.items()}
 
@@ -455,11 +455,3 @@ def of_conditions(
     known = ~np.isnan(predicted)
     names = tuple(name for name, has in zip(conditions, known, strict=True) if has)
     return MeanContrasts(names, predicted[known], observed[known])
-
-
-def _papers_ranking(data: StudyData) -> FloatArray | None:
-    """Return the paper's own ranking in place of contrasts, if the study has its conditions."""
-    conditions = data.table.conditions
-    if not conditions or not set(_CLAIMED) <= set(conditions):
-        return None
-    return np.array([_CLAIMED.get(name, 0.0) for name in conditions])

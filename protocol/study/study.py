@@ -92,6 +92,16 @@ class Condition(Item):
     trial, so that predicted contrasts are spread"""
 
 
+PAPERS_CONDITIONS = {
+    "frequency": ("strength", "stronger"),
+    "structure": ("strength", "stronger"),
+    "voltage": ("roughness", "smoother"),
+    "direction": ("places", "swapped"),
+    "pressure": ("roughness", "smoother"),
+}
+"""The paper's conditions (section 5.2): what is asked of each, and the expected answer."""
+
+
 class Header(Record):
     """Which study this is."""
 
@@ -209,6 +219,17 @@ class Study(Record):
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions in the order of the file."""
         return tuple(condition.name for condition in self.condition)
+
+    @property
+    def is_papers(self) -> bool:
+        """Whether its table of scores is the paper's Table 4: of its conditions, on its scale.
+
+        Touches, levels, repeats and orders may be others.
+        """
+        asked = {item.name: (item.question, item.expected) for item in self.condition}
+        papers, own = rules.PAPERS_SCALE, self.rating
+        same_scale = (own.minimum, own.maximum) == (papers.minimum, papers.maximum)
+        return asked == PAPERS_CONDITIONS and same_scale
 
     @property
     def absolute(self) -> bool:

@@ -42,7 +42,7 @@ def report(
     show: Annotated[bool, Option("--open", help="Open the page in a browser.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Report Table 4, statistics and figures.
+    """Report scores, statistics and figures.
 
     Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
@@ -217,7 +217,7 @@ def write_report(
     named: tuple[str, ...] | None = None,
     figures: bool = False,
 ) -> None:
-    """Write the report on the study in `folder` to the folder `out` and print Table 4.
+    """Write the report on the study in `folder` to the folder `out` and print the table of scores.
 
     Without `out` it goes to `report` in the study's folder. Its `figures` become files if asked.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
@@ -252,7 +252,7 @@ def write_report(
 
 
 def _print_results(result: "Report") -> None:
-    """Print Table 4 and the lines that say what a report found."""
+    """Print the table of scores and the lines that say what a report found."""
     from analysis.report import results, table4_text, wording
     from analysis.report.sections import registration, session_checks
 
@@ -260,8 +260,10 @@ def _print_results(result: "Report") -> None:
         output.say(line)
     if result.loaded.table.conditions:
         table, tests = result.table.table4, result.trials.response_tests
-        lines = table4_text.table4_lines(table, wording.MISSING, result.loaded.marks)
-        output.print_table("Table 4", lines)
+        lines = table4_text.table4_lines(
+            table, wording.MISSING, result.loaded.marks, result.mean_name
+        )
+        output.print_table("Table 4" if result.is_papers else "Scores", lines)
         of = "Responses. " * (result.measure == "response")
         said = [
             *result.loaded.notes,

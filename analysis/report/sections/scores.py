@@ -1,4 +1,4 @@
-"""Table 4 and the trials behind it, how changes were answered, answers to own questions."""
+"""The table of scores, the trials behind it, how changes were answered, own questions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -35,9 +35,13 @@ def section(found: Findings) -> blocks.Section:
             ],
         },
         files={
-            "table4.csv": table4_csv(main),
+            "table4.csv": table4_csv(main, found.mean_name),
             "table4.tex": table4_tex(
-                main, found.scale_in_words, found.loaded.notes, found.loaded.marks
+                main,
+                found.scale_in_words,
+                found.loaded.notes,
+                found.loaded.marks,
+                found.mean_name,
             ),
         },
     )
@@ -121,9 +125,11 @@ def notes(found: Findings) -> blocks.Items:
 
 
 def score_table(found: Findings) -> blocks.Table:
-    """Return Table 4; each score links to its trials, each mean to the predictions."""
+    """Return the table of scores; each score links to its trials, each mean to the predictions."""
     table, empty, ways = found.loaded.table, found.loaded.empty, found.loaded.ways
-    header, *rows, averages = table4_lines(found.table.table4, MISSING, found.loaded.marks)
+    header, *rows, averages = table4_lines(
+        found.table.table4, MISSING, found.loaded.marks, found.mean_name
+    )
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if _is_scored(r)}
 
     def score(row: int, column: int, text: str) -> blocks.Cell:
@@ -158,7 +164,7 @@ def score_table(found: Findings) -> blocks.Table:
         )
     shown = blocks.Table(
         name="table4",
-        label="Table 4",
+        label="Table 4" if found.is_papers else "",
         caption=f"Scores by subject and condition, {found.scale_in_words}. {note}".rstrip(),
         columns=blocks.columns(*header),
         rows=lines,
@@ -237,7 +243,7 @@ def _anchor(of: str, row: int, column: int) -> str:
 
 
 def _is_scored(record: Mapping[str, Any]) -> bool:
-    """Return whether a trial contributes to Table 4."""
+    """Return whether a trial contributes to the table of scores."""
     return record["kind"] in SCORED_KINDS
 
 
@@ -259,22 +265,29 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
     ]
     return [
         blocks.Table(
-            name="", caption=f"Trials of {name}", columns=header, rows=_rows(row, of, places, laws)
+            name="",
+            caption=f"Trials of {name}",
+            columns=header,
+            rows=_rows(row, of, places, laws, found.table_name),
         )
         for row, (name, of) in enumerate(own.items())
     ]
 
 
 def _rows(
-    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int], laws: Sequence[str]
+    row: int,
+    records: Sequence[Mapping[str, Any]],
+    places: Mapping[str, int],
+    laws: Sequence[str],
+    table: str,
 ) -> Sequence[blocks.Row]:
-    """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
+    """Return a subject's trials; the table of scores links to the first one of each condition."""
 
     def place(record: Mapping[str, Any]) -> int:
         return places[record["condition"]] if _is_scored(record) else len(places)
 
     rows: list[blocks.Row] = []
-    # Trials that are not scored have no cell of Table 4 to lead back to.
+    # Trials that are not scored have no cell of the table of scores to lead back to.
     anchored = {len(places)}
     # Stable: within a condition trials stay in the order of their answers.
     for record in sorted(records, key=place):
@@ -283,7 +296,7 @@ def _rows(
         anchor = "" if column in anchored else _anchor("trials", row, column)
         anchored.add(column)
         back = _anchor("cell", row, column) if anchor else ""
-        label = f"{name}: back to Table 4" if anchor else ""
+        label = f"{name}: back to {table}" if anchor else ""
         rows.append([blocks.Cell(text=name, anchor=anchor, target=back, label=label), *cells])
     return rows
 

@@ -11,7 +11,7 @@ HOLED = table4(imported([[5, 7.5, np.nan], [np.nan] * 3]).table)
 
 def test_a_missing_score_is_marked_by_its_cause_and_a_missing_mean_is_not() -> None:
     assert table4_lines(HOLED, "–", {(0, 2): "×"}) == [
-        ["subject", "voltage", "structure", "pressure", "comprehensive"],
+        ["subject", "voltage", "structure", "pressure", "mean"],
         ["P00", "5", "7.50", "×", "6.25"],
         ["P01", "–", "–", "–", "–"],
         ["average", "5.00", "7.50", "–", "6.25"],
@@ -31,7 +31,7 @@ def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
         r"\label{tab:scores}",
         r"\begin{tabular}{lrrrr}",
         r"\toprule",
-        r"subject & voltage & structure & pressure & comprehensive \\",
+        r"subject & voltage & structure & pressure & mean \\",
         r"\midrule",
         r"50\% of P\_0 & 5 & 7 & 9 & 7.00 \\",
         r"\midrule",

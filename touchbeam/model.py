@@ -166,10 +166,11 @@ def fit(
     """
     import pandas as pd
 
+    from analysis.tables.reading import frame_cells
     from analysis.thresholds.answer_table import fits_of, tracks_in
 
     source = "answers"
-    tracks = tracks_in(answers.to_csv(index=False), source, shape)
+    tracks = tracks_in(frame_cells(answers, source), shape)
     found = fits_of(tracks, source, task=task, shape=shape, threshold_at=threshold_at, lapse=lapse)
     rows = [
         {"participant": track.participant, "track": track.track}

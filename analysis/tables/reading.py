@@ -1,6 +1,9 @@
 """The cells of any table, from the bytes of a file: separated text, or a workbook (.xlsx)."""
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from analysis.tables import separated
 from analysis.tables.separated import Encoding
@@ -106,3 +109,27 @@ def _cells(
 def _width(row: Sequence[str]) -> int:
     """Return how many cells there are up to the last that is not blank."""
     return max((at + 1 for at, cell in enumerate(row) if cell), default=0)
+
+
+def frame_cells(frame: Any, source: str) -> Cells:
+    """Return the cells of a data frame, whose first row is called line 2.
+
+    Raises:
+        TableError: it is no data frame, or has no columns.
+    """
+    if not (hasattr(frame, "columns") and hasattr(frame, "iloc")):
+        raise TableError(
+            f"{source}: must be a data frame of pandas, got {type(frame).__name__}; "
+            "pandas.DataFrame(...) makes one"
+        )
+    header = [str(name).strip() for name in frame.columns]
+    if not header:
+        raise TableError(f"{source}: must have columns, got none")
+    texts = (map(_frame_text, frame.iloc[:, at]) for at in range(len(header)))
+    rows = [list(row) for row in zip(*texts, strict=True)]
+    return Cells(source=source, header=header, rows=rows, lines=range(1, len(rows) + 2))
+
+
+def _frame_text(value: object) -> str:
+    plain = value.item() if isinstance(value, np.generic) else value
+    return "" if plain is None or str(plain) in {"<NA>", "nan", "NaT"} else str(plain).strip()

@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Literal
 
@@ -129,6 +129,11 @@ def _separator(text: str, source: str) -> str:
         usual = {mark: rows for mark, rows in fitting.items() if mark not in " |"}
         fitting = usual or fitting
     if fitting:
+        # A header would be a title if a comma stood in its numbers alone.
+        titles = {mark: title_rows(rows) for mark, rows in fitting.items()}
+        fitting = {
+            mark: rows for mark, rows in fitting.items() if titles[mark] == min(titles.values())
+        }
         ranks = {mark: _numbers(rows) for mark, rows in fitting.items()}
         best = [mark for mark, rank in ranks.items() if rank == max(ranks.values())]
         if len(best) > 1:
@@ -204,3 +209,13 @@ def mark_of_texts(rows: Rows) -> Decimal:
 def _matching(rows: Rows, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
     fits: Callable[[str], object] = pattern.fullmatch
     return ((line, cell) for line, row in rows[1:] for cell in row if fits(cell))
+
+
+def require_commas(header: Sequence[str], where: str) -> None:
+    """Refuse a table whose cells something else separates."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise TableError(
+                f"{where}: the cells are separated by {name}; save the table with commas between "
+                "them, and points in numbers"
+            )

@@ -1,6 +1,7 @@
 """The cells of a table and what they say: names, numbers, nothing."""
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -56,6 +57,12 @@ class Cells:
         """Return the name of a column as people know it."""
         return self.header[column] or f"{column + 1} (without a name)"
 
+    def is_numeric(self, column: int) -> bool:
+        """Return whether most of what stands in a column are numbers."""
+        given = [row[column] for row in self.rows if not is_missing(row[column])]
+        numbers = sum(self.number(cell) is not None for cell in given)
+        return bool(given) and 2 * numbers >= len(given)
+
     def number(self, text: str) -> float | None:
         """Return the number in a cell; None if it is none."""
         if self.decimal == "comma" and "," in text:
@@ -92,3 +99,12 @@ def title_rows(rows: Rows) -> int:
     if max(filled, default=0) < 2:
         return 0
     return next(at for at, many in enumerate(filled) if many > 1)
+
+
+def folded(name: str) -> str:
+    """Return what people and spreadsheets take a name for: without case, width and double spaces.
+
+    >>> folded("Ｐ01  A") == folded("p01 a")
+    True
+    """
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())

@@ -40,6 +40,8 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
     "task": lambda: _named("protocol.study.track", "GUESS_RATE"),
     "shape": lambda: get_args(_named("analysis.thresholds.answer_curve", "Shape")),
+    "encoding": lambda: get_args(_named("analysis.tables.separated", "Encoding")),
+    "decimal": lambda: get_args(_named("analysis.tables.table_cells", "Decimal")),
     "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }
 """Choices by parameter. A look-up imports the module that defines them."""
@@ -150,6 +152,14 @@ FormatOption = Annotated[
 ]
 
 
+EncodingOption = Annotated[
+    str | None, _chosen("encoding", "Of a file of text. [default: utf-8, or utf-16 if it looks so]")
+]
+DecimalOption = Annotated[
+    str | None, _chosen("decimal", "The mark in numbers. [default: as they tell]")
+]
+
+
 def named_folder(text: str) -> Path:
     """Return the folder `text`; refuse a blank name, which Path takes for the current folder."""
     if not text.strip():
@@ -200,6 +210,11 @@ TrialOption = Annotated[
 ]
 OfRehearsalOption = Annotated[
     bool, typer.Option("--rehearsal", help="The rehearsal of that name, not the session.")
+]
+
+
+SheetOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="A sheet of a workbook.", callback=text)
 ]
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, Typer
 
@@ -125,6 +125,9 @@ def fit(
         float | None,
         Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
+    sheet: options.SheetOption = None,
+    encoding: options.EncodingOption = None,
+    decimal: options.DecimalOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Fit thresholds to a table of answers, without a study.
@@ -133,18 +136,22 @@ def fit(
     row has the answers at one level, or, without the column trials, one trial. The trials.csv of
     an export is such a table.
     """
+    from analysis.tables.reading import cells_in
     from analysis.thresholds.answer_table import (
         COLUMNS,
         MOST_BYTES,
+        MOST_ROWS,
         fits_of,
         left_out_line,
         lines_of,
         tracks_in,
     )
-    from runner.study.files import bytes_of, text_of
+    from runner.study.files import bytes_of
 
     source = str(table)
-    tracks = tracks_in(text_of(bytes_of(table, most=MOST_BYTES), table), source, shape)
+    dialect: dict[str, Any] = {"encoding": encoding, "decimal": decimal, "sheet": sheet}
+    cells = cells_in(bytes_of(table, most=MOST_BYTES), source, most=MOST_ROWS, **dialect)
+    tracks = tracks_in(cells, shape)
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, source, **asked)
     found = list(output.followed("tracks", fits, len(tracks), alone=as_json))

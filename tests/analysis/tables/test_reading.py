@@ -41,6 +41,7 @@ def values(cells: Cells) -> list[list[float | None]]:
         (PLAIN.replace("\n", "\r").encode(), ("commas",)),
         (("\n" + PLAIN.replace("\n", "\n\n") + ",,\n").encode(), ("commas",)),
         (PLAIN.replace("\n", ",,\n").encode(), ("commas",)),
+        (b"subject;rough;smooth\nP1;3,5;n/a\nP2;4,25;6,0\n", ("semicolons", "decimal commas")),
         (book(Ratings=[["subject", "rough", "smooth"], ["P1", 3.5, "n/a"], ["P2", 4.25, 6]]),
          ("sheet Ratings",)),
         (book(A=[], B=[[None], ["subject", "rough", "smooth"], ["P1", "3,5", None],
@@ -75,6 +76,11 @@ def test_lines_above_the_header_are_titles() -> None:
     cells = read("Experiment 1\n\nsubject;a;b\nP1;3;4\n")
     assert (cells.lines, cells.understood[-1]) == ([3, 4], "1 title line above the header")
     assert cells.where(0, 1) == "t.csv, line 4, column a"
+
+
+def test_a_header_is_no_title_where_a_comma_stands_in_numbers_alone() -> None:
+    cells = read("subject;item;x\nP1;a;0,5\nP1;b;0,25\n")
+    assert list(cells.header) == ["subject", "item", "x"]
 
 
 def test_quotation_marks_mean_nothing_where_they_are_stray_between_tabs() -> None:

@@ -7,13 +7,18 @@ import pandas as pd
 import pytest
 
 import touchbeam
-from analysis.loading.published import TableError
+from analysis.tables.reading import cells_in
+from analysis.tables.table_cells import TableError
 from analysis.thresholds.answer_table import Track, tracks_in
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
 than 8.5 cm/s? Dallmann, Ernst and Moscatelli, Journal of Neurophysiology 114, 2015."""
 HEADER = "participant,track,level,trials,correct\n"
+
+
+def read(text: str, source: str, shape: str) -> list[Track]:
+    return tracks_in(cells_in(text.encode(), source, most=1000), shape)
 
 
 def means(found: pd.DataFrame) -> list[float]:
@@ -41,7 +46,7 @@ def test_a_row_per_trial_and_other_columns() -> None:
         "Correct,note,track,level,participant\n1,a,T,2.5,P01\nfalse,,T,1,P01\n\n0,,U,1e1,P01\n"
         "True,,T,1,P01\n"
     )
-    assert tracks_in(text, "answers.csv", "weibull") == [
+    assert read(text, "answers.csv", "weibull") == [
         Track("P01", "T", [2.5, 1.0, 1.0], [1, 1, 1], [1, 0, 1]),
         Track("P01", "U", [10.0], [1], [0]),
     ]
@@ -55,7 +60,7 @@ def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
         f"{RECORDED}P01,T,0,1,True,no\nP01,T,3,8,True,no\nP01,,1,,,no\nP01,T,,,,no\n"
         "P01,T,1,2,,no\nP01,T,1,2,False,session\nP01,T,1,2,False,no\nP02,T,,,,no\n"
     )
-    assert tracks_in(text, "trials.csv", "weibull") == [
+    assert read(text, "trials.csv", "weibull") == [
         Track("P01", "T", [1.0, 8.0, 2.0], [1, 1, 1], [1, 1, 0], left_out=3)
     ]
 
@@ -76,7 +81,7 @@ def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None
 
 
 def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
-    (track,) = tracks_in(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
+    (track,) = read(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
     assert track.participant == "=1+1"
 
 
@@ -86,7 +91,8 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         ("", "must have a header"),
         (HEADER, "must have a row of answers below the header, got none"),
         ("participant,track,level\nP,T,1\n", "line 1: must have the column correct; columns are"),
-        (HEADER.replace(",", ";"), "line 1: the cells are separated by semicolons; save the table"),
+        (f"{HEADER}P01,T,1,2,1\np01,T,1,2,1\n", "'p01' and 'P01' may be one or two; write"),
+        (f"{HEADER}P01,T,1,2,1\nP01,t,1,2,1\n", "'t' and 'T' may be one or two; write"),
         (
             "participant,track,level,level,correct\n",
             "line 1: the column level must stand once; rename the others",
@@ -120,7 +126,7 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
 )
 def test_wrong_tables(text: str, message: str) -> None:
     with pytest.raises(TableError, match=message) as error:
-        tracks_in(text, "answers.csv", "weibull")
+        read(text, "answers.csv", "weibull")
     assert str(error.value).startswith("answers.csv")
     assert "\n" not in str(error.value)
 

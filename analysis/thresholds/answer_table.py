@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from itertools import combinations
+from typing import Any, Literal
 
-from analysis.estimates import Json, plain
+from analysis.estimates import Interval, Json, plain
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
-from analysis.thresholds.psychometric import Threshold, curve_share, fitted
+from analysis.thresholds.psychometric import NOTHING, Threshold, curve_share, fitted
 from protocol.errors import BadInput
 
 MOST_BYTES = 2**26
@@ -135,7 +137,7 @@ def fits_of(
             message says.
     """
     task = options.get("task", "two intervals")
-    curve_share(options.get("threshold_at"), task, options.get("lapse"))
+    curve_share(options.get("threshold_at"), task, options.get("lapse"), options.get("guess"))
     for track in tracks:
         try:
             yield track, fitted(track.levels, track.trials, track.correct, **options)
@@ -176,6 +178,69 @@ def _columns(cells: Cells) -> dict[str, int]:
                 "level, trials, correct, or without trials for a row per trial"
             )
     return columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """The thresholds of two tracks of one participant, with a 95% interval.
+
+    `value` is the ratio of that of `b` to that of `a`, or, of a curve of the level as given, the
+    difference. Without it `reason` says why there is none.
+    """
+
+    participant: str
+    a: str
+    b: str
+    of: Literal["ratio", "difference"]
+    value: float = math.nan
+    ci: Interval = NOTHING
+    reason: str | None = None
+
+
+def comparisons(fits: Sequence[tuple[Track, Threshold]], shape: str) -> Iterator[Comparison]:
+    """Yield the comparison of each two tracks of a participant, in the order of the table.
+
+    The interval combines those of the thresholds, of which neither need be symmetric (MOVER; Zou
+    and Donner, Statistics in Medicine 27, 2008). That takes the answers of two tracks as
+    independent, which those of one session need not be.
+    """
+    of: Literal["ratio", "difference"] = "difference" if shape == "normal" else "ratio"
+    for participant in dict.fromkeys(track.participant for track, _ in fits):
+        own = [(track.track, fit) for track, fit in fits if track.participant == participant]
+        for (a, one), (b, other) in combinations(own, 2):
+            compared = partial(Comparison, participant=participant, a=a, b=b, of=of)
+            if lacking := one.reason or other.reason:
+                name = a if one.reason else b
+                yield compared(reason=f"{name}: {lacking}")
+                continue
+            value, ci = _between(one, other, of)
+            yield compared(value=value, ci=ci)
+
+
+def _between(one: Threshold, other: Threshold, of: str) -> tuple[float, Interval]:
+    def on_axis(fit: Threshold) -> tuple[float, float, float]:
+        low, high = fit.threshold_ci
+        places = (low, fit.threshold, high)
+        first, middle, last = places if of == "difference" else map(math.log, places)
+        return first, middle, last
+
+    (low_a, a, high_a), (low_b, b, high_b) = on_axis(one), on_axis(other)
+    value = b - a
+    low = value - math.hypot(b - low_b, high_a - a)
+    high = value + math.hypot(high_b - b, a - low_a)
+    if of == "difference":
+        return value, (low, high)
+    return math.exp(value), (math.exp(low), math.exp(high))
+
+
+def comparison_lines(compared: Sequence[Comparison]) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of a table of comparisons for people."""
+    yield ("participant", "a", "b", f"{compared[0].of} b to a", "95% interval")
+    for each in compared:
+        told = (each.reason or f"{each.value:.4g}", "–")
+        if each.reason is None:
+            told = (told[0], " to ".join(f"{end:.4g}" for end in each.ci))
+        yield (each.participant, each.a, each.b, *told)
 
 
 def left_out_line(tracks: Iterable[Track]) -> str:

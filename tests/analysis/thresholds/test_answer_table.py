@@ -1,6 +1,7 @@
 """Tables of answers: published data, rows per level and per trial, messages."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -148,4 +149,87 @@ def test_one_level_alone_gives_no_threshold() -> None:
 
 def test_a_task_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^task must be one of yes or no, .*, got 'four'$"):
-        touchbeam.fit(pd.read_csv(DATA), task="four")  # type: ignore[arg-type]
+        touchbeam.fit(pd.read_csv(DATA), task="four")
+
+
+def test_fractions_of_pandas_and_missing_answers_are_understood() -> None:
+    answers = pd.Series([0.0, 1.0, 1.0, 1.0] * 4 + [0.0, None, 1.0, 1.0])
+    table = pd.DataFrame({"participant": "P1", "track": "T", "level": [1.0, 2, 3, 4] * 5})
+    found = touchbeam.fit(table.assign(correct=answers))
+    whole = touchbeam.fit(table.assign(correct=answers).dropna().astype({"correct": int}))
+    assert found.left_out.item() == 1
+    assert found.threshold.item() == whole.threshold.item()
+
+
+@pytest.mark.parametrize("answers", [{"level": [1]}, None, [1, 2], pd.Series([1])])
+def test_what_is_no_frame_is_refused(answers: object) -> None:
+    with pytest.raises(ValueError, match=r"^answers: must be a data frame of pandas, got "):
+        touchbeam.fit(answers)  # type: ignore[arg-type]
+
+
+def simulated(threshold: float, chance: float, rng: np.random.Generator) -> pd.DataFrame:
+    levels = np.array([1.0, 1.5, 2, 3, 4, 6, 8])
+    p = chance + (1 - chance) * (1 - np.exp(-np.log(2) * (levels / threshold) ** 3))
+    return pd.DataFrame({"level": levels, "trials": 40, "correct": rng.binomial(40, p)})
+
+
+def test_thresholds_of_many_alternatives_and_of_any_guess_rate_are_found() -> None:
+    rng = np.random.default_rng(1)
+    tables = [simulated(3, 0.25, rng).assign(participant=f"P{n}", track="T") for n in range(20)]
+    asked: list[dict[str, Any]]
+    asked = [{"task": "4AFC"}, {"guess": 0.25}, {"task": "2AFC", "guess": 0.25}]
+    for known in asked:
+        found = touchbeam.fit(pd.concat(tables), **known)
+        assert found.threshold.mean() == pytest.approx(3, rel=0.05)
+        assert (found.threshold_at == 0.625).all()
+    free = touchbeam.fit(pd.concat(tables), guess="free")
+    # Its prior, that of false alarms, draws it towards 0.
+    assert 0.15 < free.guess.mean() < 0.25
+    two = touchbeam.fit(tables[0], task="2AFC").drop(columns="participant")
+    assert two.equals(touchbeam.fit(tables[0]).drop(columns="participant"))
+
+
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        ({"task": "1AFC"}, "or 2AFC to 26AFC, got '1AFC'"),
+        ({"task": "27AFC"}, "or 2AFC to 26AFC, got '27AFC'"),
+        ({"guess": 0.95}, r"the guess rate must lie in \[0, 0.9\] or be free, got 0.95"),
+        ({"guess": float("nan")}, "the guess rate must lie .* got nan"),
+        ({"guess": 0.5, "threshold_at": 0.4}, "must lie above 0.5, which is chance"),
+    ],
+)
+def test_wrong_guess_rates(known: dict[str, object], message: str) -> None:
+    table = pd.DataFrame({"participant": "P", "track": "T", "level": [1.0, 2], "correct": [0, 1]})
+    with pytest.raises(ValueError, match=message):
+        touchbeam.fit(table, **known)  # type: ignore[arg-type]
+
+
+def test_the_interval_of_two_conditions_holds_the_ratio_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(2)
+    tables = [
+        simulated(threshold, 0.5, rng).assign(participant=f"P{n}", track=name)
+        for n in range(100)
+        for name, threshold in (("dry", 2.5), ("wet", 4.0))
+    ]
+    compared = touchbeam.fit(pd.concat(tables)).attrs["comparisons"]
+    known = [each for each in compared if each["reason"] is None]
+    held = sum(each["ci"][0] < 1.6 < each["ci"][1] for each in known)
+    assert len(known) >= 95
+    assert held >= 0.9 * len(known)
+    assert np.median([each["value"] for each in known]) == pytest.approx(1.6, rel=0.05)
+
+
+def test_a_condition_is_a_track_and_levels_as_given_are_compared_by_their_difference() -> None:
+    rng = np.random.default_rng(3)
+    tables = [
+        simulated(threshold, 0.5, rng).assign(subject="P1", condition=name)
+        for name, threshold in (("dry", 2.5), ("wet", 4.0))
+    ]
+    (ratio,) = touchbeam.fit(pd.concat(tables)).attrs["comparisons"]
+    (difference,) = touchbeam.fit(pd.concat(tables), shape="normal").attrs["comparisons"]
+    assert (ratio["a"], ratio["b"], ratio["of"]) == ("dry", "wet", "ratio")
+    assert difference["of"] == "difference"
+    assert difference["ci"][0] < difference["value"] < difference["ci"][1]
+    one = touchbeam.fit(tables[0].iloc[:1].assign(correct=40)).attrs["comparisons"]
+    assert one == []

@@ -9,7 +9,7 @@ that a study also asks for after another answer stands in the table of scores an
 trial that runs backwards expects the opposite answer, so that its response is told likewise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.special import bdtrc
 
 from analysis.estimates import LEVEL, FloatArray, ScoreTable
 from analysis.loading.sessions import is_scored
-from protocol.study.study_question import QUESTIONS
+from protocol.study.study_question import IMPORTED_QUESTION, QUESTIONS
 
 IN_WORDS = (
     "The response of a trial is its score, counted from 1 at the lowest, if the change was "
@@ -109,5 +109,8 @@ def directions(trials: pd.DataFrame, *names: str) -> dict[tuple[str, ...], Direc
     }
 
 
-NO_CHANGE = {name: question.same for name, question in QUESTIONS.items()}
+NO_CHANGE: Mapping[str, str] = {
+    **{name: question.same for name, question in QUESTIONS.items()},
+    IMPORTED_QUESTION: "same",
+}
 """The answer to each question that means that nothing changed."""

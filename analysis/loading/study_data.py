@@ -296,8 +296,7 @@ def scale_of_scores(study: Study, kinds: Sequence[str]) -> Rating:
     Scores that were imported into a study to be run were not given on its scale: they were taken
     for scores on the paper's, whose words are those of the paper's conditions.
     """
-    is_run = bool(study.track) or any(item.touches for item in study.condition)
-    if tuple(kinds) != ("published",) or not is_run:
+    if tuple(kinds) != ("published",) or study.imported:
         return study.rating
     return PAPERS_SCALE if study.is_papers else PAPERS_SCALE.model_copy(update={"bands": ()})
 

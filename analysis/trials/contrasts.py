@@ -65,8 +65,9 @@ def trial_contrasts(
     The study that was in force (`study` where the journal does not hold it) gives the finger's
     force, place, path and speed; where the rig measured force, place, amplitude and frequency
     (relative to its own resonance), those are taken instead, force and place in steps. For
-    published scores nothing of this is known: the condition's standard scenes are taken. Trials of
-    registered sessions were felt on the rig as it was calibrated then.
+    published scores nothing of this is known: the condition's standard scenes are taken, or, in a
+    study of imported scores, what their author predicts. Trials of registered sessions were felt
+    on the rig as it was calibrated then.
 
     `trials` are those of `StudyData`, or some of them, and `touches` theirs; `rig` is taken where
     no calibration was in force.
@@ -82,11 +83,21 @@ def trial_contrasts(
     number_of: dict[tuple[Change | None, Calibration], int] = {}
     numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    by_law = {law: _predicted(number_of, law) for law in laws.LAWS}
+    by_law = {law: _predicted(number_of, law)[numbers] for law in laws.LAWS}
+    if study.imported:
+        stated = _stated(study, trials)
+        by_law = dict.fromkeys(laws.LAWS, stated)
     return TrialContrasts(
-        by_law={law: values[numbers] for law, values in by_law.items()},
+        by_law=by_law,
         measured=trials.index.isin(measured),
     )
+
+
+def _stated(study: Study, trials: pd.DataFrame) -> FloatArray:
+    """Return the contrasts that the author of imported scores predicts, NaN where none is."""
+    of_condition = {each.name: each.contrast for each in study.condition}
+    by_condition = trials["condition"].map(of_condition).astype("float64")
+    return trials["contrast"].fillna(by_condition).to_numpy(np.float64)
 
 
 def _has_table(study: Study, digest: str, text: object) -> bool:
@@ -143,7 +154,7 @@ def trial_changes(
     asked = trials[_ASKED].astype(object).where(trials[_ASKED].notna(), None)
     length_m = length_of(study.surface)
     return [
-        _change(trial, own, planned_change, length_m, as_felt=as_felt)
+        _change(trial, own, planned_change, length_m, as_felt=as_felt, is_imported=study.imported)
         for trial, own in zip(asked.itertuples(), made.values(), strict=True)
     ]
 
@@ -177,9 +188,10 @@ def _change(
     length_m: float,
     *,
     as_felt: bool,
+    is_imported: bool,
 ) -> Change | None:
     if trial.trial_kind == "published":
-        return CONDITIONS.get(trial.condition)
+        return None if is_imported else CONDITIONS.get(trial.condition)
     planned = tuple(touch.planned for touch in touches)
     asked = (trial.trial_kind, trial.question, trial.expected)
     change = planned_change(trial.study_text, *asked, planned)
@@ -350,6 +362,8 @@ def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:
 
     For published scores it is that of the standard scenes.
     """
+    if study.imported:
+        return {}
     own = {
         entry.name: trial_change(study, entry.question, entry.expected, entry.touches)
         for entry in study.condition

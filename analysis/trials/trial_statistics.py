@@ -373,7 +373,8 @@ def crossed_responses(
     factors are one where there are several sessions. `responses` are those of `data.trials`.
     """
     sessions = sorted(data.scored["session"].unique())
-    if data.kinds == ("published",) or not (study.factors or len(sessions) > 1):
+    is_papers = data.kinds == ("published",) and not study.imported
+    if is_papers or not (study.factors or len(sessions) > 1):
         return None
     names, factors = _cells(study, data)
     shape = [len(levels) for levels in factors.values()]

@@ -264,3 +264,17 @@ class Recording(JsonRecord):
         if len(counts) != expected or sha256(counts).hexdigest() != self.sha256:
             raise DamagedSamplesError("samples differ from their digest")
         return counts
+
+
+class ImportedRating(JsonRecord):
+    """A score of a table, an answer to the question whether something changed as expected, or both.
+
+    Several of one condition are repeats.
+    """
+
+    condition: str = key("name of the condition")
+    score: float | None = sparse("the score, if it was given")
+    answer: str | None = sparse("`expected`, `contrary` or `same`, if it was asked")
+    contrast: float | None = sparse(
+        "the change of the logarithm of friction that the table predicts, if it does"
+    )

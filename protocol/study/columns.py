@@ -9,7 +9,14 @@ from functools import partial
 from typing import Any
 
 from protocol.study.study import Study
-from protocol.study.study_question import INTERVALS, MEANINGS, QUESTIONS, StudyQuestion
+from protocol.study.study_question import (
+    IMPORTED_ANSWERS,
+    IMPORTED_QUESTION,
+    INTERVALS,
+    MEANINGS,
+    QUESTIONS,
+    StudyQuestion,
+)
 
 REACTION_TIME = "_reaction_time_s"
 """Ending of the exported column beside a question's own."""
@@ -98,13 +105,16 @@ _PLAN = (
     _plan(
         "question",
         "What is asked after the last touch.",
-        levels={question: asked.meaning for question, asked in QUESTIONS.items()},
+        levels={
+            **{question: asked.meaning for question, asked in QUESTIONS.items()},
+            IMPORTED_QUESTION: "of imported scores: whether something changed as expected",
+        },
     ),
     _plan("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
-    Column("change", "The participant's answer.", levels=MEANINGS),
+    Column("change", "The participant's answer.", levels={**MEANINGS, **IMPORTED_ANSWERS}),
     Column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     Column(
         "score",

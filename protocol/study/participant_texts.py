@@ -172,6 +172,8 @@ def scale_in_words(study: Study, rating: Rating) -> str:
     In the language of reference, or in the first one of the study that has a name of each.
     """
     ends = f"{rating.minimum} to {rating.maximum}"
+    if not rating.known:
+        return f"{ends} (the lowest and the highest score; the ends of the scale are not known)"
     for code in (languages.REFERENCE, *study_codes(study)) if rating.bands or rating.labels else ():
         named = _named_scores(rating, study_wording(study, code))
         if all(name for _, name in named):

@@ -319,6 +319,9 @@ class Rating(Record):
     tells the participant of one"""
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
+    known: bool = setting(True, strict=True)
+    """of imported scores: false if nobody said where the scale ends; minimum and maximum are then
+    the lowest and the highest score there is"""
     ticks: Literal["all", "bands", "labels", "ends"] = "all"
     """which scores are marked on the scale"""
     bands: tuple[Band, ...] = setting((), "names of ranges, which together cover the scale")

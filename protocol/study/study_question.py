@@ -93,6 +93,14 @@ MEANINGS = {
 }
 """Of all answers, for exported data."""
 
+IMPORTED_QUESTION = "as expected?"
+"""Stands for the question of an imported table, of which only the meaning of answers is known."""
+IMPORTED_ANSWERS = {
+    "expected": "of imported scores: as expected",
+    "contrary": "of imported scores: the contrary of what was expected",
+}
+"""Beside `same`."""
+
 Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
 Form = Literal["labels", "scale", "typed"]
 """How a question is asked: with labels to choose from, a scale, or a line to type in."""

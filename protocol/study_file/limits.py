@@ -247,7 +247,8 @@ def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
 
     Whether the design can be met is asked only of a study with nothing else (`further`) wrong.
     """
-    return [*limit_problems(study), *further] or design_problems(study)
+    broken = [*limit_problems(study), *further]
+    return broken or ([] if study.imported else design_problems(study))
 
 
 _ULTRASONIC_HZ = 1_000
@@ -265,6 +266,8 @@ def _in_khz(study: Study) -> Iterator[Problem]:
 
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
+    if study.imported:  # nothing is driven, asked or read
+        return [*_name_problems(study), *_group_problems(study)]
     # Whatever else is said would follow from the wrong unit.
     return list(_in_khz(study)) or _broken_limits(study)
 

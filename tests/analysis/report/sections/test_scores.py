@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from analysis.loading.published import unpredicted_note
 from analysis.report.report import report, report_files, report_html, report_json
 from protocol.study.study import Study
 from tests.analysis.reports import ORIGIN, SCORES, ReadPage, made, plain_report, study_report
@@ -55,9 +54,6 @@ def test_scores_without_answers_have_no_directions() -> None:
 
 def test_names_with_commas_are_told_apart() -> None:
     names = ("5 N, slow", "5 N, fast", "voltage")
-    note = unpredicted_note(names)
-    assert note
-    assert note.startswith("No contrast is predicted for 5 N, slow; 5 N, fast: the")
     page = report_html(made([[np.nan, np.nan, 5], [np.nan, np.nan, 6]], names=names))
     assert "Conditions without any score: 5 N, slow; 5 N, fast." in page
 

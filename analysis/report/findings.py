@@ -31,7 +31,7 @@ from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
-from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
+from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.registration.registration import (
     FOLLOWS,
     NOTICED,
@@ -141,19 +141,21 @@ class Findings:
     @cached_property
     def is_predicted(self) -> bool:
         """Whether friction of any trial is known, so that ratings can be compared with it."""
-        stated = isinstance(self.origin.rig.surface, GivenSurface)
+        stated = isinstance(self.origin.rig.surface, GivenSurface) or self.study.imported
         return not stated or bool(np.isfinite(self.trials.contrasts.by_law[LAW]).any())
 
     @property
     def shown_laws(self) -> tuple[str, ...]:
         """The laws whose contrasts are shown; without a beam's model all are the same."""
-        if isinstance(self.origin.rig.surface, BeamSurface):
+        if self.trials.has_laws:
             return tuple(self.trials.contrasts.by_law)
         return (LAW,) if self.is_predicted else ()
 
     @property
     def friction_source(self) -> str:
         """Where friction comes from, in words."""
+        if self.study.imported:
+            return "what the author of the study predicts"
         match self.origin.rig.surface:
             case GivenSurface():
                 return "the friction that the study states of its touches"

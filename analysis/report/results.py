@@ -204,6 +204,8 @@ def _who(found: Findings) -> str:
     ways = found.trials.directions.values()
     if not ways:
         rated = f"{count_of(people, 'participant')} rated {of} from {found.scale}."
+        if not found.rating.known:
+            rated = f"{count_of(people, 'participant')} gave {of} scores, {found.scale}."
         if (catch := found.table.table4).catch is not None:
             rated += f" Without a drive (catch trials) they gave {number(catch.catch_mean, 2)}."
         return sentence(rated)
@@ -313,10 +315,13 @@ def of_groups(found: Findings, made: GroupStatistics) -> str:
         (
             _compared(made, SCORE, means, made.score),
             _profiles(made, made.interaction),
-            _compared(made, GAIN, "Slopes on predicted contrasts", made.gain),
+            *([_compared(made, GAIN, _SLOPES, made.gain)] if found.is_predicted else []),
             *([f"Conditions in which groups differed most: {most}."] if most else []),
         )
     )
+
+
+_SLOPES = "Slopes on predicted contrasts"
 
 
 def _compared(made: GroupStatistics, name: str, what: str, found: Compared | NotEstimable) -> str:

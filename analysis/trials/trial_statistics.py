@@ -172,6 +172,11 @@ class TrialStatistics:
     study: Study
     rig: Calibration = NOMINAL
 
+    @property
+    def has_laws(self) -> bool:
+        """Whether contrasts differ by law: not on a surface without a model, nor of an author."""
+        return isinstance(self.rig.surface, BeamSurface) and not self.study.imported
+
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:
         """The trials that count for the table of scores."""
@@ -258,7 +263,7 @@ class TrialStatistics:
     @cached_property
     def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
         """How certain the contrast of each condition is, where a beam's model predicts it."""
-        if not isinstance(self.rig.surface, BeamSurface):
+        if not self.has_laws:
             return ()
         changes = trial_contrasts.condition_changes(self.study, self.data).items()
         return tuple(trial_contrasts.contrast_range(*each, self.rig) for each in changes)
@@ -299,8 +304,8 @@ class TrialStatistics:
     @cached_property
     def evidence(self) -> Mapping[str, float | NotEstimable]:
         """Log evidence of the answers under each law's contrasts, all of the same trials."""
-        if not isinstance(self.rig.surface, BeamSurface):
-            return {LAW: NotEstimable("contrasts on this surface are the same under all laws")}
+        if not self.has_laws:
+            return {LAW: NotEstimable("these contrasts are the same under all laws")}
         by_law = self.contrasts.by_law
         known = np.isfinite([*by_law.values()]).all(axis=0)
         # Processes import what a call names, so that none names a module with data frames.
@@ -334,7 +339,7 @@ class TrialStatistics:
 
     def _means_of(self, observed: FloatArray) -> Mapping[str, "MeanContrasts"]:
         by_law = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
-        if not isinstance(self.rig.surface, BeamSurface):  # there are no laws to compare
+        if not self.has_laws:  # there are none to compare
             by_law = {LAW: by_law[LAW]}
         elif is_papers_table(self.study, self.data.table):
             ranking = [_CLAIMED.get(name, 0.0) for name in self.data.table.conditions]

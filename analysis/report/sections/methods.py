@@ -29,7 +29,7 @@ from device.friction.calibration import Calibration
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
-from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
+from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.errors import listed
 from protocol.study.study import Study
 
@@ -192,7 +192,7 @@ def _model(found: Findings) -> str:
     trials, rig = found.trials, found.origin.rig
     # APA style writes numbers below ten as words.
     count = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
-    has_laws = isinstance(rig.surface, BeamSurface)
+    has_laws = trials.has_laws
     laws = f" under {count} laws" if has_laws else ""
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     # Trials of tracks have no contrast of their own.
@@ -209,6 +209,8 @@ def _model(found: Findings) -> str:
     if not np.isfinite(trials.contrasts.by_law[LAW]).any():
         return ""
     models = [said for _, said in models_in_words(found)]
+    if found.study.imported:
+        return " ".join([f"Contrasts are {found.friction_source}.", *models])
     return " ".join(
         [
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
@@ -224,7 +226,7 @@ _SCORED_AT_ONCE = ", as the log friction of the last touch relative to the same 
 
 def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield each model of sensitivity that was fitted, by its name, in a sentence or two."""
-    law = f" under the law '{LAW}'" if isinstance(found.origin.rig.surface, BeamSurface) else ""
+    law = f" under the law '{LAW}'" if found.trials.has_laws else ""
     noticing, rating = found.sensitivity.noticing, found.sensitivity.rating
     if not isinstance(noticing, NotEstimable):
         yield (
@@ -302,6 +304,8 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
 
 
 def _model_parameters(study: Study, rig: Calibration) -> dict[str, str]:
+    if study.imported:
+        return {"contrasts": "the author's own, if any"}
     finger = study.touch
     return {
         **_of_surface(study, rig),

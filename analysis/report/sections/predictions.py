@@ -11,6 +11,7 @@ from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.estimates_json import law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
+from analysis.sensitivity.answers_model import Rated
 from analysis.trials.law_comparison import LawOrder, LawScore, critical_rank_correlation
 from analysis.trials.trial_checks import Proportion, proportion
 from analysis.trials.trial_statistics import PAPERS_RANKING, TrialStatistics
@@ -95,7 +96,9 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
     chosen = np.isin(np.arange(count), figure_data.thinned(count, figure_data.MOST_POINTS))
     ratings, curve = given.where(chosen), figure_data.model_curve(found)
     thresholds = figure_data.thresholds_of(found)
-    line = _LINE.format(selected=_SELECTED * (not found.at_once))
+    rating = found.sensitivity.rating
+    selects = isinstance(rating, Rated) and rating.selection is not None
+    line = _LINE.format(selected=_SELECTED * selects)
     return Figure(
         name="model",
         title="Ratings against the model",

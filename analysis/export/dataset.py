@@ -247,6 +247,8 @@ class Dataset:
         """Return what each condition asks, as far as the study file still has it."""
         asked = {
             condition.name: f"asks about {condition.question}; expected: {condition.expected}"
+            if condition.question
+            else "scored at once, without a question"
             for condition in self.study.condition
         }
         if self.published:
@@ -274,11 +276,14 @@ class Dataset:
         of = f"Study {self.study.study.name!r} of a touch device whose friction is changed by"
         if tracks and not self.conditions:
             return f"{of} vibration.{asked}"
-        return (
-            f"{of} vibration. In each trial a parameter changes ({conditions}), the "
-            "participant touches and says what changed, and scores how strong the effect is, "
-            f"{scale}.{others}{asked if tracks else ''}"
+        trial = (
+            f"In each trial the participant touches under a condition ({conditions}) and scores "
+            "what was felt"
+            if self.study.absolute
+            else f"In each trial a parameter changes ({conditions}), the participant touches and "
+            "says what changed, and scores how strong the effect is"
         )
+        return f"{of} vibration. {trial}, {scale}.{others}{asked if tracks else ''}"
 
     def instructions(self, code: str | None) -> str | None:
         """Return what participants read at first in a language; None if nobody knows."""

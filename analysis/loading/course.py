@@ -246,6 +246,8 @@ class Course:
         # The second time is there only if a score was asked for.
         times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
         attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
+        if event.change is None and event.score is not None:  # the score was the only answer
+            attempt.score_reaction_time_s = times_s[0]
         attempt.answered_utc = self._stored.utc
         if (told := event.track) is not None:
             attempt.level, attempt.level_value = told.level, told.value

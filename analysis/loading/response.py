@@ -5,8 +5,8 @@
              = score                      of a trial without a question on a change
 
 Nothing that was answered is missing, whichever answers are scored (`rating.score_when`): a score
-that a study also asks for after another answer stands in Table 4 and is no response. A trial that
-runs backwards expects the opposite answer, so that its response is told likewise.
+that a study also asks for after another answer stands in the table of scores and is no response. A
+trial that runs backwards expects the opposite answer, so that its response is told likewise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -93,7 +93,7 @@ class Directions(NamedTuple):
 def directions(trials: pd.DataFrame, *names: str) -> dict[tuple[str, ...], Directions]:
     """Return the directions of the answers by the columns `names`, in the order of appearance.
 
-    Of trials that count for Table 4, expect a change, and were answered.
+    Of trials that count for the table of scores, expect a change, and were answered.
     """
     # Where no change is expected there are no ways.
     is_change = ~trials["expected"].isin(NO_CHANGE.values())

@@ -209,7 +209,7 @@ def rules_in_words(rules: Exclusions, *, older: bool = False) -> list[str]:
     return [rule.words.format(settled[name]) for name, rule in named.items() if name in settled]
 
 
-# Why a cell of Table 4 has no score: not every such cell may be read as an answer.
+# Why a cell of the table of scores has no score: not every such cell may be read as an answer.
 
 
 class Why(StrEnum):
@@ -399,8 +399,18 @@ class StudyData:
 
     @property
     def scored(self) -> pd.DataFrame:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return self.trials[is_scored(self.trials)]
+
+    @cached_property
+    def catch_scores(self) -> FloatArray | None:
+        """Each subject's mean score of catch trials; None where none was scored.
+
+        They are scored where no condition has a question, as touches at 0 V.
+        """
+        catch = self.trials[self.trials["trial_kind"].eq("catch")]
+        means = catch.dropna(subset=["score"]).groupby("participant")["score"].mean()
+        return means.reindex(self.table.subjects).to_numpy() if len(means) else None
 
     @cached_property
     def ways(self) -> Mapping[tuple[int, int], Directions]:
@@ -421,7 +431,7 @@ class StudyData:
 
     @property
     def notes(self) -> list[str]:
-        """What stands under Table 4: each mark, how often, and who or what has no score."""
+        """What stands below the table: each mark, how often, and who or what has no score."""
         counts = Counter(self.marks.values())
         said = [
             f"{kind.mark} {kind.note}: {counts[kind.mark]} cell{'s' * (counts[kind.mark] != 1)}."

@@ -278,10 +278,21 @@ class Findings:
         """What conditions are compared by: `response`, or `score` where nobody was asked."""
         return "response" if self.loaded.scored["question"].notna().any() else "score"
 
+    def in_measure(self, text: str) -> str:
+        """Return words on responses as words on scores where these are what is compared."""
+        if self.measure == "response":
+            return text
+        return text.replace("response", "score").replace("Response", "Score")
+
     @property
     def response_scale(self) -> "Scale":
         """The ends of the scale of responses."""
         return Scale(0, self.scale.span + 1) if self.measure == "response" else self.scale
+
+    @property
+    def at_once(self) -> bool:
+        """Whether people scored what they felt at once, without a question about a change."""
+        return self.study.absolute and not self.published
 
     @property
     def rehearsals(self) -> bool:

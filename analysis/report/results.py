@@ -75,7 +75,7 @@ def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
     if found.groups is not None:
-        yield GROUPS, of_groups(found.groups, adjusted=not main.table.is_complete)
+        yield GROUPS, of_groups(found, found.groups)
     if found.factors is not None:
         yield FACTORS, _factors(found.factors)
     yield from _of_models(found)
@@ -93,7 +93,7 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     if rating.untold is None:
         yield SENSITIVE, _differ(found, rating)
     else:
-        yield SENSITIVE, f"{untold(rating)} {_levels(rating)}"
+        yield SENSITIVE, f"{untold(found, rating)} {_levels(rating)}"
 
 
 def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
@@ -203,7 +203,10 @@ def _who(found: Findings) -> str:
     of = count_of(conditions, "condition")
     ways = found.trials.directions.values()
     if not ways:
-        return sentence(f"{count_of(people, 'participant')} rated {of} from {found.scale}.")
+        rated = f"{count_of(people, 'participant')} rated {of} from {found.scale}."
+        if (catch := found.table.table4).catch is not None:
+            rated += f" Without a drive (catch trials) they gave {number(catch.catch_mean, 2)}."
+        return sentence(rated)
     expected, answers = (sum(getattr(each, name) for each in ways) for name in _COUNTED)
     return sentence(
         f"{count_of(people, 'participant')} gave {answers:,} answers on {of}, {expected:,} of them "
@@ -296,12 +299,14 @@ def _higher_first(
     return a, b, f"{number(difference, 2)}{_ci(ends)}"
 
 
-def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
+def of_groups(found: Findings, made: GroupStatistics) -> str:
     """Tell in which of the questions about groups they differ, and by how much.
 
-    Means are `adjusted` where somebody has no answer to a condition: see `groups.mean_scores`.
+    Means are adjusted where somebody has no answer to a condition: see `groups.mean_scores`.
     """
-    means = f"Mean responses{', adjusted for conditions without an answer,' * adjusted}"
+    adjusted = not found.trials.response_tests.table.is_complete
+    means = found.in_measure("Mean responses")
+    means += ", adjusted for conditions without an answer," * adjusted
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
     most = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
@@ -424,9 +429,18 @@ def together(found: Findings) -> str:
 def _claim(found: Findings, question: str) -> str:
     """Return what is claimed where a question holds; the test of the prediction has two sides."""
     slope = found.trials.slope
-    if question == FOLLOWS and isinstance(slope, Slope) and slope.value < 0:
-        return "responses go against the prediction"
-    return question.replace("ratings", "responses")
+    if question == FOLLOWS and isinstance(slope, Slope):
+        if found.study.absolute:
+            return f"scores are {_way(found, slope)}"
+        if slope.value < 0:
+            return "responses go against the prediction"
+    return found.in_measure(question.replace("ratings", "responses"))
+
+
+def _way(found: Findings, slope: Slope) -> str:
+    """Return which way scores follow contrasts of which nothing is expected."""
+    where = "friction is predicted to be higher" if found.at_once else "the contrast is larger"
+    return f"{'higher' if slope.value > 0 else 'lower'} where {where}"
 
 
 def _slope(found: Findings) -> str:
@@ -437,6 +451,8 @@ def _slope(found: Findings) -> str:
     shown = (
         "these data do not show that they follow it"
         if not found.questions.holds(FOLLOWS)
+        else f"they are {_way(found, slope)}"
+        if found.study.absolute
         else "they follow it"
         if slope.value > 0
         else "they fall where a larger change is predicted"
@@ -446,10 +462,13 @@ def _slope(found: Findings) -> str:
         f"{slope.least_p:.2g})"
     ) * (slope.least_p >= LEVEL)
     law = f"; law {LAW}" * (len(found.shown_laws) > 1)
+    is_of = "change of log friction"
+    if found.at_once:
+        is_of = "log friction of the last touch, relative to that at 0 V"
     # Its own p is below .05, so that the interval is without 0, and the corrected one is not.
     alone = slope.p < LEVEL and not found.questions.holds(FOLLOWS)
     return (
-        f"Per unit of predicted contrast (change of log friction{law}), mean {found.measure}s "
+        f"Per unit of predicted contrast ({is_of}{law}), mean {found.measure}s "
         f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
         f"is a change of about 10%){_ci(slope.interval)}, "
         f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order: {shown}{few}"
@@ -499,12 +518,13 @@ def _differ(found: Findings, rating: Rated) -> str:
     return f"{differ}; {who} {skin if found.predictor[1] else _SKIN}"
 
 
-def untold(rating: Rated) -> str:
+def untold(found: Findings, rating: Rated) -> str:
     """Return why the gains of people are not told, in a sentence."""
     assert rating.untold is not None
+    what = "touch of medium friction" if found.at_once else "change of medium size"
     return (
         f"How sensitive each person is cannot be told from these data: {rating.untold.reason}. "
-        "What they do tell of each is a level, the rating of a change of medium size."
+        f"What they do tell of each is a level, the rating of a {what}."
     )
 
 

@@ -45,7 +45,9 @@ class TrialContrasts:
     """Predicted contrasts of trials by law, shape (trials,) each; NaN where none is predicted.
 
     Positive when the change is the one that the trial itself expects; a trial in the opposite
-    order expects the opposite change. `measured` says of which trials force or place are known.
+    order expects the opposite change. Without a question nothing is expected: the contrast is that
+    of the last touch with itself at 0 V, positive where friction rises. `measured` says of which
+    trials force or place are known.
     """
 
     by_law: dict[str, FloatArray]
@@ -143,8 +145,8 @@ def trial_changes(
 
     # Most trials share their plan with others.
     @cache
-    def planned_change(text: str | None, *planned: Any) -> Change | None:
-        return planned_change_of(in_force(text), *planned)
+    def planned_change(text: str | None, kind: str, *planned: Any) -> Change | None:
+        return planned_change_of(in_force(text), kind, *planned)
 
     made: dict[Any, list[Any]] = {attempt: [] for attempt in trials.index}
     for touch in touches[_FELT].itertuples():
@@ -157,12 +159,24 @@ def trial_changes(
     ]
 
 
+_OF_CONDITIONS = frozenset({"practice", "trial", "catch"})
+"""The kinds of trial that are scored although their study asks nothing about a change."""
+
+
 def planned_change_of(
-    study: Study, question: Question | None, expected: str | None, planned: tuple[Touch, ...]
+    study: Study,
+    kind: str,
+    question: Question | None,
+    expected: str | None,
+    planned: tuple[Touch, ...],
 ) -> Change | None:
-    """Return the change as planned; None without a known question or with an unknown beam."""
+    """Return the change that a kind of trial was planned to make.
+
+    None with a question or a beam that is not known, and of a trial in which nothing is scored.
+    """
     beams = {touch.beam for touch in planned if touch.beam is not None}
-    if question and question in QUESTIONS and planned and beams <= study.beams.keys():
+    is_rated = question is None and study.absolute and kind in _OF_CONDITIONS
+    if (is_rated or question in QUESTIONS) and planned and beams <= study.beams.keys():
         return trial_change(study, question, expected, planned)
     return None
 
@@ -179,7 +193,8 @@ def _change(
     if trial.trial_kind == "published":
         return None if is_imported else CONDITIONS.get(trial.condition)
     planned = tuple(touch.planned for touch in touches)
-    change = planned_change(trial.study_text, trial.question, trial.expected, planned)
+    asked = (trial.trial_kind, trial.question, trial.expected)
+    change = planned_change(trial.study_text, *asked, planned)
     if change is None or not as_felt:
         return change
     return felt_change(change, touches, trial.resonance_hz, length_m)
@@ -195,13 +210,15 @@ def felt_change(
     """
     first, last = touches[0], touches[-1]
     start = first.start_voltage_v, first.start_frequency_hz
-    if len(touches) == 1 and first.planned.programme == "hold":
+    if change.effect == "level":
+        first = last  # the same touch at 0 V
+    if change.effect == "level" or (len(touches) == 1 and first.planned.programme == "hold"):
         start = math.nan, math.nan  # it started at rest
     before = _measured(change.before, first.force_n, *start, resonance_hz)
     end = last.end_voltage_v, last.end_frequency_hz
     after = _measured(change.after, last.force_n, *end, resonance_hz)
     places_m = change.places_m
-    if change.effect == "friction" and isfinite(last.place_m):
+    if change.effect in {"friction", "level"} and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
         # A sensor may place the finger off the surface, where nothing is predicted.
         if 0 <= place_m <= length_m:
@@ -259,7 +276,7 @@ def stepped(measured: float, planned: float, step: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredTrials:
-    """The trials that count for Table 4, in the order of `trials`; see `Ratings` for the arrays.
+    """The trials that count, in the order of `trials`; see `Ratings` for the arrays.
 
     `ratings` has the contrasts of the law `consistent` and, of all laws, only trials with a
     prediction; `contrasts` has the same trials by law. `every` are all trials, predicted or not,

@@ -174,7 +174,7 @@ class TrialStatistics:
 
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return trial_contrasts.scored_trials(self.data, self.contrasts)
 
     @cached_property
@@ -346,7 +346,8 @@ class TrialStatistics:
     def noticed(self) -> tuple[Detected, ...]:
         """What was noticed of each condition, and then of all; nothing without catch trials."""
         trials = self.data.of_noticing
-        if not trials["trial_kind"].eq("catch").any():
+        asked = trials["change"].notna()
+        if not (asked & trials["trial_kind"].eq("catch")).any():
             return ()
         by_name = {each.of["condition"]: each for each in detected_by(trials, "condition")}
         names = [name for name in self.data.table.conditions if name in by_name]

@@ -254,6 +254,8 @@ def predicted_contrast(
     )
     if not (min(before.min(), after.min()) > 0):
         return np.nan
+    if change.effect == "level":
+        return float(np.log(after / before).mean())
     # (10) and (11), mathematics/friction
     if change.effect == "places":
         return _rms(np.log(after / before))
@@ -262,8 +264,6 @@ def predicted_contrast(
         size = _rms(np.log(after / resting)) - _rms(np.log(before / resting))
     else:
         size = float(np.log(before / after).mean())
-    if change.effect == "level":
-        return -size
     return -size if change.contrary else size
 
 

@@ -18,6 +18,7 @@ from protocol.study.participant_texts import (
     study_wording,
     text_path,
 )
+from protocol.study.rules import Label
 from protocol.study.study import Study
 from protocol.study.study_question import (
     ANSWERS,
@@ -26,10 +27,10 @@ from protocol.study.study_question import (
     MEANINGS,
     MOST_LABELS,
     ONCE,
+    RATING,
     SCORE,
     AskedIf,
     InstructionPage,
-    Label,
     StudyQuestion,
     trial_facts,
 )
@@ -57,6 +58,8 @@ def text_problems(study: Study) -> Iterator[Problem]:
         names = {code: band_name(band, wording) for code, wording in wordings.items()}
         known = {code: name for code, name in names.items() if name is not None} | band.names
         yield from unnamed_problems(study, ("rating", "bands", number), known, ("from", "to"))
+    for number, label in enumerate(study.rating.labels):
+        yield from unnamed_problems(study, ("rating", "labels", number), label.names, ("at",))
 
 
 def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
@@ -159,7 +162,7 @@ def _allowed_fields(key: str) -> list[list[str]]:
     fields = _fields(reference_texts().get(key, ""))
     if key in finger_texts():
         return [fields, *([field] for field in fields if len(fields) > 1), []]
-    return [fields, []] if key == "score" else [fields]
+    return [fields, []] if key in {SCORE, RATING} else [fields]
 
 
 def _fields(text: str) -> list[str]:

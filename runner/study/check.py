@@ -39,8 +39,9 @@ class WrongPlan(WorkFailed):
     """A plan that does not follow from its study: an error of touchbeam, not of the study."""
 
 
-Contrast = Callable[[Question, str | None, tuple[Touch, ...]], float | None]
-"""The predicted contrast of a question about touches, with what is expected; None of none."""
+Contrast = Callable[[Question | None, str | None, tuple[Touch, ...]], float | None]
+"""The predicted contrast of a question about touches, with what is expected, or what a rating of
+them follows without a question; None of none."""
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -382,7 +383,7 @@ def _contrast_of(study: Study, rig: Calibration) -> Contrast:
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(
-        question: Question, expected: str | None, touches: tuple[Touch, ...]
+        question: Question | None, expected: str | None, touches: tuple[Touch, ...]
     ) -> float | None:
         change = trial_change(study, question, expected, touches)
         value = predicted_contrast(change, rig=rig)
@@ -395,7 +396,7 @@ def _prediction(study: Study, contrast: Contrast, rig: Calibration) -> Predictio
     from device.friction.changes import LAW, RUNG
 
     def of_trial(trial: Trial) -> float | None:
-        if trial.question is None:
+        if trial.question is None and not trial.rated:
             return None
         return contrast(trial.question, trial.expected, trial.touches)
 

@@ -47,6 +47,10 @@ def _data(found: Findings) -> str:
     origin = (
         "The scores are those of a published table."
         if found.published
+        else "In each trial participants touched the vibrating surface and scored what they felt, "
+        f"without a question before, from {found.scale_in_words}. Conditions differed in "
+        f"{'the factors' if found.study.factors else 'the touches'}."
+        if found.at_once
         else "Each condition changed "
         + ("factors" if found.study.factors else "one parameter")
         + " of the vibrating surface. Participants reported "
@@ -208,11 +212,14 @@ def _model(found: Findings) -> str:
     return " ".join(
         [
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
-            f"{calibrated}; {touches}.",
+            f"{calibrated}{_SCORED_AT_ONCE * found.at_once}; {touches}.",
             *models,
             *[SKIN] * (bool(models) and not found.predictor[1]),
         ]
     )
+
+
+_SCORED_AT_ONCE = ", as the log friction of the last touch relative to the same touch at 0 V"
 
 
 def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
@@ -232,6 +239,7 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     beside += ["the mean noise of those who notice such a change"] * (rating.selection is not None)
     beside += ["level and gain of the group"] * bool(rating.groups)
     beside += ["an effect of the session"] * (len(found.loaded.trials["session"].unique()) > 1)
+    selected = ", but for what selection adds (normal, an SD of half that of the ratings)"
     # Large studies need fewer of the points that they are integrated with.
     large = len(found.trials.scored.ratings.given.rating) > LARGE
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
@@ -239,9 +247,9 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
         "rating",
         f"Ratings were modelled{law} by a Bayesian ordinal mixed model: level and gain × "
         f"{found.contrast} of each subject, {listed(beside)}, and noise, in thresholds common to "
-        "all. Priors are wide, but for what selection adds (normal, an SD of half that of the "
-        "ratings), and equal gains have a probability of .50. A relative gain is a subject's gain "
-        "less the mean gain of the subjects. Posteriors are Laplace approximations, integrated "
+        f"all. Priors are wide{selected * (rating.selection is not None)}, and equal gains have a "
+        "probability of .50. A relative gain is a subject's gain less the mean gain of the "
+        "subjects. Posteriors are Laplace approximations, integrated "
         "over the variance parameters instead of fixing these at their best-fitting values; a fit "
         f"with fewer than {least:.0f} effective points of this integration is withheld.",
     )

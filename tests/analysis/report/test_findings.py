@@ -87,7 +87,7 @@ def test_captions_methods_and_figures_name_the_studys_scale() -> None:
 def test_every_export_names_the_studys_scale(form: str) -> None:
     data = dataset(sessions_to_seven(), SEVEN, "0", rehearsals=False)
     files = EXPORTS[form](data)
-    assert any(f"Strength of the effect, from {SCALE}." in text for text in files.values())
+    assert any(f"of what was felt, from {SCALE}." in text for text in files.values())
     assert not re.search("no effect|very effective|to 10 ", "".join(files.values()))
 
 

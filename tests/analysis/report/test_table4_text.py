@@ -56,3 +56,15 @@ def test_a_wide_latex_table_turns_its_header_and_shrinks_to_the_page() -> None:
     assert lines[-3:] == [r"\end{tabular}%", "}", r"\end{table}"]
     few = table4_tex(table4(imported(np.full((2, 8), 5), names=names[:8]).table))
     assert "box" not in few
+
+
+def test_scores_below_0_are_numbers() -> None:
+    below = table4(imported([[-3, 0, 1.5], [-2.5, 1, -1]]).table)
+    assert table4_csv(below).splitlines() == [
+        "subject,voltage,structure,pressure,mean",
+        "P00,-3,0,1.50,-0.50",
+        "P01,-2.50,1,-1,-0.83",
+        "average,-2.75,0.50,0.25,-0.67",
+    ]
+    latex = table4_tex(below)
+    assert r"P01 & $-$2.50 & 1 & $-$1 & $-$0.83 \\" in latex

@@ -4,6 +4,7 @@ import pytest
 
 from protocol.study.study_question import facts_of_trial
 from protocol.study_file.loading import StudyError, parsed_study, template
+from tests.protocol.studies import unasked
 
 PAPER = template("paper")
 
@@ -67,24 +68,14 @@ def test_practice_that_cannot_be_read_is_not_called_missing() -> None:
     assert len(caught.value.problems) == 1
 
 
-def all_rated() -> str:
-    """The paper's study without the questions of its conditions."""
-    opening, *conditions = PAPER.split("[[condition]]")
-    without = (
-        "\n".join(line for line in text.splitlines() if not _asks(line)) for text in conditions
-    )
-    return "[[condition]]".join([opening, *without])
-
-
-def _asks(line: str) -> bool:
-    return line.startswith(("question =", "expected ="))
+RATED = unasked(PAPER)
 
 
 def test_conditions_are_all_asked_about_or_all_rated() -> None:
-    assert parsed_study(all_rated()).absolute
+    assert parsed_study(RATED).absolute
     assert not parsed_study(PAPER).absolute
     asked = 'name = "voltage"\nquestion = "roughness"\nexpected = "smoother"'
-    mixed = all_rated().replace('name = "voltage"', asked, 1)
+    mixed = RATED.replace('name = "voltage"', asked, 1)
     message = (
         r"condition frequency, question: must be given, as in other conditions, got nothing; or "
         r"leave it out in all of them"
@@ -128,9 +119,9 @@ def test_a_condition_without_a_question_expects_no_answer() -> None:
 )
 def test_what_only_questions_give_is_refused_without_them(section: str, message: str) -> None:
     key = section.splitlines()[0]
-    text = all_rated().replace(f"{key}\n", f"{section}\n", 1)
+    text = RATED.replace(f"{key}\n", f"{section}\n", 1)
     with pytest.raises(StudyError, match=message):
-        parsed_study(text if key in all_rated() else f"{text}\n{section}\n")
+        parsed_study(text if key in RATED else f"{text}\n{section}\n")
 
 
 def test_a_question_may_depend_on_the_score_of_what_was_felt() -> None:
@@ -138,6 +129,6 @@ def test_a_question_may_depend_on_the_score_of_what_was_felt() -> None:
         '[[question]]\nname = "why"\nkind = "text"\ntext = { en = "Why?", zh = "?" }\n'
         'asked_if = { question = "score", at_least = 8 }\n'
     )
-    assert parsed_study(f"{all_rated()}\n{own}").question[0].asked_if
+    assert parsed_study(f"{RATED}\n{own}").question[0].asked_if
     assert facts_of_trial(None, None, None, 7) == {"score": 7}
     assert facts_of_trial(None, None, None, None) == {}

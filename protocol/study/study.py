@@ -117,7 +117,8 @@ class Condition(Item):
     contrast: Contrast | None = None
     """of imported scores: the change of the logarithm of friction that their author predicts"""
     factors: CellOf = setting((), max_length=6)
-    """of imported scores: what each factor has here; conditions cross all of them"""
+    """of imported scores: a table with the value of each factor here; conditions cross all of
+    them"""
 
     @field_validator("touches")
     @classmethod

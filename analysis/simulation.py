@@ -112,6 +112,8 @@ Touched = dict[tuple[int, int], FloatArray]
 """Friction by kind of trial and touch, shape (trials of the kind, parts)."""
 Trials = dict[int, tuple[IntArray, IntArray]]
 """Who has trials of a kind, and which, by kind."""
+_AT_REST = -1
+"""Stands for a touch of the beam at rest."""
 _NEVER = 9
 """Stands for an expected answer where none is: nobody gives it."""
 
@@ -124,7 +126,8 @@ class Cohort:
     `answered`, of that shape as all that follow, are the trials before somebody leaves; `change` is
     the reported one as in `answering.meaning`, of trials with a question; `score` is on the study's
     scale, NaN where none was asked for; `contrast` is the change of log friction under the finger,
-    before noise. `force_n` (people, touches) is of each touch, in order.
+    before noise, or its level where no question is about a change. `force_n` (people, touches) is
+    of each touch, in order.
     """
 
     people: People
@@ -176,6 +179,11 @@ def cohort(
                 friction[number, touch] = np.empty((len(who), len(answers.fractions(mark))))
                 for drive, which, fingers in _fingers(planned.study, kind, touch, way, touching):
                     asked[drive].append((((number, touch), which), fingers))
+        if kind.trial.rated:
+            # A rating is relative to the beam at rest, at the end of the last touch.
+            friction[number, _AT_REST] = np.empty((len(who), 1))
+            drive, fingers = _at_rest(planned.study, kind, touching)
+            asked[drive].append((((number, _AT_REST), np.array([0])), fingers))
     _feel(asked, friction, world)
     numbers = ("reaction_s", "score", "score_reaction_s")
     if isinstance(world.surface, GivenSurface):
@@ -241,6 +249,23 @@ def _fingers(
         yield (frequency, to_make.direction, beam or ""), which, fingers
 
 
+def _at_rest(study: Study, kind: AlikeTrials, people: People) -> tuple[Drive, person.Fingers]:
+    """Return the fingers at the end of the last touch, where nothing is driven."""
+    to_make, mark = kind.trial.touches[-1], kind.marks[-1]
+    beam = to_make.beam or study.touch.beam
+    place_m = np.full(people.size, mark.end_m)
+    fingers = person.Fingers(
+        place_m=place_m,
+        force_n=np.full(people.size, mark.force_n),
+        speed_m_s=np.full(people.size, REFERENCE_SPEED_M_S),
+        voltage_v=0.0 * place_m,
+        body_height_m=0.0 * place_m,
+        skin=people.skin,
+        mu0=people.mu0,
+    )
+    return (1.0, to_make.direction, beam or ""), fingers
+
+
 def _feel(
     asked: Mapping[Drive, list[tuple[Parts, person.Fingers]]], friction: Touched, world: World
 ) -> None:
@@ -260,12 +285,19 @@ def _contrasts(
     kinds: Sequence[AlikeTrials], trials: Trials, friction: Touched, shape: tuple[int, ...]
 ) -> FloatArray:
     """Return the change that each trial makes, shape (people, trials)."""
-    contrast, at_rest = np.zeros(shape), [it for it in trials if kinds[it].trial.question is None]
+    contrast = np.zeros(shape)
+    plain = (it for it in trials if kinds[it].trial.question is None)
+    at_rest = [it for it in plain if not kinds[it].trial.rated]
     # What people remember of the beam at rest, if they touched it.
     resting = friction[at_rest[0], len(kinds[at_rest[0]].marks) - 1][:, -1] if at_rest else None
     for number, (who, trial) in trials.items():
         kind = kinds[number]
-        if kind.trial.question is not None:
+        if kind.trial.rated:
+            last = len(kind.marks) - 1
+            touched = answers.Felt(mark=kind.marks[last], friction=friction[number, last])
+            levels = answers.felt_level([touched], friction[number, _AT_REST][:, 0])
+            contrast[who, trial] = levels[:, 0]
+        elif kind.trial.question is not None:
             felt = [
                 answers.Felt(mark=kind.marks[touch], friction=friction[number, touch])
                 # A trial of one touch has the same first and last; it counts once.
@@ -283,7 +315,7 @@ def _worth(
     contrast = np.zeros(shape)
     for number, (who, trial) in trials.items():
         asked = planned.kinds[number].trial
-        if asked.question is not None:
+        if asked.question is not None or asked.rated:
             felt = answers.given_change(planned.study, asked, world, people.rows(who))
             contrast[who, trial] = felt
     return contrast
@@ -292,7 +324,8 @@ def _worth(
 def _answer(made: Cohort, planned: PlannedTrials, names: Sequence[str]) -> None:
     """Add the answers, trial by trial: a person remembers the one before."""
     people, kinds, of = made.people, made.kinds, planned.kinds
-    asks = np.array([kind.trial.question is not None for kind in of])[kinds]
+    rated = np.array([kind.trial.rated for kind in of])[kinds]
+    asks = rated | np.array([kind.trial.question is not None for kind in of])[kinds]
     two_sided = np.array([kind.two_sided for kind in of])[kinds]
     expected = np.array([_NEVER if kind.expected is None else kind.expected for kind in of])[kinds]
     scored = np.array([kind.trial.scored for kind in of])[kinds]
@@ -305,7 +338,12 @@ def _answer(made: Cohort, planned: PlannedTrials, names: Sequence[str]) -> None:
     # Random numbers are numbered by questions, so that a trial without one uses none.
     answering, everybody, asked = answers.Answering(people), np.arange(people.size), 0
     for trial in range(kinds.shape[1]):
-        if asks[:, trial].any():
+        if rated[:, trial].all():  # as all conditions are, or none
+            score, reaction_s = answering.rate(made.contrast[:, trial], u[:, asked], rating)
+            asked += 1
+            made.reaction_s[:, trial] = np.where(answering.left, np.nan, reaction_s)
+            made.score[:, trial] = np.where(answering.left, np.nan, score)
+        elif asks[:, trial].any():
             change, reaction_s = answering.change(
                 made.contrast[:, trial],
                 extra[everybody, kinds[:, trial]],
@@ -335,7 +373,9 @@ def responses(planned: PlannedTrials, made: Cohort) -> FloatArray:
     of = [None if it.trial.question is None else it.expected for it in planned.kinds]
     expected = np.array([_NEVER if it is None else it for it in of])[made.kinds]
     lowest = planned.study.rating.minimum
-    return np.where(made.change == expected, made.score - lowest + 1, 0.0)
+    rated = np.array([it.trial.rated for it in planned.kinds])[made.kinds]
+    asked = np.where(made.change == expected, made.score - lowest + 1, 0.0)
+    return np.where(rated, made.score, asked)
 
 
 def mean_table(

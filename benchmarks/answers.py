@@ -39,7 +39,8 @@ from device.people.person import (
     Uniform,
 )
 from protocol.study.factor import Group
-from protocol.study.study import Study
+from protocol.study.rules import Rating
+from protocol.study.study import Condition, Study
 from protocol.study_file.loading import parsed_study, template
 
 SEED = 46
@@ -87,6 +88,27 @@ def _how_to() -> Study:
     return parsed_study(how_to())
 
 
+def _rated() -> Study:
+    """A study that scores what is felt at once, from 1 to 7, at five amplitudes."""
+    study = parsed_study(template("paper"))
+    touch = study.condition[-1].touches[0]
+    first = Condition(name="40 V", touches=(touch,))
+    made = [
+        first.model_copy(
+            update={
+                "name": f"{volts} V",
+                "touches": (touch.model_copy(update={"voltage_v": float(volts)}),),
+            }
+        )
+        for volts in (40, 80, 120, 160, 200)
+    ]
+    design = study.design.model_copy(update={"participants": 12, "repeats": 4, "catch_trials": 4})
+    rating = Rating(minimum=1, maximum=7)
+    return study.model_copy(
+        update={"condition": tuple(made), "opening": (), "design": design, "rating": rating}
+    )
+
+
 _IN_EXTENDED: Any = {"study": _extended, "participants": 20}
 WORLDS = {
     "W1 paper": World(study=_paper, participants=9),
@@ -126,6 +148,7 @@ WORLDS = {
         ),
     ),
     "sessions": World(study=lambda: _paper(sessions=2), participants=9),
+    "absolute ratings": World(study=_rated, participants=12),
 }
 NULLS = {
     "nobody feels anything": World(**_IN_EXTENDED, population=_people(NUMB)),
@@ -270,9 +293,10 @@ def measured(virtual: VirtualAnswers, number: int) -> dict[str, Any]:
     start_s = process_time()
     model = answers_model(answers)
     row: dict[str, Any] = {"cohort": number, "people": len(truths.bias)}
-    assert answers.answered is not None
-    row["noticed"] = answers.answered.share_noticed
-    if isinstance(first := model.noticing, NotEstimable):
+    row["noticed"] = answers.answered.share_noticed if answers.answered else 1.0
+    if answers.answered is None:
+        pass
+    elif isinstance(first := model.noticing, NotEstimable):
         row["noticing_reason"] = first.reason
     else:
         row |= _of_noticing(first, answers.answered.unit, truths, population)
@@ -410,7 +434,7 @@ def _mean(rows: Sequence[Mapping[str, Any]], name: str) -> str:
 
 
 KEPT = Path("analysis/sensitivity/coverage.json")
-OBSERVABLE = ("W1", "W2", "W2n", "W3", "W3n", "W6", "groups", "sessions")
+OBSERVABLE = ("W1", "W2", "W2n", "W3", "W3n", "W6", "groups", "sessions", "absolute")
 """Worlds that a study can be seen to be like."""
 
 
@@ -420,6 +444,8 @@ def kept_rows(lines: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     for line in lines:
         rows[line["world"]].append(line)
     for name, world in WORLDS.items():
+        if name not in rows:
+            continue
         rated = [row for row in rows[name] if "gain" in row]
         values = {of: [row[of] for row in rows[name] if of in row] for of in ROWS}
         yield {
@@ -432,6 +458,7 @@ def kept_rows(lines: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
             "held": {ROWS[of]: round(float(np.mean(it)), 3) for of, it in values.items() if it},
             "too_few": [ROWS[of] for of, it in values.items() if it and falls_short(it)],
             "observable": name.split(" ")[0] in OBSERVABLE,
+            "absolute": world.study().absolute,
         }
 
 
@@ -458,7 +485,10 @@ def main() -> None:
     if options.write:
         texts = [path.read_text(encoding="utf-8") for path in options.write]
         lines = [json.loads(line) for text in texts for line in text.splitlines()]
-        kept = json.dumps(list(kept_rows(lines)), indent=1, ensure_ascii=False)
+        # Worlds that were not measured anew keep their rows.
+        rows = {row["name"]: row for row in json.loads(KEPT.read_text(encoding="utf-8"))}
+        rows |= {row["name"]: row for row in kept_rows(lines)}
+        kept = json.dumps(list(rows.values()), indent=1, ensure_ascii=False)
         KEPT.write_text(f"{kept}\n", encoding="utf-8")
         return
     if options.table:

@@ -57,7 +57,7 @@ def _rows(columns: Iterable[Column]) -> str:
 
 def _row(column: Column) -> str:
     unit = f" ({column.unit})" if column.unit else ""
-    said = column.description.replace("{scale}", "0 to 10, or as the study has it")
+    said = column.description.replace("{scale}", "the scale's lowest to its highest")
     private = " Only in `csv`." * column.private
     return f"- `{column.name}`{unit}: {said}{_levels(column)}{private}"
 

@@ -200,7 +200,14 @@ def ask_track(found: str, intervals: int) -> Ask:
 
 
 def ask_score(rating: Rating) -> Ask:
+    """Return the question how strong the change is."""
     return Ask(question=study_question.score_question(rating), bands=rating.bands)
+
+
+def ask_rating(rating: Rating) -> Ask:
+    """Return the question how strong what was felt is, without any about a change."""
+    question = study_question.score_question(rating, study_question.RATING)
+    return Ask(question=question, bands=rating.bands)
 
 
 Screen = Notice | Welcome | Instruction | LeadIn | Pacing | Ask

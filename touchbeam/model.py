@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.thresholds.answer_curve import Shape
+    from analysis.thresholds.psychometric import Guess
     from device.beam.eq15 import Overlap
     from device.friction.surfaces import BeamSurface
-    from protocol.study.track import Task
 
 
 def predict(
@@ -142,39 +142,46 @@ def _beam_of(surface: Mapping[str, Any]) -> "BeamSurface":
 def fit(
     answers: "pd.DataFrame",
     *,
-    task: "Task" = "two intervals",
+    task: str = "two intervals",
     shape: "Shape" = "weibull",
     threshold_at: float | None = None,
     lapse: float | None = None,
+    guess: "Guess" = None,
 ) -> "pd.DataFrame":
     """Return a row per participant and track with threshold, slope and lapse rate.
 
-    The columns are those of `touchbeam fit --json`; an interval is a pair of its ends.
+    The columns are those of `touchbeam fit --json`; an interval is a pair of its ends. Its
+    `attrs["comparisons"]` compare the tracks of each participant.
 
     Args:
         answers: the columns participant, track, level, trials and correct; without trials a row
             is one trial, and correct is 1 or 0. In yes-no correct counts "yes". The `trials` of a
             study will do: their `level_value` is the level, and `left_out` in the result counts
-            those that are catch trials, not answered, or excluded.
-        task: `yes or no`, `two intervals` or `three intervals`.
+            those that are catch trials, not answered, or excluded. A missing answer is left out.
+        task: `yes or no`, `two intervals`, `three intervals`, or `2AFC`, `3AFC`, `4AFC`, ...
         shape: `normal` is a curve of the level, `weibull` one of its logarithm.
         threshold_at: the share correct that defines the threshold; else the curve's midpoint.
         lapse: the lapse rate if it is known, and in yes-no the share of false alarms.
+        guess: the guess rate if it is not the task's; `free` to estimate it.
 
     Raises:
         ValueError: a column or a cell is wrong; line 2 is the first row.
     """
     import pandas as pd
 
-    from analysis.thresholds.answer_table import fits_of, tracks_in
+    from analysis.tables.reading import frame_cells
+    from analysis.thresholds.answer_table import comparisons, fits_of, tracks_in
 
     source = "answers"
-    tracks = tracks_in(answers.to_csv(index=False), source, shape)
-    found = fits_of(tracks, source, task=task, shape=shape, threshold_at=threshold_at, lapse=lapse)
+    tracks = tracks_in(frame_cells(answers, source), shape)
+    asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
+    fits = list(fits_of(tracks, source, **asked, guess=guess))
     rows = [
         {"participant": track.participant, "track": track.track}
         | vars(fit)
         | {"left_out": track.left_out}
-        for track, fit in found
+        for track, fit in fits
     ]
-    return pd.DataFrame(rows).drop(columns=["band", "likelihood"])
+    table = pd.DataFrame(rows).drop(columns=["band", "likelihood"])
+    table.attrs["comparisons"] = [vars(each) for each in comparisons(fits, shape)]
+    return table

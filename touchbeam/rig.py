@@ -27,7 +27,7 @@ from runner.launch import device_access
 from runner.session.waiting import TICK_S
 from runner.session.watchdog import NOT_TRIPPED
 from runner.study.calibration import kept_calibration
-from runner.study.check import validated_study
+from runner.study.check import runnable_study
 from runner.study.folder import StudyFolder
 from touchbeam.held_rigs import OFF, HeldRig, ended_by_signals, say
 from touchbeam.script_journal import Entries, script_session
@@ -91,7 +91,7 @@ def _opened(
     _require(type(seed) is int, "seed", "whole number", seed)
     home = journal if study is None else study
     folder = None if home is None else StudyFolder(path=Path(home))
-    file = None if folder is None else validated_study(folder.text(), str(folder.study_file))
+    file = None if folder is None else runnable_study(folder.text(), str(folder.study_file))
     settings, channel = (file.rig, file.force_channel) if file else (RigSettings(), ForceChannel())
     calibration = None if folder is None else kept_calibration(folder.path)
     url = settings.device if device is None else device

@@ -160,7 +160,7 @@ class Study:
 
     @cached_property
     def scores(self) -> "pd.DataFrame":
-        """Mean scores, a row per participant and a column per condition, as Table 4 takes them."""
+        """Mean scores, a row per participant and a column per condition."""
         import pandas as pd
 
         table = self._counted.table
@@ -215,9 +215,12 @@ class Study:
     @property
     def columns(self) -> "pd.DataFrame":
         """Meaning, unit and levels of each column, a row per table and column."""
+        from analysis.loading.study_data import scale_of_scores
         from protocol.study.participant_texts import scale_in_words
 
-        return self._frames.described(scale_in_words(self.file, self.file.rating))
+        kinds = tuple(self.sessions["session_kind"].unique())
+        scale = scale_of_scores(self.file, kinds)
+        return self._frames.described(scale_in_words(self.file, scale))
 
     def track(self, name: str, answers: "Sequence[bool | int]") -> "dict[str, Any]":
         """Return what a track of the study asks after `answers`, as `touchbeam.track` does."""

@@ -15,13 +15,14 @@ import pandas as pd
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
 from analysis.loading.sessions import load_sessions
+from analysis.loading.study_data import scale_of_scores
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column
 from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
-from protocol.study.rules import PAPERS_SCALE, Publication, Rating
+from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
 
@@ -220,8 +221,7 @@ class Dataset:
     @property
     def rating(self) -> Rating:
         """The scale of the scores."""
-        # Published scores were not given on the scale of the study that they are imported into.
-        return PAPERS_SCALE if self.published else self.study.rating
+        return scale_of_scores(self.study, self.kinds)
 
     def meaning(self, column: Column) -> str:
         """Return what `column` holds; scores lie on this study's scale."""
@@ -247,6 +247,8 @@ class Dataset:
         """Return what each condition asks, as far as the study file still has it."""
         asked = {
             condition.name: f"asks about {condition.question}; expected: {condition.expected}"
+            if condition.question
+            else "scored at once, without a question"
             for condition in self.study.condition
         }
         if self.published:
@@ -274,11 +276,14 @@ class Dataset:
         of = f"Study {self.study.study.name!r} of a touch device whose friction is changed by"
         if tracks and not self.conditions:
             return f"{of} vibration.{asked}"
-        return (
-            f"{of} vibration. In each trial a parameter changes ({conditions}), the "
-            "participant touches and says what changed, and scores how strong the effect is, "
-            f"{scale}.{others}{asked if tracks else ''}"
+        trial = (
+            f"In each trial the participant touches under a condition ({conditions}) and scores "
+            "what was felt"
+            if self.study.absolute
+            else f"In each trial a parameter changes ({conditions}), the participant touches and "
+            "says what changed, and scores how strong the effect is"
         )
+        return f"{of} vibration. {trial}, {scale}.{others}{asked if tracks else ''}"
 
     def instructions(self, code: str | None) -> str | None:
         """Return what participants read at first in a language; None if nobody knows."""

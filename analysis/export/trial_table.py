@@ -63,7 +63,8 @@ CONTRAST_COLUMNS = (
     Column(
         "predicted_contrast",
         "Change of the logarithm of friction that the law predicts on the rig as calibrated, "
-        "positive in the expected direction; missing where nothing is predicted.",
+        "positive in the expected direction or, without a question, where friction is above that "
+        "at 0 V; missing where nothing is predicted.",
     ),
     Column(
         "touch_measured",

@@ -194,12 +194,16 @@ def _of_trial(
     assert session is not None
     if isinstance(session.jitter, NotEstimable):
         return session.jitter
+    # What is scored without a question is the last touch alone, the more the higher its friction.
+    is_level = change.effect == "level"
+    if is_level and planned[last].programme != "hold" and planned[last].voltage_v:
+        return NotEstimable("the drive changes within the touch, and not from 0 V")
     compared = contrast.TouchPair(
-        effect=change.effect,
-        contrary=change.contrary,
-        before=None if first == last else session.touches[first],
+        effect="friction" if is_level else change.effect,
+        contrary=is_level or change.contrary,
+        before=None if is_level or first == last else session.touches[first],
         after=session.touches[last],
-        along_path=len(change.places_m) > 1,
+        along_path=len(change.places_m) > 1 and not is_level,
         contact_m=change.after.contact_m,
         within=planned[last].programme != "hold",
     )

@@ -13,11 +13,24 @@ import pandas as pd
 from analysis.estimates import NotEstimable
 from analysis.friction.recorded import TouchForces, reduced
 from analysis.loading import records
-from analysis.loading.records import AnswerRow, AttemptRow, SessionRow, Table, TouchRow
+from analysis.loading.records import (
+    AnswerRow,
+    AttemptRow,
+    SessionRow,
+    Table,
+    TouchRow,
+)
 from analysis.loading.study_lock import rig_in_force
 from device.friction.calibration import Calibration
 from protocol.journal import events as journal
-from protocol.journal.records import PlannedTrial, QuestionAnswer, TraceSample, TrackAnswer
+from protocol.journal.records import (
+    ImportedRating,
+    PlannedTrial,
+    QuestionAnswer,
+    TraceSample,
+    TrackAnswer,
+)
+from protocol.study.study_question import IMPORTED_QUESTION
 from protocol.study.touch import Touch
 from protocol.study.track import Track, TrackTouch
 from protocol.study_file.loading import StudyError, parsed_study
@@ -109,16 +122,24 @@ class Course:
                 **_named_alike(event),
             )
         )
-        for index, condition in enumerate(event.conditions):
+        ratings = event.ratings
+        if ratings is None:
+            ratings = tuple(
+                ImportedRating(condition=name, score=event.scores.get(name))
+                for name in event.conditions
+            )
+        for index, rating in enumerate(ratings):
             self._of_conditions.add(index)
             self._rows.attempts.append(
                 AttemptRow(
                     session_id=self._rows.sessions.last_id,
                     trial_index=index,
                     trial_kind=event.kind,
-                    condition=condition,
+                    condition=rating.condition,
                     answered=True,
-                    score=event.scores.get(condition),
+                    score=rating.score,
+                    contrast=rating.contrast,
+                    **_imported_answer(rating.answer),
                 )
             )
 
@@ -225,6 +246,8 @@ class Course:
         # The second time is there only if a score was asked for.
         times_s: Sequence[float | None] = (*event.reaction_time_s, None, None)
         attempt.reaction_time_s, attempt.score_reaction_time_s = times_s[:2]
+        if event.change is None and event.score is not None:  # the score was the only answer
+            attempt.score_reaction_time_s = times_s[0]
         attempt.answered_utc = self._stored.utc
         if (told := event.track) is not None:
             attempt.level, attempt.level_value = told.level, told.value
@@ -359,6 +382,14 @@ def _plain(answer: Any) -> Any:
 def _named_alike(event: journal.ScoresImported | journal.SessionOpened) -> dict[str, Any]:
     """Return what the event and the row of its session have under the same name."""
     return {name: value for name, value in vars(event).items() if name in _SESSION_COLUMNS}
+
+
+def _imported_answer(answer: str | None) -> dict[str, Any]:
+    """Return what is known of a trial whose change was answered in words of an imported table."""
+    if answer is None:
+        return {}
+    asked = {"question": IMPORTED_QUESTION, "expected": "expected", "change": answer}
+    return {**asked, "agrees": answer == "expected"}
 
 
 # Most sessions share their study.

@@ -109,6 +109,7 @@ class AttemptRow:
       back.
     - `study_sha256`, `study_text`: the study file in force; `lowest_score`: of its scale, as far as
       it is known.
+    - `contrast`: predicted by the author of an imported table, if it was.
     - `rig`: as calibrated at that time, in a registered session.
     - `track` and what follows: of a trial of a track, whose `level` is the number of its level;
       `track_role` and `interval` as planned, the others as with its answer in the journal;
@@ -144,6 +145,7 @@ class AttemptRow:
     study_sha256: str | None = None
     study_text: Any = None
     lowest_score: float | None = None
+    contrast: float | None = None
     rig: Any = None  # a `Calibration`
     track: str | None = None
     track_role: str | None = None

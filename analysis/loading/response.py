@@ -5,11 +5,11 @@
              = score                      of a trial without a question on a change
 
 Nothing that was answered is missing, whichever answers are scored (`rating.score_when`): a score
-that a study also asks for after another answer stands in Table 4 and is no response. A trial that
-runs backwards expects the opposite answer, so that its response is told likewise.
+that a study also asks for after another answer stands in the table of scores and is no response. A
+trial that runs backwards expects the opposite answer, so that its response is told likewise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.special import bdtrc
 
 from analysis.estimates import LEVEL, FloatArray, ScoreTable
 from analysis.loading.sessions import is_scored
-from protocol.study.study_question import QUESTIONS
+from protocol.study.study_question import IMPORTED_QUESTION, QUESTIONS
 
 IN_WORDS = (
     "The response of a trial is its score, counted from 1 at the lowest, if the change was "
@@ -93,7 +93,7 @@ class Directions(NamedTuple):
 def directions(trials: pd.DataFrame, *names: str) -> dict[tuple[str, ...], Directions]:
     """Return the directions of the answers by the columns `names`, in the order of appearance.
 
-    Of trials that count for Table 4, expect a change, and were answered.
+    Of trials that count for the table of scores, expect a change, and were answered.
     """
     # Where no change is expected there are no ways.
     is_change = ~trials["expected"].isin(NO_CHANGE.values())
@@ -109,5 +109,8 @@ def directions(trials: pd.DataFrame, *names: str) -> dict[tuple[str, ...], Direc
     }
 
 
-NO_CHANGE = {name: question.same for name, question in QUESTIONS.items()}
+NO_CHANGE: Mapping[str, str] = {
+    **{name: question.same for name, question in QUESTIONS.items()},
+    IMPORTED_QUESTION: "same",
+}
 """The answer to each question that means that nothing changed."""

@@ -24,11 +24,11 @@ _Told = TypeVar("_Told", Incident, Exclusion)
 TRIAL = ["session_id", "trial_index"]
 """The columns that identify a trial."""
 SCORED_KINDS = frozenset({"trial", "published"})
-"""The kinds of trial that count for Table 4."""
+"""The kinds of trial that count for the table of scores."""
 
 
 def is_scored(trials: pd.DataFrame) -> "pd.Series[bool]":
-    """Return which of `trials` count for Table 4."""
+    """Return which of `trials` count for the table of scores."""
     return trials["trial_kind"].isin(SCORED_KINDS)
 
 

@@ -21,7 +21,8 @@ from analysis.loading.study_lock import StudyLock, study_lock
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.journal.records import VirtualTruth
-from protocol.study.rules import Exclusions
+from protocol.study.rules import PAPERS_SCALE, Exclusions, Rating
+from protocol.study.study import Study
 
 # The study's rules on who and what is left out, settled beforehand, applied to all alike.
 
@@ -208,7 +209,7 @@ def rules_in_words(rules: Exclusions, *, older: bool = False) -> list[str]:
     return [rule.words.format(settled[name]) for name, rule in named.items() if name in settled]
 
 
-# Why a cell of Table 4 has no score: not every such cell may be read as an answer.
+# Why a cell of the table of scores has no score: not every such cell may be read as an answer.
 
 
 class Why(StrEnum):
@@ -282,6 +283,22 @@ def unscored(table: ScoreTable) -> tuple[tuple[str, ...], tuple[str, ...]]:
         tuple(who for row, who in enumerate(table.subjects) if not given[row].any()),
         tuple(name for column, name in enumerate(table.conditions) if not given[:, column].any()),
     )
+
+
+def is_papers_table(study: Study, table: ScoreTable) -> bool:
+    """Return whether a study's table of scores is the paper's Table 4, and may be called so."""
+    return study.is_papers and set(table.conditions) == set(study.conditions)
+
+
+def scale_of_scores(study: Study, kinds: Sequence[str]) -> Rating:
+    """Return the scale of the scores of sessions of these kinds: the study's.
+
+    Scores that were imported into a study to be run were not given on its scale: they were taken
+    for scores on the paper's, whose words are those of the paper's conditions.
+    """
+    if tuple(kinds) != ("published",) or study.imported:
+        return study.rating
+    return PAPERS_SCALE if study.is_papers else PAPERS_SCALE.model_copy(update={"bands": ()})
 
 
 Value = TypeVar("Value")
@@ -382,8 +399,18 @@ class StudyData:
 
     @property
     def scored(self) -> pd.DataFrame:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return self.trials[is_scored(self.trials)]
+
+    @cached_property
+    def catch_scores(self) -> FloatArray | None:
+        """Each subject's mean score of catch trials; None where none was scored.
+
+        They are scored where no condition has a question, as touches at 0 V.
+        """
+        catch = self.trials[self.trials["trial_kind"].eq("catch")]
+        means = catch.dropna(subset=["score"]).groupby("participant")["score"].mean()
+        return means.reindex(self.table.subjects).to_numpy() if len(means) else None
 
     @cached_property
     def ways(self) -> Mapping[tuple[int, int], Directions]:
@@ -404,7 +431,7 @@ class StudyData:
 
     @property
     def notes(self) -> list[str]:
-        """What stands under Table 4: each mark, how often, and who or what has no score."""
+        """What stands below the table: each mark, how often, and who or what has no score."""
         counts = Counter(self.marks.values())
         said = [
             f"{kind.mark} {kind.note}: {counts[kind.mark]} cell{'s' * (counts[kind.mark] != 1)}."

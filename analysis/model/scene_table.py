@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.cells import csv_fault
 from analysis.estimates import BoolArray
-from analysis.loading.published import require_commas
+from analysis.tables.separated import require_commas
 from device.arrays import FloatArray
 from device.beam.eq15 import describes
 from device.beam.spectral import HIGHEST_MODE

@@ -124,7 +124,8 @@ class AnsweredCohorts:
 
     def asked_before(self, made: Cohort) -> IntArray:
         """Return how many questions were asked before each trial, in its session."""
-        asks = np.array([kind.trial.question is not None for kind in self._kinds])[made.kinds]
+        of_kinds = [it.trial.question is not None or it.trial.rated for it in self._kinds]
+        asks = np.array(of_kinds)[made.kinds]
         before = np.cumsum(asks, axis=1) - asks
         first = np.searchsorted(self._session, self._session)
         return np.asarray(before - before[:, first])
@@ -148,7 +149,9 @@ class AnsweredCohorts:
     def _answers(self, made: Cohort, contrast: FloatArray, kept: IntArray) -> StudyAnswers:
         study, planned = self.cohorts.study, self.cohorts.simulation.planned
         scored, catch, _ = counted_trials(planned, made)
-        subject, trial = np.nonzero(((scored | catch) & np.isfinite(contrast))[kept])
+        # Where nobody is asked what changed catch trials tell nothing of noticing.
+        used = scored if study.absolute else scored | catch
+        subject, trial = np.nonzero((used & np.isfinite(contrast))[kept])
         at = kept[subject], trial
         kinds, change, expected = made.kinds[at], made.change[at], self._expected[made.kinds[at]]
         names = names_of(self.cohorts.participants)
@@ -167,14 +170,16 @@ class AnsweredCohorts:
         return StudyAnswers(
             ratings=ratings,
             scale=(float(study.rating.minimum), float(study.rating.maximum)),
-            answered=Answered(
+            answered=None
+            if study.absolute
+            else Answered(
                 ratings=ratings,
                 answer=np.where(change == SAME, 0, np.where(change == expected, 1, -1)),
                 two_sided=np.array([kind.two_sided for kind in planned.kinds])[kinds],
                 first=expected == MORE,
                 catch=catch[at],
             ),
-            selects=study.rating.score_when != "always",
+            selects=study.rating.score_when != "always" and not study.absolute,
             groups=tuple(study.groups[one] for one in present) if several else (),
             group=group if several else None,
             session=self._session[trial] if study.design.sessions > 1 else None,
@@ -202,9 +207,10 @@ class AnsweredCohorts:
             said = kind.expected
             if kind.trial.kind == "catch":
                 condition = asked[kind.trial.condition or ""]
-                said = meaning(condition.question, condition.expected)
-            # What is not asked about is neither scored nor a catch trial.
-            expected.append(SAME if said is None else said)
+                if condition.question is not None:
+                    said = meaning(condition.question, condition.expected)
+            # What is not asked about is neither scored nor a catch trial, unless all is rated.
+            expected.append(said if said is not None else MORE if kind.trial.rated else SAME)
         return np.array(expected)
 
 

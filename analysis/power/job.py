@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from analysis.power.answered_cohorts import AnsweredCohorts
 from analysis.power.designs import Design, designed
-from analysis.power.null_cohorts import KINDS, kind_named, null_tables
+from analysis.power.null_cohorts import kind_named, kinds_of, null_tables
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.study_records import (
     Asked,
@@ -66,7 +66,7 @@ def tasks(job: Job, design: Design, studies: int, null_studies: int) -> list[Tas
         Task(design, null, first, min(size, count - first))
         for null, count, size in (
             ("", studies, 4 if job.models else tested),
-            *((kind.name, null_studies, tested) for kind in KINDS),
+            *((kind.name, null_studies, tested) for kind in kinds_of(asked(job))),
         )
         for first in range(0, count, size)
     ]

@@ -67,11 +67,18 @@ KINDS = (
     ),
 )
 SHUFFLED, DIFFERING, NOTICING = KINDS
+# Who scores what is felt, and not a change, notices nothing.
+ALIKE = NullKind(name="gain 0, no difference", typical={"skin": 0.0, "gain": 0.0})
+
+
+def kinds_of(asked: Asked) -> tuple[NullKind, ...]:
+    """Return the kinds that are null cohorts of a study."""
+    return (ALIKE, DIFFERING) if asked.absolute else KINDS
 
 
 def kind_named(name: str) -> NullKind:
     """Return the kind of that name."""
-    return next(kind for kind in KINDS if kind.name == name)
+    return next(kind for kind in (*KINDS, ALIKE) if kind.name == name)
 
 
 def kind_of(asked: Asked, claim: str) -> str:

@@ -37,7 +37,8 @@ class PeopleCohorts:
         kinds_of_trial = self.simulation.planned.kinds
         for kind in kinds_of_trial:
             plan = kind.trial
-            change = planned_change_of(self.study, plan.question, plan.expected, plan.touches)
+            asked = (plan.kind, plan.question, plan.expected)
+            change = planned_change_of(self.study, *asked, plan.touches)
             # A contrast is between the first touch and the last; they may be one.
             ends = dict.fromkeys([0, len(kind.marks) - 1])
             of_kinds.append((change, [_touched(kind, number, resonance_hz) for number in ends]))

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from analysis.estimates import Json, plain
-from analysis.power.null_cohorts import KINDS
 from analysis.power.power_summary import EstimateQuality, Measured, Summary, TestPower, too_often
 from analysis.power.study_records import LEVELS
 from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
@@ -16,16 +15,26 @@ _LEAST = 0.9
 """Coverage of a 95% interval below which a warning is due."""
 _MOST_TOLD = 5
 """Pairs in an answer."""
-NOBODY = KINDS[0].name
 FAMILY = (
     "Supported is what the whole report may claim: that the conditions differ, that responses "
-    "follow the prediction, with catch trials that changes are noticed, the questions about groups "
+    "follow the prediction{questions}, the questions about groups "
     "and the effects of factors are one family with Holm's correction; conditions also differ if "
     "responses follow the prediction or a factor has an effect. A pair counts only if the "
-    "conditions differ, by its p after Holm's correction over all pairs; a condition counts as "
-    "noticed only if changes are, a pair of groups only if groups differ. Where nothing has an "
-    "effect, anything is claimed in at most 5% of studies."
+    "conditions differ, by its p after Holm's correction over all pairs{after}; a pair of groups "
+    "only if groups differ. Where nothing has an effect, anything is claimed in at most 5% of "
+    "studies."
 )
+_OF_NOTICING = {
+    "questions": ", with catch trials that changes are noticed",
+    "after": "; a condition counts as noticed only if changes are",
+}
+
+
+def family(study: Study) -> str:
+    """Return which claims of a report on the study go together, in words."""
+    return FAMILY.format(**({"questions": "", "after": ""} if study.absolute else _OF_NOTICING))
+
+
 _NUMBERS = ("bias", "rmse", "coverage", "width")
 
 
@@ -45,7 +54,7 @@ def power_record(summaries: Sequence[Summary], study: Study, study_sha256: str, 
         **designs[0],
         "answer": answer(summaries),
         "warnings": warnings(summaries),
-        "family": FAMILY,
+        "family": family(study),
         "designs": designs,
     }
     return {name: plain(value) for name, value in document.items()}
@@ -55,6 +64,7 @@ def _design_record(summary: Summary, study: Study) -> Json:
     design = summary.design
     levels = [len(condition.levels) for condition in study.condition]
     family = [test for test in summary.tests if test.after is not None]
+    without_effect = next(iter(summary.any_false_claim))
     return {
         "design": {
             "participants": design.participants,
@@ -73,8 +83,10 @@ def _design_record(summary: Summary, study: Study) -> Json:
         "estimates": [_estimate_record(estimate) for estimate in summary.estimates],
         "null": {
             "studies": summary.null_studies,
-            **summary.any_false_claim[NOBODY].as_json("any_supported"),
-            "supported": {test.name: test.false[NOBODY].as_json("share") for test in family},
+            **summary.any_false_claim[without_effect].as_json("any_supported"),
+            "supported": {
+                test.name: test.false[without_effect].as_json("share") for test in family
+            },
             "kinds": [
                 {"name": kind, **made.as_json("any_supported")}
                 for kind, made in summary.any_false_claim.items()

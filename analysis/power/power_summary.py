@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.estimates import LEVEL, BoolArray, FloatArray, Json
 from analysis.power.designs import Design
-from analysis.power.null_cohorts import KINDS
+from analysis.power.null_cohorts import kind_named
 from analysis.power.study_records import MEAN_GAIN, Asked, Records
 from analysis.statistics.corrections import holm_of_rows
 from protocol.registration.registration import GAINS, NOTICED, OMNIBUS, implying_differences
@@ -113,21 +113,24 @@ class Summary:
 def summary(
     design: Design, asked: Asked, studies: Records, nulls: Mapping[str, Records]
 ) -> Summary:
-    """Return the summary of a design from the records of its studies and of each kind of null."""
+    """Return the summary of a design from the records of its studies and of each kind of null.
+
+    `nulls` are by the names of the kinds, that without any effect first.
+    """
     claimed = claims(asked, studies.p)
     false = {
-        kind.name: {
+        kind: {
             name: made
-            for name, made in claims(asked, nulls[kind.name].p).items()
-            if kind.is_false(asked, name)
+            for name, made in claims(asked, records.p).items()
+            if kind_named(kind).is_false(asked, name)
         }
-        for kind in KINDS
+        for kind, records in nulls.items()
     }
     estimates = np.moveaxis(studies.estimates, 1, 0)
     return Summary(
         design=design,
         studies=len(studies.p),
-        null_studies=len(nulls[KINDS[0].name].p),
+        null_studies=len(next(iter(nulls.values())).p),
         tests=tuple(
             _test(
                 name,

@@ -42,7 +42,8 @@ class Asked:
     Without two conditions nothing is asked of responses. `factors` have their levels, sessions of a
     participant among them; `contrasts` is the predicted contrast of each condition as planned, for
     the slope and the gains of groups; with `models` levels and gains are estimated, and gains
-    tested for being equal; `tracks` and the pairs of those that are compared have thresholds.
+    tested for being equal; in an `absolute` study nobody is asked what changed, so that nothing is
+    tested of noticing; `tracks` and the pairs of those that are compared have thresholds.
     """
 
     conditions: tuple[str, ...] = ()
@@ -50,6 +51,7 @@ class Asked:
     factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     contrasts: tuple[float, ...] = ()
     models: bool = False
+    absolute: bool = False
     tracks: tuple[str, ...] = ()
     track_pairs: tuple[tuple[str, str], ...] = ()
 
@@ -63,17 +65,21 @@ class Asked:
         if not self.conditions:
             return {}
         groups = [between_groups(*pair) for pair in combinations(self.groups, 2)]
+        of_noticing = {} if self.absolute else self._of_noticing
         in_conditions = [f"{condition}: {pair}" for condition in self.conditions for pair in groups]
         return {
             **dict.fromkeys((OMNIBUS, *[FOLLOWS] * self.is_predicted), ()),
             **dict.fromkeys(self.pairs, (OMNIBUS,)),
-            NOTICED: (),
-            **{f"{name} {NOTICED}": (NOTICED,) for name in self.conditions},
+            **of_noticing,
             **dict.fromkeys((GROUP_SCORE, GROUP_GAIN, BY_GROUP) if groups else (), ()),
             **dict.fromkeys(groups, (GROUP_SCORE,)),
             **dict.fromkeys(in_conditions, (GROUP_SCORE, BY_GROUP)),
             **{effect_of(*effect): () for effect in effects_of(self.factors)},
         }
+
+    @property
+    def _of_noticing(self) -> dict[str, tuple[str, ...]]:
+        return {NOTICED: (), **{f"{name} {NOTICED}": (NOTICED,) for name in self.conditions}}
 
     @property
     def is_predicted(self) -> bool:
@@ -120,6 +126,7 @@ def asked_by(study: Study, rig: Calibration = NOMINAL, *, models: bool = False) 
     contrasts = tuple(predicted_contrast(change, rig=rig) for change in changes)
     return replace(
         of_tracks,
+        absolute=study.absolute,
         conditions=study.conditions,
         groups=study.groups,
         factors=factors | sessions,
@@ -206,7 +213,7 @@ def record_of_tables(
     """
     kept = ~np.isnan(responses).all(axis=1)
     responses, by_session, groups = responses[kept], by_session[kept], groups[kept]
-    tests = _of_noticing(asked, noticed)
+    tests = {} if asked.absolute else _of_noticing(asked, noticed)
     if len(responses):
         subjects = tuple(map(str, range(len(responses))))
         table = ScoreTable(subjects=subjects, conditions=asked.conditions, scores=responses)

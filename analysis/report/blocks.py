@@ -227,7 +227,7 @@ class Figure:
 class Items:
     """List with an optional heading; shows nothing if `lines` is empty.
 
-    With `front` it stands among the results, below Table 4.
+    With `front` it stands among the results, below the table of scores.
     """
 
     kind: ClassVar = "items"

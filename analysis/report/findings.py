@@ -11,7 +11,7 @@ from analysis.estimates import LEVEL, FloatArray, plain
 from analysis.felt.measured_statistics import MeasuredStatistics, friction_of_touches
 from analysis.loading.records import values
 from analysis.loading.sessions import is_scored
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, is_papers_table, scale_of_scores
 from analysis.loading.study_lock import StudyLock
 from analysis.sensitivity.answers_model import Sensitivity, sensitivity
 from analysis.statistics.corrections import holm
@@ -31,7 +31,7 @@ from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW, RUNG
-from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
+from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.registration.registration import (
     FOLLOWS,
     NOTICED,
@@ -40,7 +40,7 @@ from protocol.registration.registration import (
     implying_differences,
 )
 from protocol.study.participant_texts import scale_in_words
-from protocol.study.rules import PAPERS_SCALE, Rating
+from protocol.study.rules import Rating
 from protocol.study.study import Study
 
 
@@ -141,19 +141,21 @@ class Findings:
     @cached_property
     def is_predicted(self) -> bool:
         """Whether friction of any trial is known, so that ratings can be compared with it."""
-        stated = isinstance(self.origin.rig.surface, GivenSurface)
+        stated = isinstance(self.origin.rig.surface, GivenSurface) or self.study.imported
         return not stated or bool(np.isfinite(self.trials.contrasts.by_law[LAW]).any())
 
     @property
     def shown_laws(self) -> tuple[str, ...]:
         """The laws whose contrasts are shown; without a beam's model all are the same."""
-        if isinstance(self.origin.rig.surface, BeamSurface):
+        if self.trials.has_laws:
             return tuple(self.trials.contrasts.by_law)
         return (LAW,) if self.is_predicted else ()
 
     @property
     def friction_source(self) -> str:
         """Where friction comes from, in words."""
+        if self.study.imported:
+            return "what the author of the study predicts"
         match self.origin.rig.surface:
             case GivenSurface():
                 return "the friction that the study states of its touches"
@@ -278,10 +280,21 @@ class Findings:
         """What conditions are compared by: `response`, or `score` where nobody was asked."""
         return "response" if self.loaded.scored["question"].notna().any() else "score"
 
+    def in_measure(self, text: str) -> str:
+        """Return words on responses as words on scores where these are what is compared."""
+        if self.measure == "response":
+            return text
+        return text.replace("response", "score").replace("Response", "Score")
+
     @property
     def response_scale(self) -> "Scale":
         """The ends of the scale of responses."""
         return Scale(0, self.scale.span + 1) if self.measure == "response" else self.scale
+
+    @property
+    def at_once(self) -> bool:
+        """Whether people scored what they felt at once, without a question about a change."""
+        return self.study.absolute and not self.published
 
     @property
     def rehearsals(self) -> bool:
@@ -295,8 +308,23 @@ class Findings:
 
     @property
     def rating(self) -> Rating:
-        """Scale of the scores: the study's, or that of published tables if `published`."""
-        return PAPERS_SCALE if self.published else self.study.rating
+        """Scale of the scores."""
+        return scale_of_scores(self.study, self.loaded.kinds)
+
+    @cached_property
+    def is_papers(self) -> bool:
+        """Whether the table of scores is the paper's Table 4."""
+        return is_papers_table(self.study, self.loaded.table)
+
+    @property
+    def table_name(self) -> str:
+        """What the table of scores is called within a sentence."""
+        return "Table 4" if self.is_papers else "the table of scores"
+
+    @property
+    def mean_name(self) -> str:
+        """What the means of its rows are called."""
+        return "comprehensive" if self.is_papers else "mean"
 
     @property
     def scale(self) -> Scale:

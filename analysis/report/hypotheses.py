@@ -93,36 +93,39 @@ def _effects(study: Study) -> Iterator[tuple[str, ...]]:
 
 def _of_responses(study: Study) -> Iterator[Hypothesis]:
     named = partial(Hypothesis, asked=bool(study.condition))
+    # Without questions nothing is expected, so that scores may follow friction either way.
+    what, either_way = "scores" if study.absolute else "responses", study.absolute
     yield named(
         hypothesis.OMNIBUS,
-        "Friedman's test of mean responses, or the Skillings–Mack test where some are missing; "
+        f"Friedman's test of mean {what}, or the Skillings–Mack test where some are missing; "
         "p < .05",
         lambda found: _tested(found.trials.response_tests.omnibus_p),
         page.DIFFER,
     )
     for pair in permutations(study.conditions, 2):
         judge = partial(_pair, *pair, lambda found: found.trials.response_tests)
-        yield named(hypothesis.above(*pair), _ABOVE.format(of=" of mean responses"), judge)
+        yield named(hypothesis.above(*pair), _ABOVE.format(of=f" of mean {what}"), judge)
     predicted = partial(Hypothesis, asked=bool(study.condition) and _is_predicted(study))
     # With fewer conditions no p of the slope is below .05.
     can_follow = len(study.conditions) > FEWEST_CONDITIONS and _is_predicted(study)
     yield Hypothesis(
         hypothesis.FOLLOWS,
-        "slope of mean responses on predicted contrasts, with the contrasts permuted over the "
-        "conditions; p < .05 and a slope above 0",
-        _slope,
+        f"slope of mean {what} on predicted contrasts, with the contrasts permuted over the "
+        f"conditions; p < .05{'' if either_way else ' and a slope above 0'}",
+        partial(_slope, either_way=either_way),
         page.FOLLOW,
         asked=can_follow,
     )
-    judge_order = partial(_order, lambda found: found.trials.orders)
-    yield predicted(hypothesis.ORDER, _RANKED.format(of="responses"), judge_order, page.FOLLOW)
+    judge_order = partial(_order, lambda found: found.trials.orders, either_way=either_way)
+    ranked = _RANKED.format(of=what, sign="" if either_way else _RISING)
+    yield predicted(hypothesis.ORDER, ranked, judge_order, page.FOLLOW)
     yield predicted(hypothesis.GAINS, _EQUAL, _gains, page.SENSITIVE)
     for pair in permutations(study.groups, 2):
         judge = partial(_groups, *pair, _group_responses)
-        test = _BETWEEN.format(of="responses")
+        test = _BETWEEN.format(of=what)
         yield named(hypothesis.between(*pair), test, judge, page.GROUPS)
     for of in _effects(study):
-        test = _MAIN_EFFECT if len(of) == 1 else _INTERACTION
+        test = (_MAIN_EFFECT if len(of) == 1 else _INTERACTION).format(of=what)
         yield named(hypothesis.effect_of(*of), test, partial(_effect, of), page.FACTORS)
 
 
@@ -139,7 +142,9 @@ def _of_scores(study: Study, version: str) -> Iterator[Hypothesis]:
         judge = partial(_pair, *pair, lambda found: found.table.score_tests)
         yield named(hypothesis.above(*pair), _ABOVE.format(of=""), judge)
     judge_order = partial(_order, lambda found: found.trials.orders_of_scores())
-    yield named(hypothesis.ORDER, _RANKED.format(of="ratings"), judge_order, page.FOLLOW)
+    yield named(
+        hypothesis.ORDER, _RANKED.format(of="ratings", sign=_RISING), judge_order, page.FOLLOW
+    )
     for pair in permutations(study.groups, 2):
         judge = partial(_groups, *pair, _group_scores)
         test = _BETWEEN.format(of="scores")
@@ -163,7 +168,8 @@ def _of_scores(study: Study, version: str) -> Iterator[Hypothesis]:
 
 def _of_conditions(study: Study) -> Iterator[Hypothesis]:
     """Yield what touchbeam 1 tested as today, of studies with catch trials."""
-    caught = partial(Hypothesis, asked=bool(study.condition and study.design.catch_trials))
+    is_asked = bool(study.condition) and not study.absolute
+    caught = partial(Hypothesis, asked=is_asked and bool(study.design.catch_trials))
     for each in ("", *study.conditions):
         corrected = ", corrected by Holm's method over all conditions" * bool(each)
         test = f"{_EXACT}{corrected}; p < .05"
@@ -199,9 +205,9 @@ _ABOVE = (
     "conditions; p < .05 and a mean difference above 0"
 )
 _RANKED = (
-    "Spearman's correlation of predicted contrasts and mean {of} of the conditions; "
-    "p < .05 and a correlation above 0"
+    "Spearman's correlation of predicted contrasts and mean {of} of the conditions; p < .05{sign}"
 )
+_RISING = " and a correlation above 0"
 _BETWEEN = (
     "Wilcoxon-Mann-Whitney test of the participants' mean {of}, two-sided, corrected by Holm's "
     "method over all pairs of groups; p < .05 and a Hodges-Lehmann shift above 0"
@@ -210,8 +216,8 @@ _EXACT = "exact test within people of reported changes against those on catch tr
 _LARGER = (
     "permutation of levels, and F with Greenhouse and Geisser's correction; the larger p < .05"
 )
-_MAIN_EFFECT = f"main effect within participants on ranks of mean responses: {_LARGER}"
-_INTERACTION = f"interaction within participants on mean responses: {_LARGER}"
+_MAIN_EFFECT = f"main effect within participants on ranks of mean {{of}}: {_LARGER}"
+_INTERACTION = f"interaction within participants on mean {{of}}: {_LARGER}"
 _BY_FACTOR = f"within participants on mean scores: {_LARGER}"
 _EQUAL = (
     "probability that all participants have the same gain, in the model of the answers and .50 "
@@ -250,7 +256,7 @@ def _pair(
     return NotEstimable(_NOT_COMPARED)
 
 
-def _slope(found: Findings) -> Judged:
+def _slope(found: Findings, *, either_way: bool) -> Judged:
     fit = found.trials.slope
     if isinstance(fit, NotEstimable):
         return fit
@@ -258,7 +264,7 @@ def _slope(found: Findings) -> Judged:
     told = "" if isinstance(ends, NotEstimable) else f", 95% CI {interval(ends)}"
     told = f"slope {number(fit.value, 2)}{told}, {p_equals(fit.p)}"
     # Two-sided p, so that responses against the prediction must not count for it.
-    return told, fit.p, fit.value > 0 and fit.p < LEVEL
+    return told, fit.p, (either_way or fit.value > 0) and fit.p < LEVEL
 
 
 def _without_test(why: str, _: Findings) -> Judged:
@@ -276,7 +282,9 @@ def _gains(found: Findings) -> Judged:
     return equal, None, rating.gains_differ
 
 
-def _order(orders: Callable[[Findings], _Orders], found: Findings) -> Judged:
+def _order(
+    orders: Callable[[Findings], _Orders], found: Findings, *, either_way: bool = False
+) -> Judged:
     lock = found.loaded.lock
     order = orders(found).get(lock.registration.law if lock else LAW)
     if order is None or isinstance(order, NotEstimable):
@@ -287,7 +295,7 @@ def _order(orders: Callable[[Findings], _Orders], found: Findings) -> Judged:
     if isinstance(p, NotEstimable):
         return p
     # Two-sided p, so that an order against the law must not count for it.
-    return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, rho > 0 and p < LEVEL
+    return f"ρ = {number(rho, 2)}, {p_equals(p)}", p, (either_way or rho > 0) and p < LEVEL
 
 
 def _group_responses(found: Findings) -> Compared | NotEstimable:

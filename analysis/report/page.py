@@ -66,6 +66,16 @@ _TERMS = {
 }
 
 
+_OF_CHANGES = frozenset({"as expected", "d", "d′", "response"})
+_OF_SCORES = {
+    "contrast": "predicted log friction of the last touch, relative to the same touch at 0 V: −.10 "
+    "is friction lower by about 10%.",
+    "level": "the score that a subject gives to a touch of medium friction, the mean of the "
+    "rated contrasts.",
+    "r": "rank-biserial correlation: 1 if every subject whose scores differ has more for the first "
+    "condition. Its interval is for this pair alone; p is corrected for all pairs.",
+}
+"""What terms mean where what is felt is scored without a question."""
 _OF_PREDICTIONS = frozenset(
     {"contrast", "d", "d′", "gain", "law", "level", "relative gain", "rung"}
 )
@@ -74,10 +84,13 @@ _OF_PREDICTIONS = frozenset(
 def glossary(found: Findings) -> blocks.Section:
     """Return the terms in alphabetical order, those of predictions where there are any."""
     terms = _TERMS.keys() - (frozenset() if found.is_predicted else _OF_PREDICTIONS)
+    if found.at_once:
+        terms -= _OF_CHANGES
     if len(found.shown_laws) < 2:
         terms -= {"law", "rung"}
     in_order = sorted(terms, key=str.casefold)
-    entries = {name: _TERMS[name].replace("{laws}", ", ".join(LAWS)) for name in in_order}
+    told = _TERMS | (_OF_SCORES if found.at_once else {})
+    entries = {name: told[name].replace("{laws}", ", ".join(LAWS)) for name in in_order}
     return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=entries)])
 
 

@@ -113,7 +113,7 @@ def report(
         loaded=loaded,
         study=study,
         origin=origin,
-        table=TableStatistics(table=loaded.table),
+        table=TableStatistics(table=loaded.table, catch=loaded.catch_scores),
         trials=trials,
         measured=measured_statistics(study, loaded, trials.contrasts.by_law[LAW]),
         shown=shown,

@@ -75,7 +75,7 @@ def _of_conditions(found: Findings) -> Iterator[tuple[str, str]]:
     if any(isinstance(pair.test, SignedRank) for pair in main.pairwise):
         yield WHICH, _pairs(found, main.pairwise)
     if found.groups is not None:
-        yield GROUPS, of_groups(found.groups, adjusted=not main.table.is_complete)
+        yield GROUPS, of_groups(found, found.groups)
     if found.factors is not None:
         yield FACTORS, _factors(found.factors)
     yield from _of_models(found)
@@ -93,7 +93,7 @@ def _of_models(found: Findings) -> Iterator[tuple[str, str]]:
     if rating.untold is None:
         yield SENSITIVE, _differ(found, rating)
     else:
-        yield SENSITIVE, f"{untold(rating)} {_levels(found, rating)}"
+        yield SENSITIVE, f"{untold(found, rating)} {_levels(found, rating)}"
 
 
 def threshold_lines(found: Findings, of: str = "Threshold in") -> list[str]:
@@ -208,9 +208,13 @@ def _who(found: Findings) -> str:
     of = count_of(conditions, "condition")
     ways = found.trials.directions.values()
     if not ways:
-        return sentence(
-            f"{count_of(people, 'participant')} rated {of} from {found.scale}{_left_out(found)}."
-        )
+        rated = f"{count_of(people, 'participant')} rated {of} from {found.scale}"
+        if not found.rating.known:
+            rated = f"{count_of(people, 'participant')} gave {of} scores, {found.scale}"
+        rated += f"{_left_out(found)}."
+        if (catch := found.table.table4).catch is not None:
+            rated += f" Without a drive (catch trials) they gave {number(catch.catch_mean, 2)}."
+        return sentence(rated)
     expected, answers = (sum(getattr(each, name) for each in ways) for name in _COUNTED)
     return sentence(
         f"{count_of(people, 'participant')} gave {answers:,} answers on {of}, {expected:,} of them "
@@ -317,22 +321,27 @@ def _higher_first(
     return a, b, f"{number(difference, 2)}{_ci(ends)}"
 
 
-def of_groups(made: GroupStatistics, *, adjusted: bool) -> str:
+def of_groups(found: Findings, made: GroupStatistics) -> str:
     """Tell in which of the questions about groups they differ, and by how much.
 
-    Means are `adjusted` where somebody has no answer to a condition: see `groups.mean_scores`.
+    Means are adjusted where somebody has no answer to a condition: see `groups.mean_scores`.
     """
-    means = f"Mean responses{', adjusted for conditions without an answer,' * adjusted}"
+    adjusted = not found.trials.response_tests.table.is_complete
+    means = found.in_measure("Mean responses")
+    means += ", adjusted for conditions without an answer," * adjusted
     apart = sorted(made.in_conditions, key=lambda entry: -abs(entry[1].shift))
     most = "; ".join(f"{name}, {_higher(pair)}" for name, pair in apart[:MOST_PAIRS])
     return " ".join(
         (
             _compared(made, SCORE, means, made.score),
             _profiles(made, made.interaction),
-            _compared(made, GAIN, "Slopes on predicted contrasts", made.gain),
+            *([_compared(made, GAIN, _SLOPES, made.gain)] if found.is_predicted else []),
             *([f"Conditions in which groups differed most: {most}."] if most else []),
         )
     )
+
+
+_SLOPES = "Slopes on predicted contrasts"
 
 
 def _compared(made: GroupStatistics, name: str, what: str, found: Compared | NotEstimable) -> str:
@@ -452,9 +461,18 @@ def together(found: Findings) -> str:
 def _claim(found: Findings, question: str) -> str:
     """Return what is claimed where a question holds; the test of the prediction has two sides."""
     slope = found.trials.slope
-    if question == FOLLOWS and isinstance(slope, Slope) and slope.value < 0:
-        return "responses go against the prediction"
-    return question.replace("ratings", "responses")
+    if question == FOLLOWS and isinstance(slope, Slope):
+        if found.study.absolute:
+            return f"scores are {_way(found, slope)}"
+        if slope.value < 0:
+            return "responses go against the prediction"
+    return found.in_measure(question.replace("ratings", "responses"))
+
+
+def _way(found: Findings, slope: Slope) -> str:
+    """Return which way scores follow contrasts of which nothing is expected."""
+    where = "friction is predicted to be higher" if found.at_once else "the contrast is larger"
+    return f"{'higher' if slope.value > 0 else 'lower'} where {where}"
 
 
 def _slope(found: Findings) -> str:
@@ -465,6 +483,8 @@ def _slope(found: Findings) -> str:
     shown = (
         "these data do not show that they follow it"
         if not found.questions.holds(FOLLOWS)
+        else f"they are {_way(found, slope)}"
+        if found.study.absolute
         else "they follow it"
         if slope.value > 0
         else "they fall where a larger change is predicted"
@@ -476,10 +496,13 @@ def _slope(found: Findings) -> str:
     elif not found.questions.holds(FOLLOWS) and slope.least_p * len(found.questions.p_holm) > 0.01:
         few = f" ({conditions} have at best {least}, before any correction)"
     law = f"; law {LAW}" * (len(found.shown_laws) > 1)
+    is_of = "change of log friction"
+    if found.at_once:
+        is_of = "log friction of the last touch, relative to that at 0 V"
     # Its own p is below .05, so that the interval is without 0, and the corrected one is not.
     alone = slope.p < LEVEL and not found.questions.holds(FOLLOWS)
     return (
-        f"Per unit of predicted contrast (change of log friction{law}), mean {found.measure}s "
+        f"Per unit of predicted contrast ({is_of}{law}), mean {found.measure}s "
         f"change by {number(slope.value, 2)} points ({number(slope.value / 10, 2)} per .10, which "
         f"is a change of about 10%){_ci(slope.interval)}, "
         f"{_p(found, FOLLOWS, slope.p)} against contrasts in any other order{few}: {shown}"
@@ -541,14 +564,15 @@ def _differ(found: Findings, rating: Rated) -> str:
     return f"{differ}; {who} {skin if found.predictor[1] else _SKIN}"
 
 
-def untold(rating: Rated) -> str:
+def untold(found: Findings, rating: Rated) -> str:
     """Return why the gains of people are not told, in a sentence."""
     assert rating.untold is not None
     told, people = sum(person.told for person in rating.subjects), len(rating.subjects)
     who = f"most people are ({people - told} of {people})" if told else "each person is"
+    what = "touch of medium friction" if found.at_once else "change of medium size"
     return (
         f"How sensitive {who} cannot be told from these data: {rating.untold.reason}. "
-        "What they do tell of each is a level, the rating of a change of medium size."
+        f"What they do tell of each is a level, the rating of a {what}."
     )
 
 

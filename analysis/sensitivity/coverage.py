@@ -19,7 +19,8 @@ class SimulatedStudies:
     `people` and `trials` are how many there were, and rated trials of each; `noticed` is the share
     of changes answered as expected, `highest` that of the scores that were the highest. `held` has
     by what was estimated the share of 95% intervals that held the truth, and `too_few` what they
-    held less often than chance explains in so many `studies`.
+    held less often than chance explains in so many `studies`. They were `absolute` where scores
+    were given without a question about a change.
     """
 
     name: str
@@ -31,6 +32,7 @@ class SimulatedStudies:
     held: Mapping[str, float]
     too_few: tuple[str, ...]
     observable: bool
+    absolute: bool = False
 
     def distance(self, people: float, trials: float, noticed: float, highest: float) -> float:
         """Return how unlike a study is: a factor of two counts as much as a fifth of a share."""
@@ -48,11 +50,13 @@ def simulated_studies() -> tuple[SimulatedStudies, ...]:
     )
 
 
-def most_alike(people: int, trials: float, noticed: float, highest: float) -> SimulatedStudies:
+def most_alike(
+    people: int, trials: float, noticed: float, highest: float, *, absolute: bool = False
+) -> SimulatedStudies:
     """Return the simulated studies that are most like one with these numbers.
 
     Only those count that a study can be seen to be like: how people differ in what they feel or
     how they score is not known of them.
     """
-    known = [of for of in simulated_studies() if of.observable]
+    known = [of for of in simulated_studies() if of.observable and of.absolute == absolute]
     return min(known, key=lambda of: of.distance(people, trials, noticed, highest))

@@ -12,7 +12,7 @@ from analysis.estimates import UPPER, FloatArray, Interval, NotEstimable
 NEARLY_ONE = 1 - 1e-9
 
 DESIGN: Final = (
-    "9 subjects, 5 conditions, scores in whole points from 0 to 10, subjects' SD 0.7, residual SD "
+    "9 subjects, 5 conditions, whole scores on a scale of 11, subjects' SD 0.7, residual SD "
     "1, condition means from 6 to 8, 10,000 simulated studies"
 )
 COVERAGE: Final[Mapping[str, float]] = {

@@ -56,7 +56,8 @@ def slope(responses: FloatArray, contrasts: FloatArray) -> Slope | NotEstimable:
     (1): the slope is the least-squares one about each person's own mean. That conditions differ is
     no evidence for it: under the hypothesis the contrasts belong to the conditions in any order, so
     that (2) each order of the contrasts is as likely as theirs. (3): a slope is in the interval if
-    what it leaves of the responses passes the test.
+    what it leaves of the responses passes the test. p is two-sided: without a question nothing is
+    expected of the sign.
 
     Args:
         responses: mean responses, shape (people, conditions), NaN where there is none.

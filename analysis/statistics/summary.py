@@ -15,21 +15,32 @@ from analysis.statistics.signed_rank import PairwiseTest, pairwise_signed_ranks
 
 @dataclass(frozen=True, kw_only=True)
 class Table4:
-    """The table and its means over the scores given; NaN where there are none."""
+    """The table and its means over the scores given; NaN where there are none.
+
+    `catch`, shape (subjects,), has the mean scores of touches at 0 V, which no mean includes; None
+    where none was scored.
+    """
 
     table: ScoreTable
     row_means: FloatArray
     column_means: FloatArray
     grand_mean: float
+    catch: FloatArray | None = None
+
+    @property
+    def catch_mean(self) -> float:
+        """The mean of `catch` over the subjects."""
+        return math.nan if self.catch is None else _mean_given(self.catch)
 
 
-def table4(table: ScoreTable) -> Table4:
-    """Return Table 4 of `table`."""
+def table4(table: ScoreTable, catch: FloatArray | None = None) -> Table4:
+    """Return the means of `table`, with the scores of catch trials beside them."""
     return Table4(
         table=table,
         row_means=np.array([_mean_given(row) for row in table.scores]),
         column_means=np.array([_mean_given(column) for column in table.scores.T]),
         grand_mean=_mean_given(table.scores),
+        catch=catch,
     )
 
 
@@ -78,14 +89,15 @@ def condition_tests(table: ScoreTable) -> ConditionTests:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TableStatistics:
-    """The statistics of a table of scores, each computed when it is asked for."""
+    """The statistics of a table of scores, each computed when it is asked for; see `Table4`."""
 
     table: ScoreTable
+    catch: FloatArray | None = None
 
     @cached_property
     def table4(self) -> Table4:
         """The table with its means."""
-        return table4(self.table)
+        return table4(self.table, self.catch)
 
     @cached_property
     def score_tests(self) -> ConditionTests:

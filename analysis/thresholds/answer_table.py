@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from itertools import combinations
+from typing import Any, Literal
 
-from analysis.estimates import Json, plain
-from analysis.loading.published import NUMBER, TableError, cell_name, csv_rows, require_commas
-from analysis.thresholds.psychometric import Threshold, curve_share, fitted
+from analysis.estimates import Interval, Json, plain
+from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
+from analysis.thresholds.psychometric import NOTHING, Threshold, curve_share, fitted
 from protocol.errors import BadInput
 
 MOST_BYTES = 2**26
@@ -17,7 +19,7 @@ MOST_TRIALS = 1_000_000_000
 PLACE, TRIALS, CORRECT, LEVEL = ("participant", "track"), "trials", "correct", "level"
 LEVEL_VALUE, EXCLUDED = "level_value", "excluded"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
-RIGHT_OR_WRONG: Mapping[str, int] = {"1": 1, "0": 0, "true": 1, "false": 0}
+RIGHT_OR_WRONG: Mapping[str, int] = {"true": 1, "false": 0, "yes": 1, "no": 0}
 
 COLUMNS = (
     "participant",
@@ -37,8 +39,8 @@ COLUMNS = (
 class Track:
     """The answers of one participant in one track, an entry per row of the table.
 
-    `left_out` counts recorded trials without a level (catch trials) or an answer, and excluded
-    ones.
+    `left_out` counts rows without an answer, and recorded trials without a level (catch trials) or
+    excluded.
     """
 
     participant: str
@@ -55,58 +57,74 @@ class Track:
         return {**told, "left_out": self.left_out}
 
 
-def tracks_in(text: str, source: str, shape: str) -> list[Track]:
+def tracks_in(cells: Cells, shape: str) -> list[Track]:
     """Return the tracks of a table in the order in which they begin.
 
     The columns participant, track, level, trials and correct may stand in any order, with others
-    between them, which are left out. Without the column trials a row is one trial, and correct
-    is 1 or 0. In yes-no correct counts "yes".
+    between them, which are left out. Without the column track all rows are of one track, and
+    without trials a row is one trial, and correct is 1 or 0. In yes-no correct counts "yes". Rows
+    without an answer are left out, and counted.
 
     Trials that touchbeam recorded have the column level_value, which is taken for the level. Those
     of no track, without a level or an answer, or excluded are left out.
 
     Args:
-        text: of a CSV file, without a byte order mark.
-        source: what to call it in messages.
+        cells: of the table.
         shape: of the curve that will be fitted: a Weibull curve has no levels below 0.
 
     Raises:
-        TableError: a column is missing or stands twice, a row has another length than the header,
-            or a cell breaks its rule; the message gives line, column, value and rule.
+        TableError: a column is missing or stands twice, or a cell breaks its rule; the message
+            gives line, column, value and rule.
     """
-    (start, header), *rows = csv_rows(text, source, most=MOST_ROWS, of="rows", do="fit")
-    columns = _columns([cell.strip() for cell in header], f"{source}, line {start}")
-    if not rows:
-        raise TableError(f"{source}: must have a row of answers below the header, got none")
-    found: dict[tuple[str, str], Track] = {}
-    for line, row in rows:
-        where = f"{source}, line {line}"
-        if len(row) != len(header):
-            raise TableError(
-                f"{where}: must have {len(header)} cells as the header, got {len(row)}"
-            )
-        cells = {name: row[at].strip() for name, at in columns.items()}
-        if LEVEL_VALUE in columns and not cells["track"]:
+    columns = _columns(cells)
+    if not cells.rows:
+        raise TableError(f"{cells.source}: must have a row of answers below the header, got none")
+    tracks: dict[tuple[str, str], Track] = {}
+    for row, texts in enumerate(cells.rows):
+        known = {name: texts[at] for name, at in columns.items()}
+        recorded = LEVEL_VALUE in columns
+        if recorded and not known.get("track"):
             continue
-        participant, name = (_name(cells[name], f"{where}, column {name}") for name in PLACE)
-        track = found.setdefault((participant, name), Track(participant, name))
-        if LEVEL_VALUE in columns and not _counts_as_answer(cells):
+        place = cells.where(row)
+        participant, name = (
+            _name(known[of], f"{place}, column {of}") if of in known else of for of in PLACE
+        )
+        track = tracks.setdefault((participant, name), Track(participant, name))
+        if is_missing(known[CORRECT]) or (recorded and not _counts_as_answer(known)):
             track.left_out += 1
             continue
-        level = LEVEL_VALUE if LEVEL_VALUE in columns else LEVEL
-        track.levels.append(_level(cells[level], f"{where}, column {level}", shape))
-        trials, correct = _counts(cells, where)
+        level = LEVEL_VALUE if recorded else LEVEL
+        track.levels.append(_level(cells, row, columns[level], level, shape))
+        trials, correct = _counts(cells, known, place)
         track.trials.append(trials)
         track.correct.append(correct)
-    if not (tracks := [track for track in found.values() if track.levels]):
-        raise TableError(f"{source}: must have an answered trial at a level of a track, got none")
-    return tracks
+    answered = [track for track in tracks.values() if track.levels]
+    if not answered:
+        raise TableError(
+            f"{cells.source}: must have an answered trial at a level of a track, got none"
+        )
+    _require_apart(cells.source, answered)
+    return answered
+
+
+def _require_apart(source: str, tracks: Iterable[Track]) -> None:
+    """Refuse names of people, or of one's tracks, that are one but for case or form of letters."""
+    tracks = list(tracks)
+    people = [(track.participant,) for track in tracks]
+    for names in (people, [(track.participant, track.track) for track in tracks]):
+        seen: dict[tuple[str, ...], tuple[str, ...]] = {}
+        for name in names:
+            first = seen.setdefault(tuple(map(folded, name)), name)
+            if first != name:
+                raise TableError(
+                    f"{source}: {name[-1]!r} and {first[-1]!r} may be one or two; write one alike "
+                    "everywhere, or call two apart"
+                )
 
 
 def _counts_as_answer(cells: Mapping[str, str]) -> bool:
     """Return whether a recorded trial is one at a level, answered, and not excluded."""
-    given = cells[LEVEL_VALUE] and cells[CORRECT]
-    return bool(given) and cells.get(EXCLUDED, "no") == "no"
+    return not is_missing(cells[LEVEL_VALUE]) and cells.get(EXCLUDED, "no") == "no"
 
 
 def fits_of(
@@ -119,7 +137,7 @@ def fits_of(
             message says.
     """
     task = options.get("task", "two intervals")
-    curve_share(options.get("threshold_at"), task, options.get("lapse"))
+    curve_share(options.get("threshold_at"), task, options.get("lapse"), options.get("guess"))
     for track in tracks:
         try:
             yield track, fitted(track.levels, track.trials, track.correct, **options)
@@ -128,22 +146,101 @@ def fits_of(
             raise BadInput(f"{source}, {whose}: {error}") from None
 
 
-def _columns(header: Sequence[str], where: str) -> dict[str, int]:
-    require_commas(header, where)
-    names = [name.casefold() for name in header]
+_ALIASES: Mapping[str, tuple[str, ...]] = {
+    "participant": (
+        "participant", "subject", "participant_id", "subj", "observer", "proband", "vp",
+    ),
+    "track": ("track", "condition"),
+    LEVEL: (LEVEL, "intensity", "stimulus"),
+    TRIALS: (TRIALS, "n", "total"),
+    CORRECT: (CORRECT, "response", "answer", "yes", "k", "hit"),
+}  # fmt: skip
+"""Other names of columns, the best first."""
+
+
+def _columns(cells: Cells) -> dict[str, int]:
+    names = [name.casefold() for name in cells.header]
     recorded = (LEVEL_VALUE, EXCLUDED) if LEVEL_VALUE in names else ()
     # Of recorded trials it is the number of the level.
     level = () if recorded else (LEVEL,)
-    used = (*PLACE, *level, CORRECT, TRIALS, *recorded)
-    for name in used:
-        if names.count(name) > 1:
-            raise TableError(f"{where}: the column {name} must stand once; rename the others")
-        if name not in names and name not in (TRIALS, EXCLUDED):
+    columns: dict[str, int] = {}
+    for name in (*PLACE, *level, CORRECT, TRIALS, *recorded):
+        known = next((it for it in _ALIASES.get(name, (name,)) if it in names), name)
+        if names.count(known) > 1:
             raise TableError(
-                f"{where}: must have the column {name}; columns are participant, track, level, "
-                "trials, correct, or without trials for a row per trial"
+                f"{cells.where()}: the column {known} must stand once; rename the others"
             )
-    return {name: names.index(name) for name in used if name in names}
+        if known in names:
+            columns[name] = names.index(known)
+        elif name not in {TRIALS, EXCLUDED, "track"}:
+            raise TableError(
+                f"{cells.where()}: must have the column {name}; columns are participant, track, "
+                "level, trials, correct, or without trials for a row per trial"
+            )
+    return columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """The thresholds of two tracks of one participant, with a 95% interval.
+
+    `value` is the ratio of that of `b` to that of `a`, or, of a curve of the level as given, the
+    difference. Without it `reason` says why there is none.
+    """
+
+    participant: str
+    a: str
+    b: str
+    of: Literal["ratio", "difference"]
+    value: float = math.nan
+    ci: Interval = NOTHING
+    reason: str | None = None
+
+
+def comparisons(fits: Sequence[tuple[Track, Threshold]], shape: str) -> Iterator[Comparison]:
+    """Yield the comparison of each two tracks of a participant, in the order of the table.
+
+    The interval combines those of the thresholds, of which neither need be symmetric (MOVER; Zou
+    and Donner, Statistics in Medicine 27, 2008). That takes the answers of two tracks as
+    independent, which those of one session need not be.
+    """
+    of: Literal["ratio", "difference"] = "difference" if shape == "normal" else "ratio"
+    for participant in dict.fromkeys(track.participant for track, _ in fits):
+        own = [(track.track, fit) for track, fit in fits if track.participant == participant]
+        for (a, one), (b, other) in combinations(own, 2):
+            compared = partial(Comparison, participant=participant, a=a, b=b, of=of)
+            if lacking := one.reason or other.reason:
+                name = a if one.reason else b
+                yield compared(reason=f"{name}: {lacking}")
+                continue
+            value, ci = _between(one, other, of)
+            yield compared(value=value, ci=ci)
+
+
+def _between(one: Threshold, other: Threshold, of: str) -> tuple[float, Interval]:
+    def on_axis(fit: Threshold) -> tuple[float, float, float]:
+        low, high = fit.threshold_ci
+        places = (low, fit.threshold, high)
+        first, middle, last = places if of == "difference" else map(math.log, places)
+        return first, middle, last
+
+    (low_a, a, high_a), (low_b, b, high_b) = on_axis(one), on_axis(other)
+    value = b - a
+    low = value - math.hypot(b - low_b, high_a - a)
+    high = value + math.hypot(high_b - b, a - low_a)
+    if of == "difference":
+        return value, (low, high)
+    return math.exp(value), (math.exp(low), math.exp(high))
+
+
+def comparison_lines(compared: Sequence[Comparison]) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of a table of comparisons for people."""
+    yield ("participant", "a", "b", f"{compared[0].of} b to a", "95% interval")
+    for each in compared:
+        told = (each.reason or f"{each.value:.4g}", "–")
+        if each.reason is None:
+            told = (told[0], " to ".join(f"{end:.4g}" for end in each.ci))
+        yield (each.participant, each.a, each.b, *told)
 
 
 def left_out_line(tracks: Iterable[Track]) -> str:
@@ -160,28 +257,32 @@ def _name(cell: str, where: str) -> str:
     return name
 
 
-def _level(cell: str, where: str, shape: str) -> float:
-    if not NUMBER.fullmatch(cell) or abs(float(cell)) > 1e100:
+def _level(cells: Cells, row: int, column: int, name: str, shape: str) -> float:
+    text, where = cells.rows[row][column], f"{cells.where(row)}, column {name}"
+    level = cells.number(text)
+    if level is None or abs(level) > 1e100:
         rule = "a level must be a number from -1e100 to 1e100"
-        raise TableError(f"{where}: {rule}, got {cell[:40]!r}")
-    if shape == "weibull" and float(cell) < 0:
+        raise TableError(f"{where}: {rule}, got {text[:40]!r}")
+    if shape == "weibull" and level < 0:
         raise TableError(
             f"{where}: a level must be at least 0 for the shape weibull, which is a curve of its "
-            f"logarithm, got {cell[:40]}; use --shape normal"
+            f"logarithm, got {text[:40]}; use --shape normal"
         )
-    return float(cell)
+    return level
 
 
-def _counts(cells: Mapping[str, str], where: str) -> tuple[int, int]:
+def _counts(cells: Cells, known: Mapping[str, str], where: str) -> tuple[int, int]:
     """Return the trials and the correct ones of a row."""
-    if TRIALS not in cells:
-        if (answer := RIGHT_OR_WRONG.get(cells[CORRECT].casefold())) is None:
+    if TRIALS not in known:
+        if (answer := _right_or_wrong(cells, known[CORRECT])) is None:
             raise TableError(
                 f"{where}, column {CORRECT}: must be 1 or 0 in a row per trial, got "
-                f"{cells[CORRECT][:40]!r}; add the column trials if it is a count"
+                f"{known[CORRECT][:40]!r}; add the column trials if it is a count"
             )
         return 1, answer
-    trials, correct = (_count(cells[name], f"{where}, column {name}") for name in (TRIALS, CORRECT))
+    trials, correct = (
+        _count(cells, known[name], f"{where}, column {name}") for name in (TRIALS, CORRECT)
+    )
     if correct > trials:
         raise TableError(
             f"{where}, column {CORRECT}: must be at most the {trials} trials, got {correct}"
@@ -189,12 +290,20 @@ def _counts(cells: Mapping[str, str], where: str) -> tuple[int, int]:
     return trials, correct
 
 
-def _count(cell: str, where: str) -> int:
-    value = float(cell) if NUMBER.fullmatch(cell) else -1.0
+def _right_or_wrong(cells: Cells, text: str) -> int | None:
+    """Return 1 or 0, also of the 1.0 and 0.0 of a column that has missing ones."""
+    if (answer := RIGHT_OR_WRONG.get(text.casefold())) is not None:
+        return answer
+    number = cells.number(text)
+    return int(number) if number in {0.0, 1.0} else None
+
+
+def _count(cells: Cells, text: str, where: str) -> int:
+    value = cells.number(text)
     # Spreadsheets and pandas may write a whole number with a point.
-    if not 0 <= value <= MOST_TRIALS or value % 1:
+    if value is None or not 0 <= value <= MOST_TRIALS or value % 1:
         raise TableError(
-            f"{where}: must be a whole number from 0 to {MOST_TRIALS}, got {cell[:40]!r}"
+            f"{where}: must be a whole number from 0 to {MOST_TRIALS}, got {text[:40]!r}"
         )
     return int(value)
 

@@ -1,8 +1,9 @@
 """Psychometric functions: threshold, slope and lapse rate of a person, with credible intervals."""
 
 import math
+import re
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from analysis.estimates import ENDS, LOWER, UPPER, FloatArray, Interval
 from analysis.thresholds.answer_curve import Curve, LevelAnswers, Shape
 from analysis.thresholds.curve_posterior import posterior
 from protocol.errors import BadInput
-from protocol.study.track import GUESS_RATE, Task
+from protocol.study.track import GUESS_RATE
 
 DRAWS = 400
 """Sets of answers from the posterior, with which the real ones are compared."""
@@ -70,7 +71,42 @@ class Threshold:
     likelihood: tuple[float, ...] = ()
 
 
-def curve_share(threshold_at: float | None, task: Task, lapse: float | None = None) -> float:
+FREE: Final = "free"
+"""A guess rate that is estimated."""
+Guess = float | Literal["free"] | None
+MOST_ALTERNATIVES = 26
+
+
+def guess_rate(task: str, guess: Guess = None) -> float | None:
+    """Return the share correct by chance; None where it is estimated, as in yes-no.
+
+    >>> guess_rate("2AFC"), guess_rate("4AFC"), guess_rate("yes or no"), guess_rate("2AFC", 0.4)
+    (0.5, 0.25, None, 0.4)
+
+    Raises:
+        BadInput: there is no such task, or the rate does not lie in [0, 0.9].
+    """
+    many = re.fullmatch(r"(\d{1,2})[ -]?(?:AFC|IFC)", task, re.IGNORECASE)
+    known = GUESS_RATE.get(task)  # type: ignore[call-overload]
+    if many and 2 <= int(many[1]) <= MOST_ALTERNATIVES:
+        known = 1 / int(many[1])
+    if known is None:
+        raise BadInput(
+            f"task must be one of {', '.join(GUESS_RATE)}, or 2AFC to {MOST_ALTERNATIVES}AFC, got "
+            f"{task!r}"
+        )
+    if guess is None:
+        return known or None
+    if guess == FREE:
+        return None
+    if not isinstance(guess, int | float) or not 0 <= guess <= 0.9:
+        raise BadInput(f"the guess rate must lie in [0, 0.9] or be {FREE}, got {guess}")
+    return float(guess)
+
+
+def curve_share(
+    threshold_at: float | None, task: str, lapse: float | None = None, guess: Guess = None
+) -> float:
     """Return the share of the curve that a share correct is without lapses; the midpoint of None.
 
     (3): (share - chance) / (1 - chance).
@@ -82,11 +118,10 @@ def curve_share(threshold_at: float | None, task: Task, lapse: float | None = No
         BadInput: the share is not above chance and below what lapses leave of 1, the lapse rate
             does not lie in [0, 0.5), or there is no such task.
     """
-    if task not in GUESS_RATE:
-        raise BadInput(f"task must be one of {', '.join(GUESS_RATE)}, got {task!r}")
+    chance = guess_rate(task, guess) or 0
     if lapse is not None and not 0 <= lapse < 0.5:
         raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
-    chance, most = GUESS_RATE[task], 1 - (lapse or 0)
+    most = 1 - (lapse or 0)
     if threshold_at is None:
         return 0.5
     if not chance < threshold_at < most:
@@ -103,10 +138,11 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     trials: ArrayLike,
     correct: ArrayLike,
     *,
-    task: Task = "two intervals",
+    task: str = "two intervals",
     shape: Shape = "weibull",
     threshold_at: float | None = None,
     lapse: float | None = None,
+    guess: Guess = None,
     span: Interval | None = None,
     band_at: ArrayLike = (),
     likelihood_at: ArrayLike = (),
@@ -118,13 +154,15 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         levels: shape (n,), in any order; a level may come again.
         trials: shape (n,), answers at each level.
         correct: shape (n,), how many of them were correct; in yes-no how many were "yes".
-        task: what was asked. It fixes the guess rate at 1/2 or 1/3; in yes-no it is estimated.
+        task: what was asked, also as 2AFC to 26AFC. It fixes the guess rate at 1/2, 1/3, ...; in
+            yes-no it is estimated.
         shape: `normal` is a curve of the level as given, `weibull` one of its logarithm; at a
             level of 0 nothing is felt then.
         threshold_at: the share correct that defines the threshold. Without it the curve's
             midpoint: 0.75 in two intervals, 0.667 in three, 0.5 in yes-no.
         lapse: the lapse rate if it is known, and in yes-no the share of false alarms; 0 gives the
             threshold and slope of a probit regression.
+        guess: the guess rate, if it is another one; `free` if it is to be estimated.
         span: the lowest and the highest level that could be asked. Without it those that were:
             the priors of threshold and slope follow from it, and no threshold is told beyond it.
         band_at: shape (points,), levels at which the band of the curve is wanted.
@@ -136,13 +174,14 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     """
     if shape not in get_args(Shape):
         raise BadInput(f"shape must be one of {', '.join(get_args(Shape))}, got {shape!r}")
-    share = curve_share(threshold_at, task, lapse)
+    share = curve_share(threshold_at, task, lapse, guess)
     asked, number, right = _pooled(levels, trials, correct)
     if shape == "weibull" and asked[0] < 0:
         raise BadInput(
             f"a level must be at least 0 for the shape weibull, got {asked[0]:g}; use normal"
         )
-    chance = GUESS_RATE[task]
+    known = guess_rate(task, guess)
+    chance = known or 0
     defined = chance + (1 - chance) * share
     axis = _axis(asked, shape)
     felt = axis[np.isfinite(axis)]
@@ -158,7 +197,7 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
         number,
         right,
         lapse,
-        lapse if task == "yes or no" else chance,
+        lapse if known is None and guess is None else known,
     )
     curve = Curve(shape, share)
     found = posterior(answers, curve)

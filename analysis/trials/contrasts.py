@@ -45,7 +45,9 @@ class TrialContrasts:
     """Predicted contrasts of trials by law, shape (trials,) each; NaN where none is predicted.
 
     Positive when the change is the one that the trial itself expects; a trial in the opposite
-    order expects the opposite change. `measured` says of which trials force or place are known.
+    order expects the opposite change. Without a question nothing is expected: the contrast is that
+    of the last touch with itself at 0 V, positive where friction rises. `measured` says of which
+    trials force or place are known.
     """
 
     by_law: dict[str, FloatArray]
@@ -63,8 +65,9 @@ def trial_contrasts(
     The study that was in force (`study` where the journal does not hold it) gives the finger's
     force, place, path and speed; where the rig measured force, place, amplitude and frequency
     (relative to its own resonance), those are taken instead, force and place in steps. For
-    published scores nothing of this is known: the condition's standard scenes are taken. Trials of
-    registered sessions were felt on the rig as it was calibrated then.
+    published scores nothing of this is known: the condition's standard scenes are taken, or, in a
+    study of imported scores, what their author predicts. Trials of registered sessions were felt
+    on the rig as it was calibrated then.
 
     `trials` are those of `StudyData`, or some of them, and `touches` theirs; `rig` is taken where
     no calibration was in force.
@@ -80,11 +83,21 @@ def trial_contrasts(
     number_of: dict[tuple[Change | None, Calibration], int] = {}
     numbers = [number_of.setdefault(each, len(number_of)) for each in felt]
     measured = touches["attempt_id"][touches["force_n"].notna() | touches["place_m"].notna()]
-    by_law = {law: _predicted(number_of, law) for law in laws.LAWS}
+    by_law = {law: _predicted(number_of, law)[numbers] for law in laws.LAWS}
+    if study.imported:
+        stated = _stated(study, trials)
+        by_law = dict.fromkeys(laws.LAWS, stated)
     return TrialContrasts(
-        by_law={law: values[numbers] for law, values in by_law.items()},
+        by_law=by_law,
         measured=trials.index.isin(measured),
     )
+
+
+def _stated(study: Study, trials: pd.DataFrame) -> FloatArray:
+    """Return the contrasts that the author of imported scores predicts, NaN where none is."""
+    of_condition = {each.name: each.contrast for each in study.condition}
+    by_condition = trials["condition"].map(of_condition).astype("float64")
+    return trials["contrast"].fillna(by_condition).to_numpy(np.float64)
 
 
 def _has_table(study: Study, digest: str, text: object) -> bool:
@@ -132,8 +145,8 @@ def trial_changes(
 
     # Most trials share their plan with others.
     @cache
-    def planned_change(text: str | None, *planned: Any) -> Change | None:
-        return planned_change_of(in_force(text), *planned)
+    def planned_change(text: str | None, kind: str, *planned: Any) -> Change | None:
+        return planned_change_of(in_force(text), kind, *planned)
 
     made: dict[Any, list[Any]] = {attempt: [] for attempt in trials.index}
     for touch in touches[_FELT].itertuples():
@@ -141,17 +154,29 @@ def trial_changes(
     asked = trials[_ASKED].astype(object).where(trials[_ASKED].notna(), None)
     length_m = length_of(study.surface)
     return [
-        _change(trial, own, planned_change, length_m, as_felt=as_felt)
+        _change(trial, own, planned_change, length_m, as_felt=as_felt, is_imported=study.imported)
         for trial, own in zip(asked.itertuples(), made.values(), strict=True)
     ]
 
 
+_OF_CONDITIONS = frozenset({"practice", "trial", "catch"})
+"""The kinds of trial that are scored although their study asks nothing about a change."""
+
+
 def planned_change_of(
-    study: Study, question: Question | None, expected: str | None, planned: tuple[Touch, ...]
+    study: Study,
+    kind: str,
+    question: Question | None,
+    expected: str | None,
+    planned: tuple[Touch, ...],
 ) -> Change | None:
-    """Return the change as planned; None without a known question or with an unknown beam."""
+    """Return the change that a kind of trial was planned to make.
+
+    None with a question or a beam that is not known, and of a trial in which nothing is scored.
+    """
     beams = {touch.beam for touch in planned if touch.beam is not None}
-    if question and question in QUESTIONS and planned and beams <= study.beams.keys():
+    is_rated = question is None and study.absolute and kind in _OF_CONDITIONS
+    if (is_rated or question in QUESTIONS) and planned and beams <= study.beams.keys():
         return trial_change(study, question, expected, planned)
     return None
 
@@ -163,11 +188,13 @@ def _change(
     length_m: float,
     *,
     as_felt: bool,
+    is_imported: bool,
 ) -> Change | None:
     if trial.trial_kind == "published":
-        return CONDITIONS.get(trial.condition)
+        return None if is_imported else CONDITIONS.get(trial.condition)
     planned = tuple(touch.planned for touch in touches)
-    change = planned_change(trial.study_text, trial.question, trial.expected, planned)
+    asked = (trial.trial_kind, trial.question, trial.expected)
+    change = planned_change(trial.study_text, *asked, planned)
     if change is None or not as_felt:
         return change
     return felt_change(change, touches, trial.resonance_hz, length_m)
@@ -183,13 +210,15 @@ def felt_change(
     """
     first, last = touches[0], touches[-1]
     start = first.start_voltage_v, first.start_frequency_hz
-    if len(touches) == 1 and first.planned.programme == "hold":
+    if change.effect == "level":
+        first = last  # the same touch at 0 V
+    if change.effect == "level" or (len(touches) == 1 and first.planned.programme == "hold"):
         start = math.nan, math.nan  # it started at rest
     before = _measured(change.before, first.force_n, *start, resonance_hz)
     end = last.end_voltage_v, last.end_frequency_hz
     after = _measured(change.after, last.force_n, *end, resonance_hz)
     places_m = change.places_m
-    if change.effect == "friction" and isfinite(last.place_m):
+    if change.effect in {"friction", "level"} and isfinite(last.place_m):
         place_m = stepped(last.place_m, places_m[0], PLACE_STEP_M)
         # A sensor may place the finger off the surface, where nothing is predicted.
         if 0 <= place_m <= length_m:
@@ -247,7 +276,7 @@ def stepped(measured: float, planned: float, step: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredTrials:
-    """The trials that count for Table 4, in the order of `trials`; see `Ratings` for the arrays.
+    """The trials that count, in the order of `trials`; see `Ratings` for the arrays.
 
     `ratings` has the contrasts of the law `consistent` and, of all laws, only trials with a
     prediction; `contrasts` has the same trials by law. `every` are all trials, predicted or not,
@@ -333,6 +362,8 @@ def condition_changes(study: Study, data: StudyData) -> dict[str, Change]:
 
     For published scores it is that of the standard scenes.
     """
+    if study.imported:
+        return {}
     own = {
         entry.name: trial_change(study, entry.question, entry.expected, entry.touches)
         for entry in study.condition

@@ -14,7 +14,7 @@ from analysis.sensitivity.noticing_stage import Answered
 from analysis.trials.contrasts import ratings_of
 from protocol.study.rules import Rating
 from protocol.study.study import Study
-from protocol.study.study_question import QUESTIONS
+from protocol.study.study_question import IMPORTED_QUESTION, QUESTIONS
 
 
 def study_answers(
@@ -62,7 +62,7 @@ def study_answers(
     )
 
 
-_TWO_SIDED = [name for name, question in QUESTIONS.items() if question.less]
+_TWO_SIDED = [*(name for name, question in QUESTIONS.items() if question.less), IMPORTED_QUESTION]
 
 
 def _expected(study: Study, trials: pd.DataFrame) -> "pd.Series[str]":

@@ -16,7 +16,7 @@ from analysis.loading.response import (
     mean_responses,
     responses,
 )
-from analysis.loading.study_data import StudyData
+from analysis.loading.study_data import StudyData, is_papers_table, scale_of_scores
 from analysis.sensitivity import laplace
 from analysis.sensitivity.answers_model import StudyAnswers, evidence
 from analysis.sensitivity.lines import Ratings
@@ -52,7 +52,6 @@ from device.friction.calibration import NOMINAL, Calibration
 from device.friction.changes import LAW
 from device.friction.surfaces import BeamSurface
 from protocol.study.factor import CONDITION
-from protocol.study.rules import PAPERS_SCALE
 from protocol.study.study import Study
 
 PROCESSES = 2
@@ -173,9 +172,14 @@ class TrialStatistics:
     study: Study
     rig: Calibration = NOMINAL
 
+    @property
+    def has_laws(self) -> bool:
+        """Whether contrasts differ by law: not on a surface without a model, nor of an author."""
+        return isinstance(self.rig.surface, BeamSurface) and not self.study.imported
+
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:
-        """The trials that count for Table 4."""
+        """The trials that count for the table of scores."""
         return trial_contrasts.scored_trials(self.data, self.contrasts)
 
     @cached_property
@@ -259,7 +263,7 @@ class TrialStatistics:
     @cached_property
     def ranges(self) -> tuple[trial_contrasts.ContrastRange, ...]:
         """How certain the contrast of each condition is, where a beam's model predicts it."""
-        if not isinstance(self.rig.surface, BeamSurface):
+        if not self.has_laws:
             return ()
         changes = trial_contrasts.condition_changes(self.study, self.data).items()
         return tuple(trial_contrasts.contrast_range(*each, self.rig) for each in changes)
@@ -300,8 +304,8 @@ class TrialStatistics:
     @cached_property
     def evidence(self) -> Mapping[str, float | NotEstimable]:
         """Log evidence of the answers under each law's contrasts, all of the same trials."""
-        if not isinstance(self.rig.surface, BeamSurface):
-            return {LAW: NotEstimable("contrasts on this surface are the same under all laws")}
+        if not self.has_laws:
+            return {LAW: NotEstimable("these contrasts are the same under all laws")}
         by_law = self.contrasts.by_law
         known = np.isfinite([*by_law.values()]).all(axis=0)
         # Processes import what a call names, so that none names a module with data frames.
@@ -316,7 +320,7 @@ class TrialStatistics:
 
     def answers(self, contrast: FloatArray) -> StudyAnswers:
         """Return the answers of the trials with these contrasts, shape (trials,), NaN for none."""
-        rating = PAPERS_SCALE if self.data.kinds == ("published",) else self.study.rating
+        rating = scale_of_scores(self.study, self.data.kinds)
         return study_answers(self.study, self.data, contrast, rating)
 
     @cached_property
@@ -335,10 +339,11 @@ class TrialStatistics:
 
     def _means_of(self, observed: FloatArray) -> Mapping[str, "MeanContrasts"]:
         by_law = mean_contrasts(self.data, self.scored.ratings, self.scored.contrasts)
-        if not isinstance(self.rig.surface, BeamSurface):  # there are no laws to compare
+        if not self.has_laws:  # there are none to compare
             by_law = {LAW: by_law[LAW]}
-        elif (ranking := _papers_ranking(self.data)) is not None:
-            by_law = {**by_law, PAPERS_RANKING: ranking}
+        elif is_papers_table(self.study, self.data.table):
+            ranking = [_CLAIMED.get(name, 0.0) for name in self.data.table.conditions]
+            by_law = {**by_law, PAPERS_RANKING: np.array(ranking)}
         names = self.data.table.conditions
         return {law: of_conditions(names, means, observed) for law, means in by_law.items()}
 
@@ -346,7 +351,8 @@ class TrialStatistics:
     def noticed(self) -> tuple[Detected, ...]:
         """What was noticed of each condition, and then of all; nothing without catch trials."""
         trials = self.data.of_noticing
-        if not trials["trial_kind"].eq("catch").any():
+        asked = trials["change"].notna()
+        if not (asked & trials["trial_kind"].eq("catch")).any():
             return ()
         by_name = {each.of["condition"]: each for each in detected_by(trials, "condition")}
         names = [name for name in self.data.table.conditions if name in by_name]
@@ -372,7 +378,8 @@ def crossed_responses(
     factors are one where there are several sessions. `responses` are those of `data.trials`.
     """
     sessions = sorted(data.scored["session"].unique())
-    if data.kinds == ("published",) or not (study.factors or len(sessions) > 1):
+    is_papers = data.kinds == ("published",) and not study.imported
+    if is_papers or not (study.factors or len(sessions) > 1):
         return None
     names, factors = _cells(study, data)
     shape = [len(levels) for levels in factors.values()]
@@ -455,11 +462,3 @@ def of_conditions(
     known = ~np.isnan(predicted)
     names = tuple(name for name, has in zip(conditions, known, strict=True) if has)
     return MeanContrasts(names, predicted[known], observed[known])
-
-
-def _papers_ranking(data: StudyData) -> FloatArray | None:
-    """Return the paper's own ranking in place of contrasts, if the study has its conditions."""
-    conditions = data.table.conditions
-    if not conditions or not set(_CLAIMED) <= set(conditions):
-        return None
-    return np.array([_CLAIMED.get(name, 0.0) for name in conditions])

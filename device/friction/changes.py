@@ -49,6 +49,7 @@ class Change:
     """A change from one moment to another, felt at `places_m` (right edges of the finger, m).
 
     - `friction`: mean of `ln(mu_before / mu_after)`;
+    - `level`: mean of `ln(mu_after / mu_before)`, before being the same touch at 0 V;
     - `depth`: growth of the modulation depth `rms ln(mu(x) / mu)`;
     - `places`: `rms ln(mu_after(x) / mu_before(x))`.
 
@@ -76,13 +77,18 @@ _PER_HALF_WAVE = 36
 
 
 def trial_change(
-    study: Study, question: Question, expected: str | None, touches: Sequence[Touch]
+    study: Study, question: Question | None, expected: str | None, touches: Sequence[Touch]
 ) -> Change:
     """Return the change from a trial's first touch to the end of its last one.
 
     Of a single touch it is that during it or, if the drive is constant, from the resting beam. The
     study gives the finger's place, path, force, contact and speed, and the beams.
+
+    Without a question what is felt is rated, not a change of it: the effect is `level`, from the
+    last touch at 0 V to its end.
     """
+    if question is None:
+        return _level(study, touches[-1])
     first, last = touches[0], touches[-1]
     if len(touches) == 1 and first.programme == "hold":
         first = first.model_copy(update={"voltage_v": 0.0, "friction": None})
@@ -95,6 +101,33 @@ def trial_change(
         before=_moment(study, first, first.voltage_v, first.frequency),
         after=_moment(study, last, last.end_voltage_v, last.end_frequency),
         places_m=_places_m(study, effect, last.place),
+    )
+
+
+def _level(study: Study, touch: Touch) -> Change:
+    """Return what a rating of `touch` follows.
+
+    On a stated surface it starts at the friction that the study's touches at 0 V state, else at the
+    mean of what is stated, in logarithms: such a constant changes no slope.
+    """
+    stated = [
+        (math.log(each.friction), each.peak_voltage_v)
+        for item in (*study.condition, *study.opening)
+        for each in item.touches
+        if each.friction is not None
+    ]
+    at_rest = [size for size, peak_v in stated if not peak_v]
+    logs = at_rest or [size for size, _ in stated]
+    mean = math.exp(sum(logs) / len(logs)) if logs else None
+    rest = touch.model_copy(update={"voltage_v": 0.0, "friction": mean})
+    if touch.friction is None and not touch.peak_voltage_v and at_rest:
+        touch = rest
+    return Change(
+        effect="level",
+        contrary=False,
+        before=_moment(study, rest, 0.0, touch.end_frequency),
+        after=_moment(study, touch, touch.end_voltage_v, touch.end_frequency),
+        places_m=_places_m(study, "friction", touch.place),
     )
 
 
@@ -206,6 +239,8 @@ def predicted_contrast(
 ) -> float:
     """Return the contrast of `change`, positive when the change is the expected one.
 
+    Nothing is expected of a `level`: it is positive where friction rises.
+
     `Change` gives the formula of each effect. Drives are relative to the resonance of the rung.
     The contrast is NaN where the law gives no friction above 0, as the printed one may.
 
@@ -219,6 +254,8 @@ def predicted_contrast(
     )
     if not (min(before.min(), after.min()) > 0):
         return np.nan
+    if change.effect == "level":
+        return float(np.log(after / before).mean())
     # (10) and (11), mathematics/friction
     if change.effect == "places":
         return _rms(np.log(after / before))

@@ -102,7 +102,8 @@ def _all_touches(study: Study) -> Iterator[tuple[str, Path, Touch]]:
                 where, path = f"{key} {what}, touch {number + 1}", (key, at, "touches", number)
                 yield where, path, scaled(touch, largest)
                 depth = item.question is not None and QUESTIONS[item.question].effect == "depth"
-                if item.question and (depth or len(item.touches) == 1):
+                rated = isinstance(item, Condition) and item.question is None
+                if rated or (item.question and (depth or len(item.touches) == 1)):
                     yield f"{where}, at rest", path, scaled(touch, 0.0)
     for at, track in enumerate(study.track):
         if track.standard:

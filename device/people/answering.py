@@ -13,8 +13,8 @@ from device.friction.changes import predicted_contrast, trial_change
 from device.friction.surfaces import GivenSurface, length_of
 from device.people.person import People, World, normal_quantile
 from protocol.plan.trials import Trial
-from protocol.study.rules import PAPERS_SCALE
-from protocol.study.study import Study
+from protocol.study.rules import PAPERS_SCALE, Rating
+from protocol.study.study import Condition, Study
 from protocol.study.study_question import ANSWERS, QUESTIONS, Question
 from protocol.study.touch import Mark, Touch
 from protocol.study.track import Find
@@ -60,6 +60,7 @@ class Answering:
 
     _pending: FloatArray
     _u: FloatArray
+    _tired: FloatArray
 
     def __init__(self, people: People) -> None:
         self.people = people
@@ -80,12 +81,8 @@ class Answering:
             two_sided: whether the question knows the answer `LESS`.
             u: random numbers for this question, shape (people, QUESTION_NUMBERS).
         """
-        who, self._u = self.people, u
-        tired = 1 + who.fatigue * self._asked
-        self.left |= u[:, _LEAVES] < who.dropout
-        lapses = (u[:, _LAPSE] < who.lapse) | np.isnan(contrast)
-        felt = np.nan_to_num(contrast) * np.maximum(1 - who.adaptation * np.abs(self._felt), 0.0)
-        felt = felt + who.felt_noise * tired * normal_quantile(u[:, _FELT])
+        who = self.people
+        felt, lapses = self._feel(contrast, u)
         less = np.where(two_sided & (felt < -who.criterion_less), LESS, SAME)
         answer = np.where(felt > who.criterion, MORE, less)
         # Two answers or three are equally likely at random.
@@ -93,11 +90,48 @@ class Answering:
         answer = np.where(lapses, 1 - thirds.astype(np.int64), answer)
         # Who did not attend felt no change, whatever the answer was.
         size = np.where(lapses, 0.0, who.gain * np.abs(felt) + beyond)
-        noise = who.rating_noise * tired * normal_quantile(u[:, _SCORE])
-        self._pending = who.bias + size + who.drift * self._asked + noise
-        self._felt = felt
-        self._asked += 1
+        self._pend(size)
         return answer, self._seconds(_TIME)
+
+    def rate(
+        self, level: FloatArray, u: FloatArray, rating: Rating, asked: BoolArray | bool = True
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the scores of what is felt, without a question before, and the reaction times, s.
+
+        Scores are whole numbers of the scale of `rating`; a person who uses few of its numbers
+        leaves some out.
+
+        Args:
+            level: log friction relative to that at rest; where it is NaN nothing is felt.
+            u: random numbers for this question, shape (people, QUESTION_NUMBERS).
+            rating: the study's scale.
+            asked: those who are asked, and who will remember it.
+        """
+        felt, lapses = self._feel(level, u)
+        self._pend(np.where(lapses, 0.0, self.people.gain * felt))
+        per_point = rating.span / PAPERS_SCALE.span
+        pending, ceiling = (
+            rating.minimum + points * per_point for points in (self._pending, self.people.ceiling)
+        )
+        scores = self._given(pending, rating, np.floor(ceiling), asked)
+        return np.asarray(np.round(scores)), self._seconds(_TIME)
+
+    def _feel(self, contrast: FloatArray, u: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return what people feel with their noise, and who does not attend."""
+        who, self._u = self.people, u
+        self._tired = 1 + who.fatigue * self._asked
+        self.left |= u[:, _LEAVES] < who.dropout
+        lapses = (u[:, _LAPSE] < who.lapse) | np.isnan(contrast)
+        felt = np.nan_to_num(contrast) * np.maximum(1 - who.adaptation * np.abs(self._felt), 0.0)
+        self._felt = felt + who.felt_noise * self._tired * normal_quantile(u[:, _FELT])
+        return self._felt, lapses
+
+    def _pend(self, size: FloatArray) -> None:
+        """Keep the score that is `size` points beyond that of nothing, on the paper's scale."""
+        who = self.people
+        noise = who.rating_noise * self._tired * normal_quantile(self._u[:, _SCORE])
+        self._pending = who.bias + size + who.drift * self._asked + noise
+        self._asked += 1
 
     def track(self, logs: FloatArray, found: Find, u: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the touch that people name, from 0, and the reaction times, s.
@@ -136,17 +170,24 @@ class Answering:
 
         `asked` are those who are asked for it, and who will remember it.
         """
-        who, low, high = self.people, PAPERS_SCALE.minimum, PAPERS_SCALE.maximum
+        scores = self._given(self._pending, PAPERS_SCALE, self.people.ceiling, asked)
+        return scores, self._seconds(_SCORE_TIME)
+
+    def _given(
+        self, pending: FloatArray, scale: Rating, ceiling: FloatArray, asked: BoolArray | bool
+    ) -> FloatArray:
+        """Return the scores that people give on a scale to whom the `pending` ones seem right."""
+        who, low, high = self.people, scale.minimum, scale.maximum
         # The first score has none before it to be drawn towards.
-        before = np.where(np.isnan(self._score), self._pending, self._score)
-        wanted = self._pending + who.serial * (before - self._pending)
-        scores = np.clip(who.number_step * np.round(wanted / who.number_step), low, who.ceiling)
+        before = np.where(np.isnan(self._score), pending, self._score)
+        wanted = pending + who.serial * (before - pending)
+        scores = np.clip(who.number_step * np.round(wanted / who.number_step), low, ceiling)
         averse = self._u[:, _END] < who.end_aversion
         inwards = np.where(scores == high, -1.0, np.where(scores == low, 1.0, 0.0))
         scores = scores + averse * inwards * who.number_step
         # A score that was not asked for is not remembered: the others must not be drawn towards it.
         self._score = np.where(asked, scores, self._score)
-        return scores, self._seconds(_SCORE_TIME)
+        return np.asarray(scores)
 
     def _seconds(self, column: int) -> FloatArray:
         """Return reaction times, shifted log-normal ones, to the millisecond."""
@@ -221,14 +262,14 @@ def felt_contrast(question: Question, touches: Sequence[Felt], resting: FloatArr
 
 
 def change_worth(
-    points: float, question: Question, expected: str | None, people: People
+    points: float, question: Question | None, expected: str | None, people: People
 ) -> FloatArray:
     """Return the change of log friction that changes people's scores by `points`, shape (people,).
 
     It is how a change is felt where friction is not known: positive points make the expected answer
-    likely, negative ones the opposite.
+    likely, negative ones the opposite. Without a question it is the level of friction.
     """
-    towards = LESS if meaning(question, expected) == LESS else MORE
+    towards = LESS if question and meaning(question, expected) == LESS else MORE
     gain = np.where(people.gain == 0, np.inf, people.gain)
     return np.asarray(towards * points / gain)
 
@@ -239,7 +280,6 @@ def given_change(study: Study, trial: Trial, world: World, people: People) -> Fl
     It is what the file of the people says that the condition is to them, else what its touches
     state, and NaN where neither is known; shape (people,).
     """
-    assert trial.question is not None, "something is asked about a change"
     points = world.points(trial.condition, trial.kind, trial.level)
     if points is not None:
         return change_worth(points, trial.question, trial.expected, people)
@@ -247,11 +287,11 @@ def given_change(study: Study, trial: Trial, world: World, people: People) -> Fl
 
 
 def stated_change(
-    study: Study, question: Question, expected: str | None, touches: Sequence[Touch]
+    study: Study, question: Question | None, expected: str | None, touches: Sequence[Touch]
 ) -> float:
     """Return the change of log friction that touches state, NaN if they do not.
 
-    Positive is smoother, stronger or swapped, whatever is expected.
+    Positive is smoother, stronger or swapped, whatever is expected; without a question, rougher.
     """
     change = trial_change(study, question, expected, touches)
     rig = Calibration.of(GivenSurface(length_m=length_of(study.surface)))
@@ -260,11 +300,11 @@ def stated_change(
 
 
 def is_stated(study: Study) -> bool:
-    """Return whether touches state the friction of every change that is asked about."""
+    """Return whether touches state the friction of everything that is asked about."""
     return not any(
         np.isnan(stated_change(study, item.question, item.expected, item.touches))
         for item in (*study.opening, *study.condition)
-        if item.question is not None
+        if item.question is not None or isinstance(item, Condition)
     )
 
 

@@ -73,6 +73,10 @@ class Person:
 
         score = bias + gain · |felt| + what the kind of change adds + drift + noise
 
+    Without a question about a change it follows the level that is felt, ln(friction / at rest):
+
+        score = bias + gain · level + drift + noise
+
     The defaults are a person who errs in nothing but feeling and scoring.
     """
 

@@ -303,7 +303,6 @@ class ScoresImported(Event, tag="scores-imported"):
 
     kind: ClassVar = "published"
     slot: ClassVar = None
-    group: ClassVar[str | None] = None
     trials: ClassVar[tuple[records.PlannedTrial, ...]] = ()
     """Constants in place of the fields of `SessionOpened`, since the table says nothing of them."""
 
@@ -313,6 +312,10 @@ class ScoresImported(Event, tag="scores-imported"):
     scores: Mapping[str, float | None] = key("score of each condition, null if missing")
     source: str | None = key("name of the file", missing=None)
     source_sha256: str | None = key("digest of the file", missing=None)
+    group: str | None = sparse("the subject's group, if the table has groups")
+    ratings: tuple[records.ImportedRating, ...] | None = sparse()
+    """where the table has repeats, answers or contrasts: all ratings in its order; `scores` are
+    then the means"""
 
 
 UNKNOWN_UTC = datetime(1970, 1, 1, tzinfo=UTC)

@@ -36,7 +36,9 @@ class PlannedTrial(JsonRecord):
     condition: str | None = key("name of its condition, if it has one; drive of a pass")
     question: str | None = key("the question after it, if any", missing=None)
     expected: str | None = key("the answer that the study expects", missing=None)
-    scored: bool = key("whether a score may be asked for", missing=False)
+    scored: bool = key(missing=False)
+    """whether a score may be asked for that counts; in a catch trial without a question one is
+    asked that does not"""
     touches: tuple[Mapping[str, Any], ...] = key(missing=())
     """its touches, with the keys of a touch in [the study file](../study-file.md)"""
     level: float = key("factor on its condition's amplitudes", missing=1.0)
@@ -262,3 +264,17 @@ class Recording(JsonRecord):
         if len(counts) != expected or sha256(counts).hexdigest() != self.sha256:
             raise DamagedSamplesError("samples differ from their digest")
         return counts
+
+
+class ImportedRating(JsonRecord):
+    """A score of a table, an answer to the question whether something changed as expected, or both.
+
+    Several of one condition are repeats.
+    """
+
+    condition: str = key("name of the condition")
+    score: float | None = sparse("the score, if it was given")
+    answer: str | None = sparse("`expected`, `contrary` or `same`, if it was asked")
+    contrast: float | None = sparse(
+        "the change of the logarithm of friction that the table predicts, if it does"
+    )

@@ -133,11 +133,15 @@ def most_session_s(study: Study) -> float:
     """Return an upper bound, s, on the duration of every plan of the study."""
     design = study.design
     trials_s = [
-        _asked_s(study, orders.at_level(condition.touches, max(condition.levels)), scored=True)
+        _touched_s(study, orders.at_level(condition.touches, max(condition.levels)))
+        + study.timing.answer_s * (condition.question is not None)
+        + study.timing.score_s
         + study.timing.answer_s * len(study.questions_after(condition.name))
         for condition in study.condition
     ]
-    opening_s = sum(_asked_s(study, opening.touches, scored=False) for opening in study.opening)
+    opening_s = sum(
+        _touched_s(study, opening.touches) + study.timing.answer_s for opening in study.opening
+    )
     # An upper bound for every slot: each extra trial is taken for the longest one.
     extra_s = (design.practice_trials + design.catch_trials) * max(trials_s, default=0.0)
     # Every order of tracks takes as long.
@@ -161,6 +165,5 @@ def _no_conditions(study: Study) -> Iterator[Problem]:
             yield Problem.of_key(f"design.{key}", "needs a [[condition]]", wanted, hint)
 
 
-def _asked_s(study: Study, touches: tuple[Touch, ...], *, scored: bool) -> float:
-    asked_s = study.timing.answer_s + study.timing.score_s * scored
-    return study.timing.inter_trial_s + touches_s(study, touches) + asked_s
+def _touched_s(study: Study, touches: tuple[Touch, ...]) -> float:
+    return study.timing.inter_trial_s + touches_s(study, touches)

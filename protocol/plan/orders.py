@@ -316,6 +316,8 @@ def _backwards(touch: Touch) -> Touch:
 @lru_cache(maxsize=1024)
 def opposite_expected(condition: Condition) -> str | None:
     """Return the answer expected of the opposite trial, or `None` if the condition has none."""
+    if condition.question is None or condition.expected is None:
+        return None
     there, back = map(_courses, (condition.touches, opposite(condition.touches)))
     # Touches that are the same backwards feel the same: nothing contrary can be expected.
     return None if there == back else QUESTIONS[condition.question].contrary(condition.expected)

@@ -147,7 +147,7 @@ def _main(
             # A catch trial has everything of its condition but the drive, so that nothing else
             # tells it apart.
             still = _trial(condition, 0.0, turned=False, block=block)
-            same = QUESTIONS[condition.question].same
+            same = QUESTIONS[condition.question].same if condition.question else None
             yield replace(still, kind="catch", expected=same, scored=False)
         block_before = block
 

@@ -17,6 +17,9 @@ TrialKind = Literal["baseline", "signal", "practice", "trial", "catch", "track",
 class Trial:
     """One trial: touches, then a question unless `question` is None, then a score if `scored`.
 
+    Of a condition without a question the score is asked at once, also in its catch trials, which
+    are not `scored`: it is compared, and no score of the condition.
+
     `index` counts from 0 within a session; `block` is 0 before the first block. The touches are
     final: `level` is the factor already applied to the condition's amplitudes (0 in a catch
     trial), and `opposite` says that they are already in the opposite order. A break of at least
@@ -36,6 +39,11 @@ class Trial:
     opposite: bool = False
     break_s: float = 0.0
     track: PlannedTrack | None = None
+
+    @property
+    def rated(self) -> bool:
+        """Whether what is felt is scored at once, without a question about a change."""
+        return self.question is None and self.kind in {"practice", "trial", "catch"}
 
 
 def planned_trial(trial: Trial) -> PlannedTrial:
@@ -89,7 +97,7 @@ def trial_s(study: Study, trial: Trial) -> float:
     """Return the expected duration of a trial and the pause before it, without beam swaps, s."""
     timing = study.timing
     asked = bool(trial.question or trial.track)
-    asked_s = timing.answer_s * asked + timing.score_s * trial.scored
+    asked_s = timing.answer_s * asked + timing.score_s * (trial.scored or trial.rated)
     if trial.track is not None and study.track_of(trial.track.name).feedback:
         asked_s += FEEDBACK_S
     asked_s += timing.answer_s * len(study.questions_after(trial.condition))

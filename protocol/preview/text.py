@@ -11,6 +11,7 @@ from protocol.plan.trials import Trial
 from protocol.preview import preview
 from protocol.proof.trial_checks import balance_guaranteed, by_group, carry_over, sequences
 from protocol.study.languages import reference_texts
+from protocol.study.participant_texts import scale_in_words
 from protocol.study.rig_settings import ForceChannel
 from protocol.study.rules import hours_in_words
 from protocol.study.study import Study
@@ -25,7 +26,10 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield ""
     yield "Peak V: amplitude. Drive: relative to the resonance, or in Hz. 0.98/1: a change between"
     yield "touches; 0>200: a change during a touch."
-    yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
+    if shown.study.absolute:
+        yield "Pred.: predicted ln(friction / that at 0 V), positive where friction rises;"
+    else:
+        yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
     yield f"{model.source or f'friction law {model.law}, rung {model.rung}'}."
     if model.rig:
         yield from wrap(f"Rig: {model.rig}.", 80)
@@ -183,8 +187,13 @@ def _cohort_lines(study: Study) -> Iterator[str]:
     if study.group:
         sizes = listed(f"{group.name} {group.size}" for group in study.group)
         yield f"Groups      {sizes}; assigned {design.assign_groups}"
-    if study.condition:
-        never = ", never in catch trials" * bool(design.catch_trials)
+    catches = bool(design.catch_trials)
+    if study.absolute:
+        scale = scale_in_words(study, study.rating)
+        when = f"{scale}, at once{', also in catch trials' * catches}"
+        yield from wrap(f"Score       {when}", 80, subsequent_indent=" " * 12)
+    elif study.condition:
+        never = ", never in catch trials" * catches
         yield f"Score       {_SCORE_WHEN[study.rating.score_when]}{never}"
 
 

@@ -98,7 +98,8 @@ def plan_s(study: Study, plan: Plan) -> float:
         total_s += timing.answer_s * len(asked) * (trial.condition is not None)
         total_s += trial.break_s + timing.inter_trial_s
         total_s += timing.answer_s * (trial.question is not None or trial.kind == "track")
-        total_s += timing.score_s * trial.scored
+        rated = trial.kind == "catch" and trial.question is None
+        total_s += timing.score_s * (trial.scored or rated)
         named = trial.track.name if trial.track else None
         total_s += 1.0 * any(track.feedback for track in study.track if track.name == named)
         total_s += timing.between_touches_s * (len(trial.touches) - 1)
@@ -125,15 +126,19 @@ def content_violations(study: Study, plan: Plan) -> Violations:
 def _asked(condition: Condition, trial: Trial) -> Iterator[str]:
     if trial.question != condition.question:
         yield "a trial must ask its condition's question"
-    asked = QUESTIONS[condition.question]
-    if trial.kind == "catch":
-        wanted = {asked.same}
+    wanted: set[str | None]
+    if condition.question is None:
+        wanted = {None}
+    elif trial.kind == "catch":
+        wanted = {QUESTIONS[condition.question].same}
     elif trial.opposite:
-        wanted = {*asked.answers} - {asked.same, condition.expected}
+        asked = QUESTIONS[condition.question]
+        wanted = {answer for answer in asked.answers if answer != asked.same}
+        wanted -= {condition.expected}
     else:
         wanted = {condition.expected}
     if trial.expected not in wanted:
-        yield f"the expected answer must be one of {sorted(wanted)}"
+        yield f"the expected answer must be one of {sorted(map(str, wanted))}"
     if trial.scored == (trial.kind == "catch"):
         yield "all but catch trials must be scored"
 
@@ -175,8 +180,8 @@ def _alike(one: tuple[list[float], list[object]], other: tuple[list[float], list
 def _opposites(study: Study, plan: Plan) -> Violations:
     turned = Counter(trial.condition for trial in plan.trials if trial.opposite)
     for condition in study.condition:
-        asked = QUESTIONS[condition.question]
-        possible = asked.less is not None and condition.expected != asked.same
+        asked = QUESTIONS[condition.question] if condition.question else None
+        possible = asked and asked.less is not None and condition.expected != asked.same
         there = [_course(touch, 1.0, backwards=False) for touch in condition.touches]
         back = [_course(touch, 1.0, backwards=True) for touch in reversed(condition.touches)]
         wanted = study.design.opposite_repeats if possible and there != back else 0

@@ -9,7 +9,14 @@ from functools import partial
 from typing import Any
 
 from protocol.study.study import Study
-from protocol.study.study_question import INTERVALS, MEANINGS, QUESTIONS, StudyQuestion
+from protocol.study.study_question import (
+    IMPORTED_ANSWERS,
+    IMPORTED_QUESTION,
+    INTERVALS,
+    MEANINGS,
+    QUESTIONS,
+    StudyQuestion,
+)
 
 REACTION_TIME = "_reaction_time_s"
 """Ending of the exported column beside a question's own."""
@@ -87,7 +94,7 @@ _PLAN = (
             "baseline": "first touch, without a signal, to remember",
             "signal": "first touch with a signal",
             "practice": "not analysed",
-            "trial": "a parameter changes; its effect is scored",
+            "trial": "a condition; its effect or, without a question, what is felt is scored",
             "catch": "at 0 V: nothing changes",
             "published": "a score of a published table, of which nothing else is known",
         },
@@ -98,18 +105,21 @@ _PLAN = (
     _plan(
         "question",
         "What is asked after the last touch.",
-        levels={question: asked.meaning for question, asked in QUESTIONS.items()},
+        levels={
+            **{question: asked.meaning for question, asked in QUESTIONS.items()},
+            IMPORTED_QUESTION: "of imported scores: whether something changed as expected",
+        },
     ),
     _plan("expected", "The answer that agrees with the expectation."),
 )
 
 _ANSWER = (
-    Column("change", "The participant's answer.", levels=MEANINGS),
+    Column("change", "The participant's answer.", levels={**MEANINGS, **IMPORTED_ANSWERS}),
     Column("agrees", "Whether the answer agrees with the expectation.", levels=YES_NO),
     Column(
         "score",
-        "Strength of the effect, from {scale}. Missing where it was not asked for or not given, "
-        "never 0 instead.",
+        "Score of the effect or, without a question, of what was felt, from {scale}. Missing where "
+        "it was not asked for or not given, never 0 instead.",
     ),
     Column(
         "reaction_time_s", "From the question, or the instruction to remember, to the answer.", "s"
@@ -121,7 +131,8 @@ _FELT = (
     Column(
         "measured_contrast",
         "Change of the logarithm of friction as measured at the finger, positive in the expected "
-        "direction; missing where touches were not recorded.",
+        "direction or, without a question, where friction is above that at rest; missing where "
+        "touches were not recorded.",
     ),
     Column("measured_contrast_error", "Standard error of the measured contrast."),
 )

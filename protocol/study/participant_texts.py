@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from protocol.errors import Path
 from protocol.study import languages
-from protocol.study.rules import PAPERS_BANDS, PAPERS_SCALE, Band, Rating
+from protocol.study.rules import PAPERS_BANDS, PAPERS_SCALE, Band, Label, Rating
 from protocol.study.study import Study
-from protocol.study.study_question import SCORE, Label, StudyQuestion, track_question
+from protocol.study.study_question import RATING, SCORE, StudyQuestion, track_question
 from protocol.study.touch import Touch
 
 
@@ -136,9 +136,9 @@ def question_text(question: StudyQuestion, wording: Wording) -> str:
     own = question.text.get(wording.code)
     if own is not None:
         return own
-    if question.name == SCORE:
+    if question.name in {SCORE, RATING}:
         ends = {"minimum": question.place(0), "maximum": question.place(question.places)}
-        return filled(wording.texts[SCORE], **ends)
+        return filled(wording.texts[question.name], **ends)
     return wording.texts[f"question.{question.name}"]
 
 
@@ -167,29 +167,36 @@ def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
 
 
 def scale_in_words(study: Study, rating: Rating) -> str:
-    """Return the ends of a scale and its bands, such as `0 to 10 (0: none; 1-10: some)`.
+    """Return the ends of a scale and its bands or labels, such as `0 to 3 (0: none; 1-3: some)`.
 
-    In the language of reference, or in the first one of the study that has a name of each band.
+    In the language of reference, or in the first one of the study that has a name of each.
     """
     ends = f"{rating.minimum} to {rating.maximum}"
-    for code in (languages.REFERENCE, *study_codes(study)) if rating.bands else ():
-        wording = study_wording(study, code)
-        names = [band_name(band, wording) for band in rating.bands]
-        if all(names):
-            named = zip(rating.bands, names, strict=True)
-            bands = [f"{_span(band.first, band.last)}: {name}" for band, name in named]
-            return f"{ends} ({'; '.join(bands)})"
+    if not rating.known:
+        return f"{ends} (the lowest and the highest score; the ends of the scale are not known)"
+    for code in (languages.REFERENCE, *study_codes(study)) if rating.bands or rating.labels else ():
+        named = _named_scores(rating, study_wording(study, code))
+        if all(name for _, name in named):
+            return f"{ends} ({'; '.join(f'{scores}: {name}' for scores, name in named)})"
     return ends
 
 
+def _named_scores(rating: Rating, wording: Wording) -> list[tuple[str, str | None]]:
+    named = [(_span(it.first, it.last), band_name(it, wording)) for it in rating.bands]
+    return [*named, *((f"{it.at:g}", it.names.get(wording.code)) for it in rating.labels)]
+
+
 def _span(first: int, last: int) -> str:
-    return str(first) if first == last else f"{first}-{last}"
+    if first == last:
+        return str(first)
+    # A dash beside a sign would be read as one.
+    return f"{first} to {last}" if first < 0 else f"{first}-{last}"
 
 
 def worded_as_built(study: Study) -> bool:
     """Return whether the study's participants read nothing but what comes with every study."""
     rating, papers = study.rating, PAPERS_SCALE
-    if study.texts or study.languages or study.question or study.page:
+    if study.texts or study.languages or study.question or study.page or rating.labels:
         return False
     has_papers_ends = (rating.minimum, rating.maximum) == (papers.minimum, papers.maximum)
     return has_papers_ends and all(map(_is_papers, rating.bands))
@@ -228,7 +235,7 @@ def required_texts(study: Study) -> tuple[str, ...]:
     """Return the keys of the texts that every language of the study must have."""
     optional = {*languages.later_texts(), *(() if study.question else _OF_OWN_QUESTIONS)}
     # No language file is older than tracks: a study that has them says all of it in its language.
-    optional -= {*_track_texts(study)}
+    optional -= {*_track_texts(study), *([RATING] if study.absolute else [])}
     return tuple(key for key in languages.reference_texts() if key not in optional)
 
 
@@ -239,7 +246,7 @@ def read_in_reference(study: Study, code: str) -> tuple[str, ...]:
         key
         for key, older in languages.later_texts().items()
         if given.isdisjoint({key, older})
-        and (key == "answer.not swapped" or not key.startswith(_OF_TRACKS))
+        and (key == "answer.not swapped" or not key.startswith((*_OF_TRACKS, RATING)))
     )
 
 
@@ -251,9 +258,9 @@ def lacking(study: Study, code: str) -> Iterator[str]:
     for key in dict.fromkeys([*required_texts(study), *pages, *map(touch_text, touches)]):
         if key not in wording.texts:
             yield f"the text {key!r}"
-    for band in study.rating.bands:
-        if band_name(band, wording) is None:
-            yield f"a name of the scores {_span(band.first, band.last)}"
+    for scores, name in _named_scores(study.rating, wording):
+        if name is None:
+            yield f"a name of the scores {scores}"
     for question in study.question:
         named = (question.text, *(each.names for each in question.labels))
         if not all(code in names for names in named):

@@ -5,7 +5,17 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from protocol.study.fields import Count, Line, NotNegative, Positive, Record, Share, Whole, setting
+from protocol.study.fields import (
+    Count,
+    Line,
+    Name,
+    NotNegative,
+    Positive,
+    Record,
+    Share,
+    Whole,
+    setting,
+)
 from protocol.study.languages import KnownCode
 
 Hand = Literal["left", "right"]
@@ -153,8 +163,8 @@ class Design(Record):
     of their levels; never analysed"""
     catch_trials: Whole = setting(0, le=50)
     """number of trials at 0 V among the others, in which nothing changes; of any condition on the
-    mounted beam, also the one that was just felt; no score is asked in them, whatever
-    `rating.score_when` says"""
+    mounted beam, also the one that was just felt; a score is asked in them only where the
+    conditions have no question"""
     catch_apart: Count = setting(1, "smallest number of other trials between two catch trials")
     opposite_repeats: Whole = 0
     """number of repeats of a condition in which the touches come in the opposite order, so that the
@@ -248,7 +258,7 @@ class Publication(Record):
 
 # The scale of scores: its ends, its ticks and its bands; and the spread expected of scores.
 
-Score = Annotated[Whole, Field(le=1_000)]
+Score = Annotated[int, Field(ge=-1_000, le=1_000, strict=True)]
 """Whole, so that it can be typed and counted."""
 
 
@@ -270,6 +280,27 @@ class Band(Record):
         return self.__pydantic_extra__
 
 
+ScalePlace = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
+"""On a scale."""
+
+
+class Label(Record):
+    """An answer to choose, or a label of a place on a scale, by the language's code."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[
+        str, Annotated[Line, Field(description="what is read in that language, such as `en`")]
+    ] = Field(init=False)
+
+    value: Name | None = setting(None, "what is recorded, for `choice` and `several`")
+    at: ScalePlace | None = setting(None, "the place, for `scale` and `analogue` (0 or 100)")
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What is read, by language."""
+        return self.__pydantic_extra__
+
+
 PAPERS_BANDS = {
     (0, 0): "no effect",
     (1, 4): "very weak",
@@ -283,12 +314,19 @@ class Rating(Record):
     """When and on which scale the effect is scored, and how the scores are named."""
 
     score_when: Literal["agrees", "noticed", "always"] = "agrees"
-    """ask for the score only if the answer agrees with the expectation, if it says that anything
-    changed, or always; never in catch trials: a missing page tells the participant of one"""
+    """of conditions with a question: ask for the score only if the answer agrees with the
+    expectation, if it says that anything changed, or always; never in catch trials: a missing page
+    tells the participant of one"""
     minimum: Score = setting(0, "lowest score")
     maximum: Score = setting(10, "highest score, above the lowest")
-    ticks: Literal["all", "bands", "ends"] = setting("all", "which scores are marked on the scale")
+    known: bool = setting(True, strict=True)
+    """of imported scores: false if nobody said where the scale ends; minimum and maximum are then
+    the lowest and the highest score there is"""
+    ticks: Literal["all", "bands", "labels", "ends"] = "all"
+    """which scores are marked on the scale"""
     bands: tuple[Band, ...] = setting((), "names of ranges, which together cover the scale")
+    labels: tuple[Label, ...] = ()
+    """instead of bands: names of single scores, such as both ends"""
 
     def asks_score(self, *, agrees: Any, noticed: Any) -> Any:
         """Return whether an answer leads to the score: truth values, or arrays of them."""
@@ -310,6 +348,22 @@ class Rating(Record):
             raise ValueError(
                 f"bands must follow one another from {self.minimum} to {self.maximum}, got {spans}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _labels_name_single_scores(self) -> Self:
+        if self.labels and self.bands:
+            raise ValueError("labels must be left out where bands are given, got both")
+        places = [label.at for label in self.labels if label.value is None]
+        if len(places) < len(self.labels) or None in places:
+            raise ValueError('labels must each have a score alone, such as { at = 1, en = "…" }')
+        scores = range(self.minimum, self.maximum + 1)
+        for number, place in enumerate(places):
+            if place not in scores:
+                rule = f"labels must be at whole numbers from {self.minimum} to {self.maximum}"
+                raise ValueError(f"{rule}, got {place:g}")
+            if place in places[:number]:
+                raise ValueError(f"labels must be at scores that differ, got {place:g} twice")
         return self
 
     @property

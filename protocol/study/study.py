@@ -4,12 +4,21 @@ Every record is frozen and refuses unknown keys. Quantities are in SI units; a v
 amplitude (peak), a frequency is relative to the resonance that the rig measures.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from hashlib import sha256
-from itertools import chain, count
-from typing import Annotated, Literal, Self
+from itertools import chain, count, product
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticKnownError
 
 from protocol.errors import shown
 from protocol.study import rules
@@ -24,8 +33,21 @@ from protocol.study.track import Track
 
 Level = Annotated[Positive, Field(ge=0.001, le=200)]
 """Of an amplitude: 200 makes 1 V the largest there is, and a thousandth drives nothing."""
+Contrast = Annotated[float, Field(ge=-10, le=10, allow_inf_nan=False, strict=True)]
+"""A change of the logarithm of friction: at 10 friction is 20,000 times as large."""
 Spacing = Annotated[NotNegative, Field(le=0.05)]
 """Of ciliary bodies, m: at more than 50 mm there are not two under a finger."""
+
+
+def _pairs(given: Any) -> Any:
+    # A condition is a key of caches, which a mapping cannot be.
+    return tuple(given.items()) if isinstance(given, Mapping) else given
+
+
+CellOf = Annotated[tuple[tuple[Name, Name], ...], BeforeValidator(_pairs)]
+"""A table of values by the name of their factor, as pairs."""
+MOST_IMPORTED = 100
+"""Conditions of imported scores."""
 
 
 class Item(Record):
@@ -38,8 +60,13 @@ class Item(Record):
 
     @model_validator(mode="after")
     def _expected_fits_question(self) -> Self:
-        # A trial without a question can expect no answer.
-        allowed = ANSWERS[self.question] if self.question else (None,)
+        if self.question is None:
+            if self.expected is not None:
+                raise ValueError(
+                    f"expected must be left out without a question, got {shown(self.expected)}"
+                )
+            return self
+        allowed = ANSWERS[self.question]
         if self.expected not in allowed:
             raise ValueError(
                 f"expected must be one of {', '.join(map(str, allowed))} "
@@ -56,7 +83,7 @@ class Opening(Item):
 
 
 class Condition(Item):
-    """A parameter that changes; its effect is scored."""
+    """A parameter that changes and is scored: its effect or, without a question, what is felt."""
 
     _cell: dict[str, str] = PrivateAttr(default_factory=dict)
     _written: int = PrivateAttr(0)
@@ -78,11 +105,47 @@ class Condition(Item):
         return self._written
 
     name: Annotated[Name, Field(description="name in tables and reports")]
-    question: Annotated[Question, Field(description="what is asked after the last touch")]
-    expected: Annotated[str, Field(description="the answer that agrees with the expectation")]
+    touches: tuple[Touch, ...] = Field((), max_length=12, validate_default=True)
+    """the touches in their order; a table each, see below; none in a study of imported scores"""
+    question: Question | None = None
+    """what is asked after the last touch; without it what was felt is scored at once, also in catch
+    trials"""
+    expected: str | None = setting(None, "the answer that agrees with the expectation")
     levels: tuple[Level, ...] = setting((1.0,), min_length=1, max_length=20)
     """the repeats take these levels in random order; a level multiplies every amplitude of its
     trial, so that predicted contrasts are spread"""
+    contrast: Contrast | None = None
+    """of imported scores: the change of the logarithm of friction that their author predicts"""
+    factors: CellOf = setting((), max_length=6)
+    """of imported scores: a table with the value of each factor here; conditions cross all of
+    them"""
+
+    @field_validator("touches")
+    @classmethod
+    def _given_with_question(cls, touches: tuple[Touch, ...], info: ValidationInfo) -> Any:
+        if not touches and info.data.get("question") is not None:
+            raise PydanticKnownError("missing")  # as of any key that must be given
+        return touches
+
+    @model_validator(mode="after")
+    def _imported_alone(self) -> Self:
+        for key in ("contrast", "factors"):
+            if self.touches and getattr(self, key):
+                raise ValueError(
+                    f"{key} must be left out of a condition with touches, got "
+                    f"{shown(getattr(self, key))}"
+                )
+        return self
+
+
+PAPERS_CONDITIONS = {
+    "frequency": ("strength", "stronger"),
+    "structure": ("strength", "stronger"),
+    "voltage": ("roughness", "smoother"),
+    "direction": ("places", "swapped"),
+    "pressure": ("roughness", "smoother"),
+}
+"""The paper's conditions (section 5.2): what is asked of each, and the expected answer."""
 
 
 class Header(Record):
@@ -144,10 +207,35 @@ class Study(Record):
     """Groups of participants, between whom results are compared."""
     factor: tuple[Factor, ...] = setting((), max_length=6)
     """What varies, and is crossed into conditions."""
-    condition: tuple[Condition, ...] = setting((), max_length=MOST_CONDITIONS)
+    condition: tuple[Condition, ...] = setting((), max_length=MOST_IMPORTED)
     """What is changed, and scored; a study has conditions, tracks or both."""
     track: tuple[Track, ...] = setting((), max_length=20)
     """Thresholds: questions asked again and again, at levels chosen."""
+
+    @field_validator("condition")
+    @classmethod
+    def _touched_or_imported(cls, given: tuple[Condition, ...], info: ValidationInfo) -> Any:
+        """Refuse too many conditions of sessions, and some without touches where others have any.
+
+        Nothing is touched in a study that describes imported scores.
+        """
+        without = [number for number, each in enumerate(given) if not each.touches]
+        parts = ("factor", "opening")
+        if not without:
+            if len(given) > MOST_CONDITIONS:
+                told = {"field_type": "Tuple", "max_length": MOST_CONDITIONS}
+                raise PydanticKnownError("too_long", {**told, "actual_length": len(given)})
+        elif len(without) < len(given) or any(info.data.get(part) for part in parts):
+            error: Any = {"type": "missing", "loc": (without[0], "touches"), "input": None}
+            raise ValidationError.from_exception_data("condition", [error])
+        return given
+
+    @field_validator("track")
+    @classmethod
+    def _touched_with_tracks(cls, track: tuple[Track, ...], info: ValidationInfo) -> Any:
+        if track and any(not each.touches for each in info.data.get("condition", ())):
+            raise ValueError("must be left out where conditions have no touches")
+        return track
 
     @model_validator(mode="after")
     def _worked_out(self) -> Self:
@@ -175,6 +263,8 @@ class Study(Record):
         if not condition.cell:
             condition._written = number
         many = combinations(self.factor) * len(self.condition)
+        if condition.factors:
+            condition._cell = dict(condition.factors)
         if not self.factor or condition.cell or many > MOST_CONDITIONS:
             yield condition
             return
@@ -194,14 +284,45 @@ class Study(Record):
     @property
     def factors(self) -> dict[str, tuple[str, ...]]:
         """What the values of each factor are called; the conditions of the file may be one."""
+        if self.imported:
+            return self._imported_factors
         own = {factor.name: factor.named for factor in self.factor}
         written = dict.fromkeys(each.cell.get(CONDITION, "") for each in self.condition)
         return {CONDITION: tuple(written), **own} if len(written) > 1 else own
 
     @property
+    def _imported_factors(self) -> dict[str, tuple[str, ...]]:
+        """Factors whose values are all crossed, the last one fastest; else none."""
+        cells = [each.cell for each in self.condition]
+        named = {name: tuple(dict.fromkeys(it.get(name, "") for it in cells)) for name in cells[0]}
+        crossed = [dict(zip(named, values, strict=True)) for values in product(*named.values())]
+        return named if named and crossed == cells else {}
+
+    @property
+    def imported(self) -> bool:
+        """Whether it describes imported scores: nothing was touched, and it cannot be run."""
+        return bool(self.condition) and not any(each.touches for each in self.condition)
+
+    @property
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions in the order of the file."""
         return tuple(condition.name for condition in self.condition)
+
+    @property
+    def is_papers(self) -> bool:
+        """Whether its table of scores is the paper's Table 4: of its conditions, on its scale.
+
+        Touches, levels, repeats and orders may be others.
+        """
+        asked = {item.name: (item.question, item.expected) for item in self.condition}
+        papers, own = rules.PAPERS_SCALE, self.rating
+        same_scale = (own.minimum, own.maximum) == (papers.minimum, papers.maximum)
+        return asked == PAPERS_CONDITIONS and same_scale
+
+    @property
+    def absolute(self) -> bool:
+        """Whether what is felt is scored at once: no condition asks what changed."""
+        return bool(self.condition) and all(each.question is None for each in self.condition)
 
     @property
     def groups(self) -> tuple[str, ...]:

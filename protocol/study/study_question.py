@@ -12,7 +12,7 @@ from math import ceil, floor, inf, isfinite
 from random import Random
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
 from protocol.study.fields import (
     Count,
@@ -26,13 +26,14 @@ from protocol.study.fields import (
     setting,
 )
 from protocol.study.languages import KnownCode
-from protocol.study.rules import Rating
+from protocol.study.rules import Label, Rating, ScalePlace
 
 # Questions after a touch, and the answers that each one allows.
 
 Question = Literal["roughness", "strength", "places"]
-Effect = Literal["friction", "depth", "places"]
-"""What is felt to change: friction, how much it varies along the path, or where it is high."""
+Effect = Literal["friction", "depth", "places", "level"]
+"""What is felt to change: friction, how much it varies along the path, or where it is high; or what
+is rated without a question: the level of friction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +93,14 @@ MEANINGS = {
 }
 """Of all answers, for exported data."""
 
+IMPORTED_QUESTION = "as expected?"
+"""Stands for the question of an imported table, of which only the meaning of answers is known."""
+IMPORTED_ANSWERS = {
+    "expected": "of imported scores: as expected",
+    "contrary": "of imported scores: the contrary of what was expected",
+}
+"""Beside `same`."""
+
 Kind = Literal["choice", "several", "scale", "analogue", "number", "text"]
 Form = Literal["labels", "scale", "typed"]
 """How a question is asked: with labels to choose from, a scale, or a line to type in."""
@@ -125,8 +134,6 @@ def is_identifier(name: str) -> bool:
     return len(name) <= LONGEST_IDENTIFIER and _NAME.fullmatch(name) is not None
 
 
-ScalePlace = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False, strict=True)]
-"""On a scale."""
 LongText = Annotated[str, Field(min_length=1, max_length=1_000), AfterValidator(require_printable)]
 # No part begins with a point, so that no name leads out of the folder.
 _PICTURE = re.compile(r"\w[\w. -]*(/\w[\w. -]*)*\.(png|jpg|jpeg)", re.IGNORECASE)
@@ -144,25 +151,10 @@ Filename = Annotated[Line, _OF_A_PICTURE]
 _Shown = Annotated[Line, AfterValidator(require_printable)]
 
 
-class Label(Record):
-    """An answer to choose, or a label of a place on a scale, by the language's code."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[
-        str, Annotated[Line, Field(description="what is read in that language, such as `en`")]
-    ] = Field(init=False)
-
-    value: Name | None = setting(None, "what is recorded, for `choice` and `several`")
-    at: ScalePlace | None = setting(None, "the place, for `scale` and `analogue` (0 or 100)")
-
-    @property
-    def names(self) -> dict[str, str]:
-        """What is read, by language."""
-        return self.__pydantic_extra__
-
-
 SCORE = "score"
 """Name of the question how strong the change is."""
+RATING = "rating"
+"""Name of the one how strong what was felt is, of conditions that do not ask about a change."""
 
 
 class AskedIf(Record):
@@ -170,7 +162,7 @@ class AskedIf(Record):
 
     question: Line
     """a question that is asked before this one, or of the trial `change`, `noticed` (`yes`, `no`),
-    `agrees` (`yes`, `no`) or `score`"""
+    `agrees` (`yes`, `no`) or `score`; where conditions have no question, `score` alone"""
     answers: tuple[Name, ...] = setting((), "answers after which it is asked", alias="is")
     at_least: ScalePlace | None = setting(None, "smallest number after which it is asked")
     at_most: ScalePlace | None = setting(None, "largest number after which it is asked")
@@ -474,14 +466,15 @@ def track_question(found: str, intervals: int) -> StudyQuestion:
     return _choice_of(f"is_{found}", ("yes", "no"))
 
 
-def score_question(rating: Rating) -> StudyQuestion:
-    """Return the question how strong the change is, on the scale of scores."""
+def score_question(rating: Rating, name: str = SCORE) -> StudyQuestion:
+    """Return the question `SCORE` or `RATING`, on the scale of scores."""
     return StudyQuestion(
-        name=SCORE,
+        name=name,
         kind="scale",
         minimum=rating.minimum,
         maximum=rating.maximum,
         ticks="labels" if rating.ticks == "bands" else rating.ticks,
+        labels=rating.labels,
     )
 
 
@@ -489,7 +482,10 @@ _YES_NO = ("no", "yes")
 
 
 def trial_facts(rating: Rating) -> Iterator[StudyQuestion]:
-    """Yield what is known of every answered trial, as questions that others may depend on."""
+    """Yield what is known of every answered trial, as questions that others may depend on.
+
+    Without a question about a change it is the score alone.
+    """
     changes = dict.fromkeys(answer for answers in ANSWERS.values() for answer in answers)
     for name, values in (("change", changes), ("noticed", _YES_NO), ("agrees", _YES_NO)):
         yield _choice_of(name, values)
@@ -501,7 +497,7 @@ def facts_of_trial(
 ) -> dict[str, Answer]:
     """Return what the answer to a trial says, by the names of `trial_facts`."""
     if question is None or change is None:
-        return {}
+        return {} if score is None else {SCORE: score}
     return {
         "change": change,
         "noticed": _YES_NO[change != QUESTIONS[question].same],

@@ -216,6 +216,7 @@ def _key_problems(study: Study) -> Iterator[Problem]:
         rule = f"needs a board or a gauge, and rig.dialect = {rig.dialect!r} measures nothing"
         hint = "give the address of a gauge as force_channel.gauge"
         yield told("force_channel.rate_hz", rule, channel.rate_hz, hint)
+    yield from _absolute_problems(study)
     # Both may be simulated: a simulated gauge has a line of its own.
     if channel.gauge != SIMULATED and channel.gauge == rig.device:
         rule = "must have a port of its own, other than rig.device"
@@ -227,12 +228,27 @@ def _key_problems(study: Study) -> Iterator[Problem]:
         yield told("force_channel.gauge", rule, f"rig.device = {value}", hint)
 
 
+def _absolute_problems(study: Study) -> Iterator[Problem]:
+    """Yield conditions without a question beside others, and what only questions give."""
+    rated = [condition for condition in study.condition if condition.question is None]
+    if rated and not study.absolute:
+        # Scores of what was felt and of its change cannot be compared with each other.
+        where, path = f"condition {rated[0].name}", ("condition", rated[0].written, "question")
+        rule, hint = "must be given, as in other conditions", "or leave it out in all of them"
+        yield Problem(f"{where}, question", rule, "nothing", hint, path)
+    if study.absolute and study.exclusions.max_false_alarms is not None:
+        rule = "must be left out where no condition has a question"
+        value, hint = study.exclusions.max_false_alarms, "a score of a catch trial is no alarm"
+        yield Problem.of_key("exclusions.max_false_alarms", rule, f"{value:g}", hint)
+
+
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:
     """Return everything in `study` that breaks a limit, cannot be met or names nothing there is.
 
     Whether the design can be met is asked only of a study with nothing else (`further`) wrong.
     """
-    return [*limit_problems(study), *further] or design_problems(study)
+    broken = [*limit_problems(study), *further]
+    return broken or ([] if study.imported else design_problems(study))
 
 
 _ULTRASONIC_HZ = 1_000
@@ -250,6 +266,8 @@ def _in_khz(study: Study) -> Iterator[Problem]:
 
 def limit_problems(study: Study) -> list[Problem]:
     """Return everything in `study` that breaks a limit or names nothing there is."""
+    if study.imported:  # nothing is driven, asked or read
+        return [*_name_problems(study), *_group_problems(study)]
     # Whatever else is said would follow from the wrong unit.
     return list(_in_khz(study)) or _broken_limits(study)
 

@@ -18,6 +18,7 @@ from protocol.study.participant_texts import (
     study_wording,
     text_path,
 )
+from protocol.study.rules import Label
 from protocol.study.study import Study
 from protocol.study.study_question import (
     ANSWERS,
@@ -26,9 +27,10 @@ from protocol.study.study_question import (
     MEANINGS,
     MOST_LABELS,
     ONCE,
+    RATING,
+    SCORE,
     AskedIf,
     InstructionPage,
-    Label,
     StudyQuestion,
     trial_facts,
 )
@@ -56,6 +58,8 @@ def text_problems(study: Study) -> Iterator[Problem]:
         names = {code: band_name(band, wording) for code, wording in wordings.items()}
         known = {code: name for code, name in names.items() if name is not None} | band.names
         yield from unnamed_problems(study, ("rating", "bands", number), known, ("from", "to"))
+    for number, label in enumerate(study.rating.labels):
+        yield from unnamed_problems(study, ("rating", "labels", number), label.names, ("at",))
 
 
 def instruction_problem(study: Study, where: str, path: Path, touch: Touch) -> Problem | None:
@@ -158,7 +162,7 @@ def _allowed_fields(key: str) -> list[list[str]]:
     fields = _fields(reference_texts().get(key, ""))
     if key in finger_texts():
         return [fields, *([field] for field in fields if len(fields) > 1), []]
-    return [fields, []] if key == "score" else [fields]
+    return [fields, []] if key in {SCORE, RATING} else [fields]
 
 
 def _fields(text: str) -> list[str]:
@@ -281,7 +285,9 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
     if (rule := question.asked_if) is None:
         return
     before = study.question[: study.question.index(question)]
-    known = {each.name: each for each in (*trial_facts(study.rating), *before)}
+    # Where no condition asks what changed, nobody can have answered that.
+    facts = [each for each in trial_facts(study.rating) if each.name == SCORE or not study.absolute]
+    known = {each.name: each for each in (*facts, *before)}
     other = known.get(rule.question)
     if other is None:
         must, hint = "must name a question before this one", f"known: {', '.join(known)}"
@@ -304,8 +310,9 @@ def _never_asked(study: Study, question: StudyQuestion) -> _Found:
 
 def _no_such_change(study: Study, answers: Sequence[str], conditions: Sequence[str]) -> _Found:
     """Answers that are none to what these conditions ask."""
-    asked = {each.question for each in study.condition if each.name in conditions}
-    can = [answer for answer in MEANINGS if any(answer in ANSWERS[each] for each in asked)]
+    of_conditions = {each.question for each in study.condition if each.name in conditions}
+    asked = [ANSWERS[question] for question in of_conditions if question is not None]
+    can = [answer for answer in MEANINGS if any(answer in answers for answers in asked)]
     if can and answers and set(answers) <= MEANINGS.keys() - set(can):
         rule, value = "must say an answer to what its conditions ask", ", ".join(map(repr, answers))
         yield "asked_if", rule, value, f"known: {', '.join(can)}"

@@ -99,9 +99,10 @@ def participant_and_operator(
         name = session_name(session.seed, session.participant, session.number)
         unfelt = session.study.surface.kind == "given"
         if unfelt and session.virtual.effect is None and not is_stated(session.study):
+            does = "rates as at rest" if session.study.absolute else "answers at random"
             say(
                 "Touches do not state their friction: where it is missing the virtual participant "
-                f"answers at random. A people file says more: {EFFECT_EXAMPLE}"
+                f"{does}. A people file says more: {EFFECT_EXAMPLE}"
             )
         participant: Participant = VirtualParticipant(
             finger,

@@ -36,7 +36,7 @@ from runner.people.terminal import at_terminal, require_foreground, typed_answer
 from runner.screens import AnswerSource
 from runner.session.session import SessionKind
 from runner.session.setup import OPERATOR_QUESTIONS, spoken
-from runner.study.check import validated_study
+from runner.study.check import runnable_study
 from runner.study.folder import StudyFolder
 from runner.study.registered import registration_of
 
@@ -111,7 +111,7 @@ def requested(options: SessionOptions) -> Request:
     """Check everything that can be checked before anything is opened or changed."""
     text = options.folder.text()
     source = str(options.folder.study_file)
-    study = validated_study(text, source)
+    study = runnable_study(text, source)
     if options.slides:
         if found := slide_problems(study):  # a study without [slide] was not asked for it
             raise StudyError(source, located(text, found))

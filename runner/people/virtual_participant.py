@@ -7,7 +7,7 @@ is like, feels and answers is in `device.people`.
 
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, cast
 
@@ -22,6 +22,7 @@ from device.people import answering
 from device.people.person import People, Person, normal_quantile, uniforms
 from protocol.errors import WorkFailed
 from protocol.study import study_question
+from protocol.study.rules import Rating
 from protocol.study.study import Study
 from protocol.study.track import Find
 from runner import screens
@@ -172,6 +173,8 @@ class VirtualParticipant(screens.Participant):
         asked, _, found = question.name.partition("_")
         if asked in {"which", "is"} and question.text == {}:  # no study's own question
             return self._track(question, found)
+        if question.name == study_question.RATING and question.text == {}:
+            return self._rating(question)
         if question.name == study_question.SCORE:
             score, seconds = self._answering.score()
             lowest, highest, _ = question.scale
@@ -184,17 +187,30 @@ class VirtualParticipant(screens.Participant):
 
     def _track(self, question: study_question.StudyQuestion, found: str) -> screens.Response:
         felt = self._taken()
-        # The output is off while a question is asked: the beam is felt at rest.
-        mark = felt[-1].mark
-        resting = np.array([self.control.touch(mark.force_n, mark.end_m, mark.direction)])
-        self.control.lift()
         named, seconds = self._answering.track(
-            answering.felt_level(felt, resting),
+            self._levels(felt),
             cast(Find, found),
             self._numbers("tracks", answering.TRACK_NUMBERS),
         )
         order = ("no", "yes") if len(felt) == 1 else question.values
         return self._respond(order[int(named[0])], seconds[0])
+
+    def _rating(self, question: study_question.StudyQuestion) -> screens.Response:
+        felt, (lowest, highest, _) = self._taken(), question.scale
+        score, seconds = self._answering.rate(
+            self.worth() if self.worth else self._levels(felt)[:, -1],
+            self._numbers("questions", answering.QUESTION_NUMBERS),
+            Rating(minimum=int(lowest), maximum=int(highest)),
+        )
+        return self._respond(f"{score[0]:.0f}", seconds[0])
+
+    def _levels(self, felt: Sequence[answering.Felt]) -> FloatArray:
+        """Return the log friction of each touch relative to the beam at rest, (1, touches)."""
+        # The output is off while a question is asked: the beam is felt at rest.
+        mark = felt[-1].mark
+        resting = np.array([self.control.touch(mark.force_n, mark.end_m, mark.direction)])
+        self.control.lift()
+        return answering.felt_level(felt, resting)
 
     def _taken(self) -> list[answering.Felt]:
         """Return what was felt since the last question, and forget it."""

@@ -8,8 +8,8 @@ from device.errors import DeviceError
 from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.records import QuestionAnswer
-from protocol.study.rules import OperatorQuestion
-from protocol.study.study_question import KINDS, Answer, Label, StudyQuestion, answer_text
+from protocol.study.rules import Label, OperatorQuestion
+from protocol.study.study_question import KINDS, Answer, StudyQuestion, answer_text
 from protocol.study_file.limits import problems_at
 from runner.screens import Notice, Welcome
 from runner.session.measured import tare

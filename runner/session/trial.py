@@ -325,7 +325,8 @@ def _answers(
     """Return the reported change, its score, and the responses that gave them.
 
     The score is None where the answer asks for none, which `rating.score_when` decides (in the
-    paper, section 5.2, an answer that disagrees with the expectation).
+    paper, section 5.2, an answer that disagrees with the expectation). Without a question about a
+    change the score is all that is asked, and no change is reported.
     """
     # A block that is drawn along the beam answers nothing.
     if trial.kind == "pass":
@@ -334,11 +335,15 @@ def _answers(
         track = context.session.study.track_of(trial.track.name)
         said, given = asked(context, screens.ask_track(track.found, track.intervals))
         return str(said), None, [given]
+    rating = context.session.study.rating
+    if trial.rated:
+        score, given = asked(context, screens.ask_rating(rating))
+        assert isinstance(score, int), "scores are whole"
+        return None, score, [given]
     # A trial to remember, such as the baseline, has no question; the participant only confirms.
     if trial.question is None:
         show_page(context, screens.Instruction(text="remember"))
         return None, None, [response(context)]
-    rating = context.session.study.rating
     _, change = asked(context, screens.ask_change(trial.question))
     agrees = change.answer == trial.expected
     noticed = change.answer != QUESTIONS[trial.question].same

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from device.friction.calibration import Calibration
 from device.study_limits import reach_problems
 from protocol.address import other_spelling
-from protocol.errors import Problem, WorkFailed
+from protocol.errors import BadInput, Problem, WorkFailed, listed
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.preview.preview import Prediction, Resonance, preview, preview_record
 from protocol.preview.text import preview_lines
 from protocol.proof.trial_checks import cohort_problems, cycle
-from protocol.study.participant_texts import read_in_reference, worded_as_built
+from protocol.study.participant_texts import read_in_reference, scale_in_words, worded_as_built
 from protocol.study.rules import selections
 from protocol.study.study import Study
 from protocol.study.study_question import Question
@@ -39,8 +39,9 @@ class WrongPlan(WorkFailed):
     """A plan that does not follow from its study: an error of touchbeam, not of the study."""
 
 
-Contrast = Callable[[Question, str | None, tuple[Touch, ...]], float | None]
-"""The predicted contrast of a question about touches, with what is expected; None of none."""
+Contrast = Callable[[Question | None, str | None, tuple[Touch, ...]], float | None]
+"""The predicted contrast of a question about touches, with what is expected, or what a rating of
+them follows without a question; None of none."""
 
 
 def validated_study(text: str, source: str) -> Study:
@@ -48,9 +49,25 @@ def validated_study(text: str, source: str) -> Study:
     return parsed_study(text, source, _placement_problems, DIALECTS)
 
 
-def proved_study(text: str, source: str) -> Study:
-    """Return the validated study; `WrongPlan` if the proof finds an error in the plans it gives."""
+def runnable_study(text: str, source: str) -> Study:
+    """Return the validated study; `BadInput` if it describes imported scores."""
     study = validated_study(text, source)
+    if study.imported:
+        raise BadInput(
+            f"{source}: describes imported scores and cannot be run or registered, as no condition "
+            "has touches; touchbeam new makes a study to run"
+        )
+    return study
+
+
+def proved_study(text: str, source: str) -> Study:
+    """Return the validated study; `WrongPlan` if the proof finds an error in the plans it gives.
+
+    A study of imported scores has no plans.
+    """
+    study = validated_study(text, source)
+    if study.imported:
+        return study
     # One whole cycle, because the balance of carry-over can only be proved over all of its slots.
     plans = [
         replace(plan(study.of_group(group), slot), group=group)
@@ -103,6 +120,8 @@ def checked(
     source, text = str(folder.study_file), folder.text()
     try:
         valid = validated_study(text, source)
+        if valid.imported:
+            return _imported_lines(valid, as_json=as_json), []
         rig = fitted_calibration(folder.path, valid)
         study, resonance = _at_kept_resonance(folder, valid, source)
         _require_in_table(study, rig, source, text)
@@ -152,6 +171,26 @@ def checked(
         if (keys := read_in_reference(study, code))
     ]
     return said, []
+
+
+def _imported_lines(study: Study, *, as_json: bool) -> list[str]:
+    """Return what is said of a study that describes imported scores: nothing of it can be run."""
+    contrasts = {each.name: each.contrast for each in study.condition if each.contrast is not None}
+    if as_json:
+        known = {"conditions": study.conditions, "factors": study.factors, "groups": study.groups}
+        record = {"ok": True, "problems": [], "participants": [], "warnings": []}
+        return [_json({**record, "imported": {**known, "contrasts": contrasts}})]
+    lines = [
+        "Imported    this study describes imported scores and cannot be run",
+        f"Conditions  {listed(study.conditions)}",
+        f"Scale       {scale_in_words(study, study.rating)}",
+    ]
+    for name, levels in study.factors.items():
+        lines.append(f"Factor      {name}: {listed(levels)}")
+    if study.groups:
+        lines.append(f"Groups      {listed(study.groups)}")
+    told = listed(f"{name} {value:+g}" for name, value in contrasts.items())
+    return [*lines, f"Contrasts   {told or 'none predicted: contrast = ... in [[condition]]'}"]
 
 
 def _warnings(
@@ -344,7 +383,7 @@ def _contrast_of(study: Study, rig: Calibration) -> Contrast:
 
     @cache  # the trials of a cohort share few combinations, which alone determine a prediction
     def contrast(
-        question: Question, expected: str | None, touches: tuple[Touch, ...]
+        question: Question | None, expected: str | None, touches: tuple[Touch, ...]
     ) -> float | None:
         change = trial_change(study, question, expected, touches)
         value = predicted_contrast(change, rig=rig)
@@ -357,7 +396,7 @@ def _prediction(study: Study, contrast: Contrast, rig: Calibration) -> Predictio
     from device.friction.changes import LAW, RUNG
 
     def of_trial(trial: Trial) -> float | None:
-        if trial.question is None:
+        if trial.question is None and not trial.rated:
             return None
         return contrast(trial.question, trial.expected, trial.touches)
 

@@ -257,16 +257,37 @@ def named_after(name: str, text: str) -> str:
     return re.sub(r'(?m)^name = "\w+"$', lambda _: key, text, count=1) if shown else text
 
 
+def require_free(folder: StudyFolder) -> None:
+    """Raise `BadInput` unless the folder is empty or missing, as far as that can be told."""
+    place = Path(os.path.realpath(folder.path))
+    try:
+        taken = any(place.iterdir())
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _unusable(place, error) from error
+    if taken:
+        raise _taken(place)
+
+
+def _unusable(place: Path, error: OSError) -> BadInput:
+    told = f"cannot be used for a study ({error.strerror}); choose another folder"
+    return BadInput(f"{place}: {told}")
+
+
+def _taken(place: Path) -> BadInput:
+    return BadInput(f"{place}: must be a new or empty folder, but it contains files")
+
+
 def _created(place: Path) -> Path | None:
     """Create the folder `place` unless it exists and is empty; return the topmost new folder."""
     try:
         topmost = files.make_folder(place)
         taken = topmost is None and any(place.iterdir())
     except OSError as error:
-        told = f"cannot be used for a study ({error.strerror}); choose another folder"
-        raise BadInput(f"{place}: {told}") from error
+        raise _unusable(place, error) from error
     if taken:
-        raise BadInput(f"{place}: must be a new or empty folder, but it contains files")
+        raise _taken(place)
     return topmost
 
 

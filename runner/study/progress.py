@@ -204,6 +204,8 @@ class Progress:
     def _next_session(self, summary: cohort.SessionSummary, state: SessionState) -> str:
         """Return after a participant's latest session how to begin the next one, if one lacks."""
         who = summary.participant
+        if self._is_imported:
+            return ""
         if summary.state != "completed" or not self._is_latest(summary) or self._is_done(who):
             return ""
         done, number = self._completed(who), 1 + max(each.session for each in self._had[who])
@@ -223,7 +225,7 @@ class Progress:
         missing = {it["name"]: it["planned"] - it["done"] for it in groups}
         # A group that is too large leaves another one too small.
         enough = self.planned is not None and self.done >= self.planned
-        if enough and max(missing.values(), default=0) <= 0:
+        if self._is_imported or (enough and max(missing.values(), default=0) <= 0):
             return f"{done} Next: {self._command('report')}"
         told = self.study is not None and self.study.design.assign_groups == "by the operator"
         group = ["--group", max(missing, key=missing.__getitem__)] if missing and told else []
@@ -234,6 +236,11 @@ class Progress:
             f"{done} The next participant gets slot {self.next_slot} of the design, "
             f"for example: {command}"
         )
+
+    @property
+    def _is_imported(self) -> bool:
+        """Whether the study describes imported scores, which no session follows."""
+        return self.study is not None and self.study.imported
 
     def _command(self, name: str, *options: str) -> str:
         return f"{self.program} {' '.join(map(typed_as, [name, self.folder, *options]))}"

@@ -67,7 +67,7 @@ def foreseen(
     shown += [
         *(screens.ask_change(item.question) for item in items if item.question is not None),
         *(screens.ask_track(track.found, track.intervals) for track in study.track),
-        screens.ask_score(study.rating),
+        (screens.ask_rating if study.absolute else screens.ask_score)(study.rating),
         *(screens.Ask(question=it) for it in study.question if it.when != "desk"),
         *(
             screens.Instruction(text=participant_texts.page_key(at), picture=own.picture)
@@ -194,6 +194,9 @@ def _path(study: Study, wording: participant_texts.Wording, text: str) -> Path:
     for number, band in enumerate(study.rating.bands):
         if participant_texts.band_name(band, wording) == text:
             return participant_texts.band_path(band, number, wording.code)
+    for number, label in enumerate(study.rating.labels):
+        if label.names.get(wording.code) == text:
+            return ("rating", "labels", number, wording.code)
     return next((path for own, path in _own_texts(study, wording.code) if text.endswith(own)), ())
 
 

@@ -8,8 +8,8 @@ from math import ceil
 from typing import Any, Literal
 
 from protocol.study.participant_texts import Wording, band_name, filled, label_text, question_text
-from protocol.study.rules import Band
-from protocol.study.study_question import BETWEEN, Label, StudyQuestion
+from protocol.study.rules import Band, Label
+from protocol.study.study_question import BETWEEN, StudyQuestion
 from runner.screens import Ask, OwnFinger
 from runner.window.elements import (
     ACCENT,

@@ -1,6 +1,6 @@
 """Reports for the tests, made from scores alone or from sessions that were really planned."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -80,10 +80,12 @@ def session_events(
     who: str = "",
     measured: bool = True,
     gain: float = 1.2,
+    rate: Callable[[PlannedTrial], Answered] | None = None,
 ) -> list[Event]:
     """The events of one session in which a virtual person answered every planned trial.
 
-    `gain` is what a level of the drive adds to the person's scores.
+    `gain` is what a level of the drive adds to the person's scores; `rate` makes the answers where
+    no question is asked.
     """
     trials = [planned_trial(trial) for trial in plan(study, slot).trials]
     name = who or f"P{slot + 1:02d}"
@@ -97,7 +99,7 @@ def session_events(
         events.append(TrialStarted(index=trial.index, kind=trial.kind))
         for number, touch in enumerate(trial.touches):
             events += touched(number, touch, study, rng, measured=measured)
-        events.append(_answer(trial, level, gain, rng))
+        events.append(rate(trial) if rate else _answer(trial, level, gain, rng))
     return [*events, DeviceOff(confirmed=True, why="the session is over"), SessionCompleted()]
 
 

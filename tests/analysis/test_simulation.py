@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.loading.published import published_table
 from analysis.loading.sessions import is_scored
 from analysis.simulation import Simulation, counted_trials, responses
 from analysis.trials.trial_statistics import TrialStatistics
@@ -19,9 +18,10 @@ from protocol.study.factor import Group
 from protocol.study.rules import Exclusions
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from tests.analysis.imported import score_table
 from tests.analysis.simulated_data import score_tables, simulated_data
 
-PUBLISHED = published_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
+PUBLISHED = score_table(Path("tests/data/published_scores.csv").read_text(encoding="utf-8"))
 PAPER = parsed_study(template("paper"))
 EXTENDED = parsed_study(template("extended"))
 NO_RULES = Exclusions()

@@ -108,6 +108,27 @@ def small_document(conditions: int = 2, beams: int = 1, **design: object) -> Doc
     }
 
 
+def rated(conditions: int = 2, **design: object) -> Study:
+    """A study whose conditions have no question: what is felt is scored at once."""
+    document = small_document(conditions, **design)
+    for condition in document["condition"]:
+        del condition["question"], condition["expected"]
+    return Study.model_validate(document)
+
+
+def unasked(text: str) -> str:
+    """A study file without the questions of its conditions, and without what needs them."""
+    opening, *conditions = text.split("[[condition]]")
+    needs = ("max_false_alarms", "opposite_repeats", "score_when")
+    asks = ("question =", "expected =")
+    parts = [(opening, needs), *((condition, asks) for condition in conditions)]
+    kept = (
+        "\n".join(line for line in part.split("\n") if not line.startswith(out))
+        for part, out in parts
+    )
+    return "[[condition]]".join(kept)
+
+
 _SANE_TOUCH = st.fixed_dictionaries(
     {
         "place": st.sampled_from(["path", "smooth"]),

@@ -1,5 +1,6 @@
 """Studies of surfaces that are not the paper's beam: their files, by name."""
 
+import re
 from collections.abc import Mapping
 from math import cos, exp, pi
 
@@ -64,12 +65,25 @@ def study_files(name: str) -> Mapping[str, str | bytes]:
         return {"study.toml": paper_on(ALUMINIUM, hz, ("0.0414", "0.042"))}
     if name == "measured":
         return {"study.toml": paper_on(MEASURED), "friction.csv": friction_csv()}
-    text = template("plate").replace("participants = 12", "participants = 2", 1)
     assert name in {"stated", "given"}
+    text = asked_plate()
     if name == "given":
-        for friction in ("0.60", "0.45", "0.30"):
-            text = text.replace(f", friction = {friction}", "")
+        text = re.sub(r", friction = [\d.]+", "", text)
     return {"study.toml": text, **template_pictures("plate")}
+
+
+def asked_plate() -> str:
+    """Return the study of a plate with conditions that ask what changed, for two participants."""
+    head, *rest = template("plate").split("\n[[")
+    conditions = "".join(
+        f'\n[[condition]]\nname = "{name}"\nquestion = "roughness"\nexpected = "smoother"\n'
+        'touches = [\n  { place = "path", voltage_v = 0, friction = 0.60 },\n'
+        f'  {{ place = "path", voltage_v = {volts}, friction = {friction} }},\n]\n'
+        for name, volts, friction in (("weak", 50, 0.45), ("strong", 100, 0.3))
+    )
+    head = head.replace("[design]\n", "[design]\nparticipants = 2\n", 1)
+    texts = "[texts.en]" + rest[-1].split("[texts.en]")[1]
+    return f"{head}\n{conditions}\n{texts}"
 
 
 SURFACES = ("beam", "measured", "stated", "given")

@@ -70,7 +70,7 @@ def test_it_is_reported(study: Path, capsys: pytest.CaptureFixture[str]) -> None
     laws = [law["law"] for law in report.get("laws", [])]
     assert len(laws) == {"beam": 4, "measured": 1, "stated": 1, "given": 0}[study.name]
     source = {"beam": "on its rung beam", "measured": "table friction.csv", "stated": "states of"}
-    assert source.get(study.name, "Table 4") in text
+    assert source.get(study.name, "Scores by subject") in text
 
 
 def test_its_power_is_simulated(study: Path, capsys: pytest.CaptureFixture[str]) -> None:

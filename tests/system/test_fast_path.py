@@ -1,5 +1,6 @@
 """A simulated cohort answers as the sessions of its seed: link, device, journal and loading."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from device.people.person import DEFAULT, Population
 from device.simulator.hardware.beam_and_finger import SimulatedBeam
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.simulated_data import simulated_data
+from tests.protocol.studies import unasked
 from tests.system.in_process_sessions import loaded_rehearsals
 
 GIVEN = [
@@ -44,6 +46,12 @@ def different(folder: Path, text: str, people: int, seed: int) -> list[tuple[Any
 @pytest.mark.parametrize(("name", "people"), [("paper", 10), ("extended", 1)])
 def test_the_simulation_answers_as_the_sessions_do(tmp_path: Path, name: str, people: int) -> None:
     assert different(tmp_path, template(name), people, seed=7) == []
+
+
+def test_the_simulation_rates_as_the_sessions_do(tmp_path: Path) -> None:
+    scale = "[rating]\nminimum = -30\nmaximum = 30\n\n["
+    text = re.sub(r"(?s)\[rating\].*?\n\[", scale, unasked(template("extended")), count=1)
+    assert different(tmp_path, text, people=2, seed=7) == []
 
 
 def test_somebody_who_leaves_does_so_at_the_same_question(tmp_path: Path) -> None:

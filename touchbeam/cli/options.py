@@ -38,8 +38,9 @@ _CHOICES: Mapping[str, Callable[[], Iterable[str]]] = {
     "law": lambda: _named("device.friction.laws", "LAWS"),
     "eq15_overlap": lambda: get_args(_named("device.beam.eq15", "Overlap")),
     "as_format": lambda: _named("analysis.export.formats", "EXPORTS"),
-    "task": lambda: _named("protocol.study.track", "GUESS_RATE"),
     "shape": lambda: get_args(_named("analysis.thresholds.answer_curve", "Shape")),
+    "encoding": lambda: get_args(_named("analysis.tables.separated", "Encoding")),
+    "decimal": lambda: get_args(_named("analysis.tables.table_cells", "Decimal")),
     "ratings": lambda: get_args(_named("runner.screens", "AnswerSource")),
 }
 """Choices by parameter. A look-up imports the module that defines them."""
@@ -141,12 +142,55 @@ OverlapOption = Annotated[
 RatingsOption = Annotated[
     AnswerSource, _chosen("ratings", "Where the participant answers; virtual: a program does.")
 ]
-TaskOption = Annotated[str, _chosen("task", "What was asked. In yes or no, correct is yes.")]
+
+
+def _fit_task(given: str) -> str:
+    from analysis.thresholds.psychometric import guess_rate
+
+    guess_rate(given)
+    return given
+
+
+def _guess(given: str) -> float | str:
+    with suppress(ValueError):
+        return float(given)
+    if given == "free":
+        return given
+    raise ValueError("must be a number from 0 to 0.9, or free")
+
+
+TaskOption = Annotated[
+    str | None,
+    typer.Option(
+        "--task",
+        parser=_fit_task,
+        metavar="TASK",
+        help="What was asked: yes or no (correct is yes), two intervals, three intervals, or 2AFC, "
+        "3AFC, 4AFC, ... [default: the study's, or two intervals]",
+    ),
+]
+GuessOption = Annotated[
+    Any,
+    typer.Option(
+        "--guess",
+        parser=_guess,
+        metavar="RATE",
+        help="The guess rate, or free to estimate it. [default: the task's]",
+    ),
+]
 ShapeOption = Annotated[
     str, _chosen("shape", "The curve: normal in levels, weibull in their logarithm.")
 ]
 FormatOption = Annotated[
     str, _chosen("as_format", "csv: tidy tables; the others: data sets for archives.", "--format")
+]
+
+
+EncodingOption = Annotated[
+    str | None, _chosen("encoding", "Of a file of text. [default: utf-8, or utf-16 if it looks so]")
+]
+DecimalOption = Annotated[
+    str | None, _chosen("decimal", "The mark in numbers. [default: as they tell]")
 ]
 
 
@@ -200,6 +244,11 @@ TrialOption = Annotated[
 ]
 OfRehearsalOption = Annotated[
     bool, typer.Option("--rehearsal", help="The rehearsal of that name, not the session.")
+]
+
+
+SheetOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="A sheet of a workbook.", callback=text)
 ]
 
 

@@ -165,11 +165,11 @@ def _simulated(
     """Return the summary of each design, all of which are simulated at once."""
     from analysis.power.engine import completed
     from analysis.power.job import asked
-    from analysis.power.null_cohorts import KINDS
+    from analysis.power.null_cohorts import kinds_of
     from analysis.power.power_summary import summary
     from analysis.power.study_records import Records
 
-    kinds = [kind.name for kind in KINDS]
+    kinds = [kind.name for kind in kinds_of(asked(job))]
     every = list(chain.from_iterable(tasks.values()))
     results = completed(job, every, workers, scheduler)
     done = dict(followed("studies", results, len(every), alone=alone))
@@ -193,7 +193,7 @@ def _simulated(
 
 
 def _print(summaries: "list[Summary]", record: "Json") -> None:
-    from analysis.power.power_report import FAMILY, lines_of_estimates, lines_of_tests
+    from analysis.power.power_report import lines_of_estimates, lines_of_tests
 
     say(record["answer"])
     for warning in record["warnings"]:
@@ -205,5 +205,5 @@ def _print(summaries: "list[Summary]", record: "Json") -> None:
             print_table(f"Estimates: {summary.design}", lines_of_estimates(summary))
     studies, null = summaries[0].studies, summaries[0].null_studies
     if null:
-        say(FAMILY)
+        say(record["family"])
     say(f"Simulated: {studies} studies" + f", {null} null cohorts of each kind" * bool(null) + ".")

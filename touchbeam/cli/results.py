@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, Typer
 
@@ -16,6 +16,9 @@ from touchbeam.study import read_study, report_on, shown_sections, write_report_
 
 if TYPE_CHECKING:
     from analysis.report.report import Report
+    from analysis.tables.table_cells import Cells
+    from analysis.thresholds.answer_table import Track
+    from protocol.study.study import Study as StudyFile
     from runner.study.folder import StudyFolder
 
 app = Typer()
@@ -42,7 +45,7 @@ def report(
     show: Annotated[bool, Option("--open", help="Open the page in a browser.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Report Table 4, statistics and figures.
+    """Report scores, statistics and figures.
 
     Writes an HTML page with all figures, CSV, LaTeX and JSON files.
     """
@@ -108,11 +111,12 @@ def fit(
     table: Annotated[
         Path,
         Argument(
-            metavar="TABLE.csv",
-            help="Columns participant, track, level, trials, correct; or without trials.",
+            metavar="TABLE",
+            help="A CSV or text file or workbook (.xlsx) with columns participant, track, level, "
+            "trials, correct, or without trials; or a study's folder.",
         ),
     ],
-    task: options.TaskOption = "two intervals",
+    task: options.TaskOption = None,
     shape: options.ShapeOption = "weibull",
     threshold_at: Annotated[
         float | None,
@@ -125,38 +129,83 @@ def fit(
         float | None,
         Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
+    guess: options.GuessOption = None,
+    rehearsals: options.RehearsalsOption = False,
+    sheet: options.SheetOption = None,
+    encoding: options.EncodingOption = None,
+    decimal: options.DecimalOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Fit thresholds to a table of answers, without a study.
+    """Fit thresholds to a table of answers, or to those of a study.
 
-    Prints threshold, slope and lapse rate of each participant and track, with 95% intervals. A
-    row has the answers at one level, or, without the column trials, one trial. The trials.csv of
-    an export is such a table.
+    Prints threshold, slope and lapse rate of each participant and track, with 95% intervals, and
+    compares the tracks of each participant. A row has the answers at one level, or, without the
+    column trials, one trial. Missing answers are left out and counted.
     """
+    from analysis.estimates import plain
     from analysis.thresholds.answer_table import (
         COLUMNS,
-        MOST_BYTES,
+        comparison_lines,
+        comparisons,
         fits_of,
         left_out_line,
         lines_of,
         tracks_in,
     )
-    from runner.study.files import bytes_of, text_of
+    from analysis.thresholds.psychometric import guess_rate
 
-    source = str(table)
-    tracks = tracks_in(text_of(bytes_of(table, most=MOST_BYTES), table), source, shape)
+    dialect = {"sheet": sheet, "encoding": encoding, "decimal": decimal}
+    cells, of_study = _answers_in(table, dialect, rehearsals=rehearsals)
+    tracks = tracks_in(cells, shape)
+    task = task or _only_task(of_study, tracks, str(table))
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
-    fits = fits_of(tracks, source, **asked)
-    found = list(output.followed("tracks", fits, len(tracks), alone=as_json))
+    fits = fits_of(tracks, str(table), **asked, guess=guess)
+    fitted = list(output.followed("tracks", fits, len(tracks), alone=as_json))
+    compared = list(comparisons(fitted, shape))
     if as_json:
-        records = [track.record(threshold) for track, threshold in found]
-        output.print_json({"task": task, "shape": shape, "tracks": records})
+        records = [track.record(threshold) for track, threshold in fitted]
+        beside = {"comparisons": [plain(each) for each in compared]}
+        output.print_json({"task": task, "shape": shape, "tracks": records, **beside})
         return
-    at = found[0][1].threshold_at
-    what = "of the curve" if task == "yes or no" else "correct"
-    output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(found), [""] * len(COLUMNS)])
+    at = fitted[0][1].threshold_at
+    what = "of the curve" if guess_rate(task, guess) is None else "correct"
+    output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(fitted), [""] * len(COLUMNS)])
+    if compared:
+        output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
     if line := left_out_line(tracks):
         output.say(line)
+
+
+def _answers_in(
+    table: Path, dialect: dict[str, Any], *, rehearsals: bool
+) -> "tuple[Cells, StudyFile | None]":
+    """Return the cells of a file, or of the trials of a study in a folder, and that study."""
+    from analysis.tables.reading import cells_in, frame_cells
+    from analysis.thresholds.answer_table import MOST_BYTES, MOST_ROWS
+    from runner.study.files import bytes_of
+
+    if not table.is_dir():
+        content = bytes_of(table, most=MOST_BYTES)
+        return cells_in(content, str(table), most=MOST_ROWS, **dialect), None
+    study = read_study(options.study_folder(table), rehearsals=rehearsals)
+    if study.trials.empty:
+        how = "" if rehearsals else "; add --rehearsals to include them, if there are any"
+        raise BadInput(f"{table}: no trials of sessions here{how}")
+    return frame_cells(study.trials, str(table)), study.file
+
+
+def _only_task(study: "StudyFile | None", tracks: "Sequence[Track]", source: str) -> str:
+    """Return the task of a study's tracks; of a table that of two intervals."""
+    if study is None:
+        return "two intervals"
+    asked = {track.name: str(track.task) for track in study.track}
+    tasks = {asked[track.track] for track in tracks if track.track in asked}
+    if len(tasks) != 1:
+        raise BadInput(
+            f"{source}: its tracks ask {' and '.join(sorted(tasks)) or 'what study.toml lacks'}; "
+            "add --task"
+        )
+    return tasks.pop()
 
 
 @app.command()
@@ -217,7 +266,7 @@ def write_report(
     named: tuple[str, ...] | None = None,
     figures: bool = False,
 ) -> None:
-    """Write the report on the study in `folder` to the folder `out` and print Table 4.
+    """Write the report on the study in `folder` to the folder `out` and print the table of scores.
 
     Without `out` it goes to `report` in the study's folder. Its `figures` become files if asked.
     Its page shows the sections `named`; without them those of `report.toml`, or all.
@@ -252,7 +301,7 @@ def write_report(
 
 
 def _print_results(result: "Report") -> None:
-    """Print Table 4 and the lines that say what a report found."""
+    """Print the table of scores and the lines that say what a report found."""
     from analysis.report import results, table4_text, wording
     from analysis.report.sections import registration, session_checks
 
@@ -260,8 +309,10 @@ def _print_results(result: "Report") -> None:
         output.say(line)
     if result.loaded.table.conditions:
         table, tests = result.table.table4, result.trials.response_tests
-        lines = table4_text.table4_lines(table, wording.MISSING, result.loaded.marks)
-        output.print_table("Table 4", lines)
+        lines = table4_text.table4_lines(
+            table, wording.MISSING, result.loaded.marks, result.mean_name
+        )
+        output.print_table("Table 4" if result.is_papers else "Scores", lines)
         of = "Responses. " * (result.measure == "response")
         said = [
             *result.loaded.notes,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option, Typer
 
@@ -15,39 +15,89 @@ from touchbeam.cli.results import warn_of_broken
 app = Typer()
 
 
-@app.command("import")
+@app.command("import", cls=options.Choosing)
 def import_scores(
-    scores: Annotated[
-        Path,
-        Argument(metavar="TABLE", help="A CSV file: subject, then conditions."),
+    table: Annotated[
+        Path, Argument(metavar="TABLE", help="A CSV or text file, or a workbook (.xlsx).")
     ],
     study: Annotated[Path, Argument(metavar="STUDY", help="A new or an empty folder.")],
+    scale: Annotated[
+        tuple[int, int] | None,
+        Option(metavar="LOW HIGH", help="The ends of the scale. [default: not known]"),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        Option(
+            metavar="ROLE=NAME,…",
+            help="What columns are: subject=, condition=, factor=, score=, answer=, repeat=, "
+            "session=, group=, contrast=, ignore=. [default: by their names]",
+            callback=options.text,
+        ),
+    ] = None,
+    answers: Annotated[
+        str | None,
+        Option(
+            metavar="WORD=MEANING,…",
+            help="What words of answers mean: expected, contrary or same.",
+            callback=options.text,
+        ),
+    ] = None,
+    missing: Annotated[
+        str | None,
+        Option(
+            metavar="WORD,…",
+            help="What stands for no value, beside blanks, NA, n/a, NaN, - and .",
+            callback=options.text,
+        ),
+    ] = None,
     keep_means: Annotated[
         bool,
-        Option(
-            "--keep-means", help="Take a column or row that is the mean of all others as scores."
-        ),
+        Option("--keep-means", help="Take columns and rows that are means of others as scores."),
     ] = False,
+    sheet: options.SheetOption = None,
+    encoding: options.EncodingOption = None,
+    decimal: options.DecimalOption = None,
 ) -> None:
-    """Create a study from published scores.
+    """Create a study from a table of scores.
 
-    The table has a column `subject` and one column per condition. Each subject is a pseudonym of
-    letters, digits, - and _ with a digit in it; a blank cell is a missing score.
+    The table is wide, with a column per condition, or long, with a row per score; commas,
+    semicolons or tabs separate its cells. What is understood is printed before anything is
+    written. Names of persons are not stored.
     """
-    from analysis.loading.published import MOST_BYTES, published_table, unpredicted_note
-    from runner.study.files import bytes_of, text_of
-    from runner.study.table_import import import_table
+    from hashlib import sha256
 
-    if scores.is_dir():
-        raise BadInput(f"{scores}: must be a table of scores, a CSV file, got a folder")
-    content = bytes_of(scores, most=MOST_BYTES)
-    table = published_table(text_of(content, scores), str(scores), keep_means=keep_means)
-    rows = followed("subjects", table.by_subject().items(), len(table.subjects))
-    import_table(options.study_folder(study), rows, scores.name, content)
-    if note := unpredicted_note(table.conditions):
-        say(note)
-    imported = counted(len(table.subjects), "subject")
-    say(f"{imported} imported; next: touchbeam report {typed_as(study)}")
+    from analysis.tables import imported_study
+    from analysis.tables.means import require_no_means
+    from analysis.tables.reading import cells_in
+    from analysis.tables.roles import roles_in
+    from analysis.tables.scores import MOST_BYTES, MOST_ROWS, scores_in
+    from analysis.tables.shape import shape_of
+    from runner.study.files import bytes_of
+    from runner.study.folder import require_free
+    from runner.study.table_import import import_scores as written
+
+    if table.is_dir():
+        raise BadInput(f"{table}: must be a table of scores, a CSV file or .xlsx, got a folder")
+    content = bytes_of(table, most=MOST_BYTES)
+    dialect: dict[str, Any] = {"encoding": encoding, "decimal": decimal, "sheet": sheet}
+    cells = cells_in(content, str(table), most=MOST_ROWS, **dialect)
+    shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
+    imported = scores_in(
+        cells, shape, scale=scale, answers=answers, missing=missing, keep_means=keep_means
+    )
+    if not keep_means:
+        require_no_means(cells, shape, imported)
+    folder = options.study_folder(study)
+    require_free(folder)
+    for line in imported.lines:
+        say(line)
+    digest = sha256(content).hexdigest()
+    text, imported = imported_study.described(imported, table.name, digest)
+    sessions = list(imported_study.events_of(imported, table.name, digest))
+    followed_sessions = followed("sessions", sessions, len(sessions))
+    written(folder, text, table.stem, followed_sessions)
+    people = counted(len({each.participant for each in sessions}), "subject")
+    say(f"{people} imported; next: touchbeam report {typed_as(study)}")
 
 
 @app.command(cls=options.Choosing)

@@ -292,13 +292,13 @@ def register(
     from protocol.registration.registration import FILE
     from protocol.registration.registry_text import registry_text
     from runner.journal.opening import checked_place, mounts_of_this_machine
-    from runner.study.check import validated_study
+    from runner.study.check import runnable_study
     from runner.study.registered import new_registration
     from runner.study.registered import register as write
 
     folder = options.study_folder(study)
     text = folder.text()
-    checked = validated_study(text, str(folder.study_file))
+    checked = runnable_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
     asked = hypothesis or []
     known = how_tested(checked, [*filter(None, (primary, *asked))])

@@ -10,7 +10,7 @@ from analysis.loading.response import IN_WORDS
 from analysis.report import blocks, estimates_json, figure_data
 from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING
-from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals
+from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals, sentence
 from analysis.statistics.intervals import COVERAGE, DESIGN
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank, least_holm_p
 from analysis.statistics.slope import Slope
@@ -195,21 +195,21 @@ def scores_figure(found: Findings) -> blocks.Figure:
             found.measure,
             found.response_scale,
         ),
-        table=_quartile_table(of.table, found.measure),
+        table=_quartile_table(found, of.table),
         front=True,
     )
 
 
-def _quartile_table(table: ScoreTable, measure: str) -> blocks.Table:
+def _quartile_table(found: Findings, table: ScoreTable) -> blocks.Table:
     given = (column[~np.isnan(column)] for column in table.scores.T)
     name, count, *quartiles = blocks.spread_columns("condition")
     mean = blocks.Column("mean", lambda group: group[1].mean() if group[1].size else None, 2)
-    of = "Table 4" if measure == "score" else "The section Trials"
+    of = sentence(found.table_name) if found.measure == "score" else "The section Trials"
     return blocks.Table.over(
         zip(table.conditions, given, strict=True),
         [name, count, mean, *quartiles],
         name="quartiles",
-        caption=f"Numbers shown in the figure. {of} lists each {measure}.",
+        caption=f"Numbers shown in the figure. {of} lists each {found.measure}.",
     )
 
 

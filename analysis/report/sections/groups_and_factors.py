@@ -48,13 +48,13 @@ def groups(found: Findings) -> Section:
     made = found.groups
     if made is None:
         return Section()
-    tests = {"mean response": made.score, GAIN: made.gain, **made.conditions}
+    tests = {found.in_measure("mean response"): made.score, GAIN: made.gain, **made.conditions}
     people = _people(found)
     return Section(
         title="Do the groups differ?",
         blocks=[
-            of_groups(made, adjusted=not found.trials.response_tests.table.is_complete),
-            _METHOD,
+            of_groups(found, made),
+            found.in_measure(_METHOD),
             _without(found),
             Table(
                 name="groups-people",
@@ -161,9 +161,9 @@ def _groups_figure(found: Findings, names: Sequence[str]) -> Figure:
     factors = {"condition": tuple(table.conditions[c] for c in shown), "group": tuple(names)}
     return Figure(
         name="groups",
-        title="Responses by group",
-        caption="Mean responses of participants by condition and group, with the 95% interval (t) "
-        f"of each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
+        title=f"{found.measure.capitalize()}s by group",
+        caption=f"Mean {found.measure}s of participants by condition and group, with the 95% "
+        f"interval (t) of each mean.{of_all(len(shown), len(table.conditions), 'conditions')}",
         draw=partial(
             figure_data.factor_figure, factors, means, halves, found.measure, found.response_scale
         ),
@@ -188,7 +188,7 @@ def factors(found: Findings) -> Section:
         return Section()
     return Section(
         title="Factors",
-        blocks=[_effects(tests.effects), _levels(tests.levels), *_figures(found)],
+        blocks=[_effects(found, tests.effects), _levels(found, tests.levels), *_figures(found)],
         data={
             "factors": {
                 "effects": [_effect_json(it) for it in tests.effects],
@@ -198,7 +198,7 @@ def factors(found: Findings) -> Section:
     )
 
 
-def _effects(effects: tuple[TestedEffect, ...]) -> Table:
+def _effects(found: Findings, effects: tuple[TestedEffect, ...]) -> Table:
     return Table.over(
         effects,
         [
@@ -212,10 +212,10 @@ def _effects(effects: tuple[TestedEffect, ...]) -> Table:
             *estimate("partial η²", "effect.partial_eta2"),
         ],
         name="factor-effects",
-        caption="Main effects and interactions of two factors on responses, within people. A main "
-        "effect is tested on each person's ranks over all conditions; an interaction on means, so "
-        "that it is one of the scale of responses. p, shuffled: the levels of these factors are "
-        "shuffled within each person (exact where all arrangements could be listed); p, F: the "
+        caption=f"Main effects and interactions of two factors on {found.measure}s, within people. "
+        "A main effect is tested on each person's ranks over all conditions; an interaction on "
+        f"means, so that it is one of the scale of {found.measure}s. p, shuffled: the levels of "
+        "these factors are shuffled within each person (exact where all can be listed); p, F: the "
         "same F, with Greenhouse and Geisser's correction. The larger one decides, corrected by "
         "Holm's method over all questions of this page. Partial η² with its 95% interval: share of "
         "an effect in what other effects and people's levels leave.",
@@ -228,26 +228,31 @@ def _df(effect: Effect | NotEstimable) -> str:
     return f"{effect.df[0]}, {effect.df[1]}"
 
 
-def _levels(levels: Sequence[LevelMean]) -> Table:
+def _levels(found: Findings, levels: Sequence[LevelMean]) -> Table:
     return Table.over(
         levels,
         [
             Column("factor", "factor", kind="text"),
             Column("level", "level", kind="text"),
-            Column("mean response", "mean", 2),
+            Column(f"mean {found.measure}", "mean", 2),
             *estimate("difference", "difference"),
-            Column("as expected", "expected", _share),
-            Column("their score", "score", 2),
+            *([] if found.at_once else _MADE_OF),
         ],
         name="factor-levels",
-        caption="Mean response by level, over the other factors, and its difference from the mean "
-        "of all levels with its 95% interval; beside it what the response is made of: the share of "
-        "changes that were answered as expected, and the mean score of these.",
+        caption=f"Mean {found.measure} by level, over the other factors, and its difference from "
+        "the mean of all levels with its 95% interval"
+        + ("." if found.at_once else f"; beside it what the {found.measure} is made of: {_PARTS}."),
     )
+
+
+_PARTS = "the share of changes that were answered as expected, and the mean score of these"
 
 
 def _share(value: float) -> str:
     return MISSING if np.isnan(value) else f"{value:.0%}"
+
+
+_MADE_OF = (Column("as expected", "expected", _share), Column("their score", "score", 2))
 
 
 def _figures(found: Findings) -> Iterator[Figure]:
@@ -266,9 +271,9 @@ def _figures(found: Findings) -> Iterator[Figure]:
         by = f" and {beside}" * (len(shown) > 1)
         yield Figure(
             name=f"factor-{place}",
-            title=f"Responses by {name}",
-            caption=f"Mean responses by {name}{by}, over the other factors, with 95% intervals "
-            "that leave out differences between people's levels (Cousineau and Morey).",
+            title=f"{found.measure.capitalize()}s by {name}",
+            caption=f"Mean {found.measure}s by {name}{by}, over the other factors, with 95% "
+            "intervals that leave out differences between people's levels (Cousineau and Morey).",
             draw=partial(
                 figure_data.factor_figure,
                 factors,

@@ -29,7 +29,7 @@ from device.friction.calibration import Calibration
 from device.friction.changes import LAW, RUNG
 from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
-from device.friction.surfaces import BeamSurface, GivenSurface, MeasuredSurface
+from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.errors import listed
 from protocol.study.study import Study
 from protocol.study.track import Track
@@ -49,6 +49,10 @@ def _data(found: Findings) -> str:
     origin = (
         "The scores are those of a published table."
         if found.published
+        else "In each trial participants touched the vibrating surface and scored what they felt, "
+        f"without a question before, from {found.scale_in_words}. Conditions differed in "
+        f"{'the factors' if found.study.factors else 'the touches'}."
+        if found.at_once
         else "Each condition changed "
         + (" and ".join(found.study.factors) or "one parameter")
         + " of the vibrating surface. Participants reported "
@@ -255,7 +259,7 @@ def _model(found: Findings) -> str:
     trials, rig = found.trials, found.origin.rig
     # APA style writes numbers below ten as words.
     count = ("zero", "one", "two", "three", "four", "five", "six")[len(LAWS)]
-    has_laws = isinstance(rig.surface, BeamSurface)
+    has_laws = trials.has_laws
     laws = f" under {count} laws" if has_laws else ""
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     # Trials of tracks have no contrast of their own.
@@ -272,19 +276,24 @@ def _model(found: Findings) -> str:
     if not np.isfinite(trials.contrasts.by_law[LAW]).any():
         return ""
     models = [said for _, said in models_in_words(found)]
+    if found.study.imported:
+        return " ".join([f"Contrasts are {found.friction_source}.", *models])
     return " ".join(
         [
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
-            f"{calibrated}; {touches}.",
+            f"{calibrated}{_SCORED_AT_ONCE * found.at_once}; {touches}.",
             *models,
             *[SKIN] * (bool(models) and not found.predictor[1]),
         ]
     )
 
 
+_SCORED_AT_ONCE = ", as the log friction of the last touch relative to the same touch at 0 V"
+
+
 def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield each model of sensitivity that was fitted, by its name, in a sentence or two."""
-    law = f" under the law '{LAW}'" if isinstance(found.origin.rig.surface, BeamSurface) else ""
+    law = f" under the law '{LAW}'" if found.trials.has_laws else ""
     noticing, rating = found.sensitivity.noticing, found.sensitivity.rating
     if not isinstance(noticing, NotEstimable):
         yield (
@@ -300,6 +309,7 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     beside += ["the mean noise of those who notice such a change"] * (rating.selection is not None)
     beside += ["level and gain of the group"] * bool(rating.groups)
     beside += ["an effect of the session"] * (len(found.loaded.trials["session"].unique()) > 1)
+    selected = ", but for what selection adds (normal, an SD of half that of the ratings)"
     # Large studies need fewer of the points that they are integrated with.
     large = len(found.trials.scored.ratings.given.rating) > LARGE
     least = LARGE_EFFECTIVE if large else LEAST_EFFECTIVE
@@ -307,9 +317,9 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
         "rating",
         f"Ratings were modelled{law} by a Bayesian ordinal mixed model: level and gain × "
         f"{found.contrast} of each participant, {listed(beside)}, and noise, in thresholds common "
-        "to all. Priors are wide, but for what selection adds (normal, an SD of half that of the "
-        "ratings), and equal gains have a probability of .50. A relative gain is a participant's "
-        "gain less the mean gain of all. Posteriors are Laplace approximations, integrated "
+        f"to all. Priors are wide{selected * (rating.selection is not None)}, and equal gains have "
+        "a probability of .50. A relative gain is a participant's gain less the mean gain of all. "
+        "Posteriors are Laplace approximations, integrated "
         "over the variance parameters instead of fixing these at their best-fitting values; a fit "
         f"with fewer than {least:.0f} effective points of this integration is withheld.",
     )
@@ -362,6 +372,8 @@ def _recorded_under(origin: Origin, loaded: StudyData) -> str:
 
 
 def _model_parameters(study: Study, rig: Calibration) -> dict[str, str]:
+    if study.imported:
+        return {"contrasts": "the author's own, if any"}
     finger = study.touch
     return {
         **_of_surface(study, rig),

@@ -119,12 +119,18 @@ _KINDS = (
 )
 
 
+_LEVEL = (
+    "The contrast of a touch is ln(μ′/μ), μ being the friction of the same touch at 0 V, at its "
+    "place or as the mean along its path. It is negative where vibration lowers friction."
+)
+
+
 def section(found: Findings) -> Section:
     ranges = found.trials.ranges
     return Section(
         title="How certain the contrasts are",
         blocks=[
-            _KINDS,
+            _LEVEL if found.at_once else _KINDS,
             _range_table(ranges) if ranges else None,
             _SCALING,
         ],

@@ -11,6 +11,7 @@ from analysis.report.blocks import Figure, Section, Table, columns, law_columns
 from analysis.report.estimates_json import law_json
 from analysis.report.findings import Findings
 from analysis.report.wording import SKIN_IN_SHORT, number, of_all, share
+from analysis.sensitivity.answers_model import Rated
 from analysis.trials.law_comparison import (
     MOST_COUNTED,
     LawOrder,
@@ -80,8 +81,9 @@ def _signal_line(
 
 _LINE = (
     "The line is the group's in the model of the ratings, without effects of conditions beyond "
-    "their contrasts and as if nobody had been selected by noticing; it ends with the scale. "
+    "their contrasts{selected}; it ends with the scale. "
 )
+_SELECTED = " and as if nobody had been selected by noticing"
 _THRESHOLDS = (
     "A dotted line is the geometric mean of a track's thresholds, as the contrast that is "
     "predicted of them, the bar at its foot the 95% interval. "
@@ -99,13 +101,16 @@ def ratings_figure(found: Findings, table: Table | None = None) -> Figure:
     chosen = np.isin(np.arange(count), figure_data.thinned(count, figure_data.MOST_POINTS))
     ratings, curve = given.where(chosen), figure_data.model_curve(found)
     thresholds = figure_data.thresholds_of(found)
+    rating = found.sensitivity.rating
+    selects = isinstance(rating, Rated) and rating.selection is not None
+    line = _LINE.format(selected=_SELECTED * selects)
     return Figure(
         name="model",
         title="Ratings against the model",
         caption="Ratings against the contrast that is predicted for each trial, from "
         f"{found.friction_source}. "
         "Shape and colour mark the condition; equal ratings are offset slightly. "
-        f"{_LINE * (curve is not None)}{_THRESHOLDS * bool(thresholds)}"
+        f"{line * (curve is not None)}{_THRESHOLDS * bool(thresholds)}"
         f"{'' if found.predictor[1] else SKIN_IN_SHORT}"
         f"{of_all(len(ratings.rating), count, 'ratings')}",
         draw=partial(figure_data.scatter_figure, ratings, found.scale, curve, thresholds),
@@ -146,7 +151,7 @@ def _prediction_table(found: Findings) -> Table:
     return Table(
         name=PREDICTIONS,
         caption="Mean predicted contrast of each condition under each friction law, from "
-        f"{found.friction_source} (change of log friction; positive in the expected direction), "
+        f"{found.friction_source} ({_SIGN[found.at_once]}), "
         f"with the mean {found.measure}.",
         columns=columns("condition", f"mean {found.measure}", *(score.law for score in physical)),
         rows=[
@@ -154,6 +159,12 @@ def _prediction_table(found: Findings) -> Table:
             for name, mean in zip(found.loaded.table.conditions, means, strict=True)
         ],
     )
+
+
+_SIGN = {
+    False: "change of log friction; positive in the expected direction",
+    True: "log friction of the last touch, relative to the same touch at 0 V",
+}
 
 
 def _laws_compared(trials: TrialStatistics) -> tuple[str, Table]:

@@ -162,7 +162,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
     """Yield the results in words; those of a registered study say whether they were registered."""
     lock = found.loaded.lock
     if lock is None:
-        yield from in_words.paragraphs(found)
+        yield from ((found.in_measure(of), told) for of, told in in_words.paragraphs(found))
         return
     asked = _asked(found, lock)
     secondary = f", {listed(lock.registration.secondary)}" * bool(lock.registration.secondary)
@@ -179,7 +179,7 @@ def marked(found: Findings) -> Iterator[tuple[str, str]]:
             for how, same in (("registered", True), ("registered with another test", False))
         }
         marks = [f"{how}: {of}" for how, of in names.items() if of]
-        yield f"{question} ({'; '.join(marks) or 'not registered'})", answer
+        yield f"{found.in_measure(question)} ({'; '.join(marks) or 'not registered'})", answer
 
 
 _WITH_ITS_TESTS = (

@@ -1,4 +1,4 @@
-"""Table 4 and the trials behind it, how changes were answered, answers to own questions."""
+"""The table of scores, the trials behind it, how changes were answered, own questions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,7 +25,7 @@ def section(found: Findings) -> blocks.Section:
     """Return the scores with their marks, and how the changes of each condition were answered."""
     main = found.table.table4
     return blocks.Section(
-        title="How the changes were answered",
+        title=_TITLES[found.measure],
         blocks=[score_table(found), notes(found), _directions_table(found)],
         data={
             "table4": {**_means_json(main), **_empty_json(found)},
@@ -35,19 +35,28 @@ def section(found: Findings) -> blocks.Section:
             ],
         },
         files={
-            "table4.csv": table4_csv(main),
+            "table4.csv": table4_csv(main, found.mean_name),
             "table4.tex": table4_tex(
-                main, found.scale_in_words, found.loaded.notes, found.loaded.marks
+                main,
+                found.scale_in_words,
+                found.loaded.notes,
+                found.loaded.marks,
+                found.mean_name,
             ),
         },
     )
+
+
+_TITLES = {"response": "How the changes were answered", "score": "Scores by condition"}
 
 
 def _directions_table(found: Findings) -> blocks.Table | str:
     """Return the directions of the answers, and the mean response, of each condition."""
     directions = found.trials.directions
     if found.measure == "score":
-        return "These scores come without answers, so that each is a response as it stands."
+        if found.published:
+            return "These scores come without answers, so that each is a response as it stands."
+        return "Nobody was asked what changed: what was felt was scored at once."
     if not directions:
         return "No change that was expected was answered."
     means = dict(zip(found.loaded.table.conditions, found.trials.response_tests.means, strict=True))
@@ -121,9 +130,11 @@ def notes(found: Findings) -> blocks.Items:
 
 
 def score_table(found: Findings) -> blocks.Table:
-    """Return Table 4; each score links to its trials, each mean to the predictions."""
+    """Return the table of scores; each score links to its trials, each mean to the predictions."""
     table, empty, ways = found.loaded.table, found.loaded.empty, found.loaded.ways
-    header, *rows, averages = table4_lines(found.table.table4, MISSING, found.loaded.marks)
+    header, *rows, averages = table4_lines(
+        found.table.table4, MISSING, found.loaded.marks, found.mean_name
+    )
     with_trials = {(r["subject"], r["condition"]) for r in found.trial_records if _is_scored(r)}
 
     def score(row: int, column: int, text: str) -> blocks.Cell:
@@ -136,7 +147,7 @@ def score_table(found: Findings) -> blocks.Table:
         # A link needs a trial to lead to: a cell that was never reached has none.
         has_trials = (table.subjects[row], table.conditions[column]) in with_trials
         return blocks.Cell(
-            text=text,
+            text=_signed(text),
             target=_anchor("trials", row, column) if has_trials else "",
             label=f"{why}: its trials" if is_empty else "",
             why=why,
@@ -144,21 +155,24 @@ def score_table(found: Findings) -> blocks.Table:
             anchor=_anchor("cell", row, column) if has_trials else "",
         )
 
-    lines: list[blocks.Row] = [
-        [subject, *(score(row, place, text) for place, text in enumerate(texts)), _mean(mean)]
-        for row, (subject, *texts, mean) in enumerate(rows)
-    ]
-    name, *means, grand_mean = averages
-    lines.append([name, *(_mean(mean, target=PREDICTIONS) for mean in means), _mean(grand_mean)])
+    ends = 1 + len(table.conditions)
+    lines: list[blocks.Row] = []
+    for row, line in enumerate(rows):
+        scores = (score(row, place, text) for place, text in enumerate(line[1:ends]))
+        lines.append([line[0], *scores, *map(_mean, line[ends:])])
+    means = (_mean(mean, target=PREDICTIONS) for mean in averages[1:ends])
+    lines.append([averages[0], *means, *map(_mean, averages[ends:])])
     note = "Notes below explain the marks. " if found.loaded.marks else ""
     if found.measure == "response" and found.loaded.empty:
         note += (
             "Averages are of the scores that were given, so that a condition which few noticed can "
             "be high; the tests take responses. "
         )
+    if found.loaded.catch_scores is not None:
+        note += "Means are of the conditions, without catch trials, in which nothing is driven. "
     shown = blocks.Table(
         name="table4",
-        label="Table 4",
+        label="Table 4" if found.is_papers else "",
         caption=f"Scores by subject and condition, {found.scale_in_words}. {note}".rstrip(),
         columns=blocks.columns(*header),
         rows=lines,
@@ -177,7 +191,12 @@ def _is_wide(found: Findings) -> bool:
 
 
 def _mean(text: str, target: str = "") -> blocks.Cell:
-    return blocks.Cell(text=text, target=target, missing=text == MISSING)
+    return blocks.Cell(text=_signed(text), target=target, missing=text == MISSING)
+
+
+def _signed(text: str) -> str:
+    """Return a number with the sign that stands before all numbers of the page."""
+    return text.replace("-", "\N{MINUS SIGN}", 1) if text.startswith("-") else text
 
 
 def _means_json(result: Table4) -> Json:
@@ -194,7 +213,16 @@ def _means_json(result: Table4) -> Json:
         "column_means": _column_means(result),
         "grand_mean": plain(result.grand_mean),
         "missing": table.missing_count,
+        **_catch_json(result),
     }
+
+
+def _catch_json(result: Table4) -> Json:
+    """Return the mean scores of catch trials, or nothing where these were not scored."""
+    if result.catch is None:
+        return {}
+    scores = dict(zip(result.table.subjects, plain(result.catch), strict=True))
+    return {"catch": {"scores": scores, "mean": plain(result.catch_mean)}}
 
 
 def _column_means(result: Table4) -> Json:
@@ -232,12 +260,15 @@ def trials(found: Findings) -> blocks.Section:
     )
 
 
+_OF_ANSWERS = frozenset({"answer", "as expected", "response"})
+
+
 def _anchor(of: str, row: int, column: int) -> str:
     return f"{of}-{row + 1}-{column + 1}"
 
 
 def _is_scored(record: Mapping[str, Any]) -> bool:
-    """Return whether a trial contributes to Table 4."""
+    """Return whether a trial contributes to the table of scores."""
     return record["kind"] in SCORED_KINDS
 
 
@@ -257,33 +288,39 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
         blocks.Column(name="answer", kind="word"),
         *blocks.columns("as expected", "score", "response", *predicted, "touch"),
     ]
+    # Where nobody is asked what changed a score is the only answer.
+    left_out = _OF_ANSWERS if found.at_once else frozenset()
+    shown = [place for place, column in enumerate(header) if column.name not in left_out]
     return [
         blocks.Table(
-            name="", caption=f"Trials of {name}", columns=header, rows=_rows(row, of, places, laws)
+            name="",
+            caption=f"Trials of {name}",
+            columns=[header[place] for place in shown],
+            rows=[[cells[place] for place in shown] for cells in _rows(found, row, of, places)],
         )
         for row, (name, of) in enumerate(own.items())
     ]
 
 
 def _rows(
-    row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int], laws: Sequence[str]
+    found: Findings, row: int, records: Sequence[Mapping[str, Any]], places: Mapping[str, int]
 ) -> Sequence[blocks.Row]:
-    """Return a subject's trials; cells of Table 4 link to the first one of each condition."""
+    """Return a subject's trials; the table of scores links to the first one of each condition."""
 
     def place(record: Mapping[str, Any]) -> int:
         return places[record["condition"]] if _is_scored(record) else len(places)
 
     rows: list[blocks.Row] = []
-    # Trials that are not scored have no cell of Table 4 to lead back to.
+    # Trials that are not scored have no cell of the table of scores to lead back to.
     anchored = {len(places)}
     # Stable: within a condition trials stay in the order of their answers.
     for record in sorted(records, key=place):
-        name, *cells = _cells(record, laws)
+        name, *cells = _cells(record, found.shown_laws)
         column = place(record)
         anchor = "" if column in anchored else _anchor("trials", row, column)
         anchored.add(column)
         back = _anchor("cell", row, column) if anchor else ""
-        label = f"{name}: back to Table 4" if anchor else ""
+        label = f"{name}: back to {found.table_name}" if anchor else ""
         rows.append([blocks.Cell(text=name, anchor=anchor, target=back, label=label), *cells])
     return rows
 
@@ -303,8 +340,10 @@ def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
         MISSING if record["level"] is None else f"{record['level']:g}",
         record["change"] or MISSING,
         {True: "yes", False: "no", None: MISSING}[record["agrees"]],
-        MISSING if record["score"] is None else f"{record['score']:g}",
-        MISSING if record["response"] is None else f"{record['response']:g}",
+        *(
+            MISSING if record[name] is None else _signed(f"{record[name]:g}")
+            for name in ("score", "response")
+        ),
         # Nothing changes in a catch trial, whatever a law says of its touch at 0 V.
         *(number(None if is_catch else record["predicted"][law], 4) for law in laws),
         touch,

@@ -32,13 +32,13 @@ def section(found: Findings) -> Section:
     blocks: list[Block] = [
         f"Ratings have no model: {rating.reason}." if isinstance(rating, NotEstimable) else "",
         *([] if isinstance(rating, NotEstimable) else _rated(found, rating)),
-        f"Noticing has no model: {noticing.reason}."
+        f"Noticing has no model: {noticing.reason}." * (not found.at_once)
         if isinstance(noticing, NotEstimable)
         else _noticing_table(found, noticing),
         *([] if found.measured is None else _measured(found.measured)),
     ]
     data = {
-        "sensitivity_model": "noticing, then rating",
+        "sensitivity_model": "rating" if found.at_once else "noticing, then rating",
         "sensitivity_note": "" if found.predictor[1] else wording.SKIN,
         "sensitivity": people_json(rating),
         **why("sensitivity", rating),
@@ -59,7 +59,7 @@ def _rated(found: Findings, rating: Rated) -> list[Block]:
     is_measured = found.predictor[1]
     return [
         f"{group_gain(found, rating)}{'' if is_measured else _known(found.trials.ranges)}",
-        None if rating.untold is None else untold(rating),
+        None if rating.untold is None else untold(found, rating),
         _spread(rating),
         selection(rating),
         _coverage(found, rating),
@@ -121,6 +121,7 @@ def simulated(found: Findings, rating: Rated) -> SimulatedStudies:
         trials=float(np.mean([person.trials for person in rating.subjects])),
         noticed=1.0 if isinstance(noticing, NotEstimable) else noticing.share,
         highest=rating.highest,
+        absolute=found.at_once,
     )
 
 

@@ -142,10 +142,12 @@ def _reaction_times(found: Findings) -> blocks.Figure:
         name: times["reaction_time_s"][times["condition"] == name]
         for name in found.study.conditions
     }
+    at_once = found.at_once
+    began = "the scale to the score" if at_once else "the question to the first answer"
     return _strips(
         "reaction-times",
         "Reaction times",
-        "Time from the question to the first answer of each scored trial; bars show medians.",
+        f"Time from {began} of each scored trial; bars show medians.",
         own,
         ("reaction time, s", "condition"),
         # Reaction times are skewed to the right: on a linear axis a few slow ones would take all

@@ -17,11 +17,13 @@ from analysis.loading.study_data import StudyData, load_study_data
 from analysis.trials.contrasts import trial_contrasts
 from device.friction.changes import LAW
 from protocol.plan.plan import plan
+from protocol.study.touch import Touch
 from tests.analysis.friction.recorded_sessions import (
     MeasuredStudy,
     measured_study,
     recorded_cohort,
 )
+from tests.analysis.rated import RATED
 from tests.analysis.reports import EXTENDED, PAPER, cohort
 
 SKIPPED = next(trial.index for trial in plan(PAPER, 0).trials if trial.kind == "trial")
@@ -69,6 +71,31 @@ def test_where_nothing_was_driven_nothing_changed() -> None:
     assert catch.sum() == 12
     assert (study.found.best[catch] == 0).all()
     assert 0 < rms(study.found.value[catch]) < 0.05
+
+
+def test_what_is_scored_without_a_question_is_measured_against_touches_at_rest() -> None:
+    study = measured_study(RATED, 3, seed=2)
+    found, of, names = study.found, study.scored, study.data.trials["condition"].to_numpy()
+    assert rms((found.best - study.true)[of]) < 0.02
+    # At the largest amplitude friction is lowest, as the model predicts of it.
+    measured, predicted = (
+        [float(values[of & (names == name)].mean()) for name in RATED.conditions]
+        for values in (found.value, study.predicted)
+    )
+    assert np.argmin(measured) == np.argmin(predicted) == 3
+    assert measured[-1] < min(0.0, measured[0]) - 0.03
+
+
+def test_a_ramp_that_does_not_begin_at_rest_has_no_level() -> None:
+    ramp = {"place": "smooth", "ramp_to_v": 100.0, "duration_s": 2.0}
+    for start_v, is_known in ((0.0, True), (50.0, False)):
+        touch = Touch.model_validate({**ramp, "voltage_v": start_v})
+        condition = RATED.condition[0].model_copy(update={"touches": (touch,)})
+        study = RATED.model_copy(update={"condition": (condition, *RATED.condition[1:])})
+        data = load_study_data(recorded_cohort(study, 1)[0], rehearsals=False)
+        own = data.trials["condition"].eq(condition.name) & data.trials["trial_kind"].eq("trial")
+        found = measured_trials(study, data.trials, data.touches, data.forces)
+        assert (np.isfinite(found.value[own.to_numpy()]) == is_known).all()
 
 
 def test_trials_without_a_recording_are_left_out_and_counted() -> None:

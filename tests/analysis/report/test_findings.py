@@ -18,7 +18,7 @@ from protocol.study.participant_texts import scale_in_words
 from protocol.study.rules import Band
 from protocol.study_file.loading import parsed_study, template
 from tests.analysis.chains import chain
-from tests.analysis.reports import ORIGIN, plain_report, session_events
+from tests.analysis.reports import ORIGIN, PAPER, plain_report, session_events
 
 SCALE = "1 to 7 (1: not at all & never; 2-4: somewhat; 5-7: a great deal)"
 SEVEN = parsed_study(
@@ -63,7 +63,10 @@ def test_the_scale_is_the_studys_or_that_of_the_published_table() -> None:
     assert str(to_seven().scale) == "1 to 7"
     published = replace(plain_report(), study=SEVEN)
     assert published.scale == Scale(0, 10)
-    assert published.scale_in_words.startswith("0 to 10 (0: no effect; 1-4: very weak; ")
+    # The paper's words are those of the paper's conditions alone.
+    assert published.scale_in_words == "0 to 10"
+    papers = replace(published, study=PAPER)
+    assert papers.scale_in_words.startswith("0 to 10 (0: no effect; 1-4: very weak; ")
 
 
 def test_captions_methods_and_figures_name_the_studys_scale() -> None:
@@ -84,7 +87,7 @@ def test_captions_methods_and_figures_name_the_studys_scale() -> None:
 def test_every_export_names_the_studys_scale(form: str) -> None:
     data = dataset(sessions_to_seven(), SEVEN, "0", rehearsals=False)
     files = EXPORTS[form](data)
-    assert any(f"Strength of the effect, from {SCALE}." in text for text in files.values())
+    assert any(f"of what was felt, from {SCALE}." in text for text in files.values())
     assert not re.search("no effect|very effective|to 10 ", "".join(files.values()))
 
 

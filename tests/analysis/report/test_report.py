@@ -62,7 +62,7 @@ def test_every_missing_number_has_a_reason(scores: list[list[float]]) -> None:
 def test_a_cell_that_starts_like_a_formula_is_kept_as_text() -> None:
     files = report_files(made(SCORES[:1], names=("=cmd()", "@sum", "voltage")), figures=False)
     header = files["table4.csv"].decode().splitlines()[0]
-    assert header == "subject,'=cmd(),'@sum,voltage,comprehensive"
+    assert header == "subject,'=cmd(),'@sum,voltage,mean"
 
 
 def test_every_figure_is_written_in_all_formats_with_title_and_table() -> None:

@@ -11,7 +11,7 @@ HOLED = table4(imported([[5, 7.5, np.nan], [np.nan] * 3]).table)
 
 def test_a_missing_score_is_marked_by_its_cause_and_a_missing_mean_is_not() -> None:
     assert table4_lines(HOLED, "–", {(0, 2): "×"}) == [
-        ["subject", "voltage", "structure", "pressure", "comprehensive"],
+        ["subject", "voltage", "structure", "pressure", "mean"],
         ["P00", "5", "7.50", "×", "6.25"],
         ["P01", "–", "–", "–", "–"],
         ["average", "5.00", "7.50", "–", "6.25"],
@@ -31,7 +31,7 @@ def test_the_latex_table_has_the_rules_of_booktabs_and_escapes_names() -> None:
         r"\label{tab:scores}",
         r"\begin{tabular}{lrrrr}",
         r"\toprule",
-        r"subject & voltage & structure & pressure & comprehensive \\",
+        r"subject & voltage & structure & pressure & mean \\",
         r"\midrule",
         r"50\% of P\_0 & 5 & 7 & 9 & 7.00 \\",
         r"\midrule",
@@ -56,3 +56,15 @@ def test_a_wide_latex_table_turns_its_header_and_shrinks_to_the_page() -> None:
     assert lines[-3:] == [r"\end{tabular}%", "}", r"\end{table}"]
     few = table4_tex(table4(imported(np.full((2, 8), 5), names=names[:8]).table))
     assert "box" not in few
+
+
+def test_scores_below_0_are_numbers() -> None:
+    below = table4(imported([[-3, 0, 1.5], [-2.5, 1, -1]]).table)
+    assert table4_csv(below).splitlines() == [
+        "subject,voltage,structure,pressure,mean",
+        "P00,-3,0,1.50,-0.50",
+        "P01,-2.50,1,-1,-0.83",
+        "average,-2.75,0.50,0.25,-0.67",
+    ]
+    latex = table4_tex(below)
+    assert r"P01 & $-$2.50 & 1 & $-$1 & $-$0.83 \\" in latex

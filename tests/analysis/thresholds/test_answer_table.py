@@ -1,19 +1,25 @@
 """Tables of answers: published data, rows per level and per trial, messages."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import touchbeam
-from analysis.loading.published import TableError
+from analysis.tables.reading import cells_in
+from analysis.tables.table_cells import TableError
 from analysis.thresholds.answer_table import Track, tracks_in
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
 than 8.5 cm/s? Dallmann, Ernst and Moscatelli, Journal of Neurophysiology 114, 2015."""
 HEADER = "participant,track,level,trials,correct\n"
+
+
+def read(text: str, source: str, shape: str) -> list[Track]:
+    return tracks_in(cells_in(text.encode(), source, most=1000), shape)
 
 
 def means(found: pd.DataFrame) -> list[float]:
@@ -41,7 +47,7 @@ def test_a_row_per_trial_and_other_columns() -> None:
         "Correct,note,track,level,participant\n1,a,T,2.5,P01\nfalse,,T,1,P01\n\n0,,U,1e1,P01\n"
         "True,,T,1,P01\n"
     )
-    assert tracks_in(text, "answers.csv", "weibull") == [
+    assert read(text, "answers.csv", "weibull") == [
         Track("P01", "T", [2.5, 1.0, 1.0], [1, 1, 1], [1, 0, 1]),
         Track("P01", "U", [10.0], [1], [0]),
     ]
@@ -55,7 +61,7 @@ def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
         f"{RECORDED}P01,T,0,1,True,no\nP01,T,3,8,True,no\nP01,,1,,,no\nP01,T,,,,no\n"
         "P01,T,1,2,,no\nP01,T,1,2,False,session\nP01,T,1,2,False,no\nP02,T,,,,no\n"
     )
-    assert tracks_in(text, "trials.csv", "weibull") == [
+    assert read(text, "trials.csv", "weibull") == [
         Track("P01", "T", [1.0, 8.0, 2.0], [1, 1, 1], [1, 1, 0], left_out=3)
     ]
 
@@ -76,7 +82,7 @@ def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None
 
 
 def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
-    (track,) = tracks_in(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
+    (track,) = read(f"{HEADER}'=1+1,T,1,2,1\n", "answers.csv", "weibull")
     assert track.participant == "=1+1"
 
 
@@ -86,7 +92,8 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         ("", "must have a header"),
         (HEADER, "must have a row of answers below the header, got none"),
         ("participant,track,level\nP,T,1\n", "line 1: must have the column correct; columns are"),
-        (HEADER.replace(",", ";"), "line 1: the cells are separated by semicolons; save the table"),
+        (f"{HEADER}P01,T,1,2,1\np01,T,1,2,1\n", "'p01' and 'P01' may be one or two; write"),
+        (f"{HEADER}P01,T,1,2,1\nP01,t,1,2,1\n", "'t' and 'T' may be one or two; write"),
         (
             "participant,track,level,level,correct\n",
             "line 1: the column level must stand once; rename the others",
@@ -120,7 +127,7 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
 )
 def test_wrong_tables(text: str, message: str) -> None:
     with pytest.raises(TableError, match=message) as error:
-        tracks_in(text, "answers.csv", "weibull")
+        read(text, "answers.csv", "weibull")
     assert str(error.value).startswith("answers.csv")
     assert "\n" not in str(error.value)
 
@@ -142,4 +149,87 @@ def test_one_level_alone_gives_no_threshold() -> None:
 
 def test_a_task_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^task must be one of yes or no, .*, got 'four'$"):
-        touchbeam.fit(pd.read_csv(DATA), task="four")  # type: ignore[arg-type]
+        touchbeam.fit(pd.read_csv(DATA), task="four")
+
+
+def test_fractions_of_pandas_and_missing_answers_are_understood() -> None:
+    answers = pd.Series([0.0, 1.0, 1.0, 1.0] * 4 + [0.0, None, 1.0, 1.0])
+    table = pd.DataFrame({"participant": "P1", "track": "T", "level": [1.0, 2, 3, 4] * 5})
+    found = touchbeam.fit(table.assign(correct=answers))
+    whole = touchbeam.fit(table.assign(correct=answers).dropna().astype({"correct": int}))
+    assert found.left_out.item() == 1
+    assert found.threshold.item() == whole.threshold.item()
+
+
+@pytest.mark.parametrize("answers", [{"level": [1]}, None, [1, 2], pd.Series([1])])
+def test_what_is_no_frame_is_refused(answers: object) -> None:
+    with pytest.raises(ValueError, match=r"^answers: must be a data frame of pandas, got "):
+        touchbeam.fit(answers)  # type: ignore[arg-type]
+
+
+def simulated(threshold: float, chance: float, rng: np.random.Generator) -> pd.DataFrame:
+    levels = np.array([1.0, 1.5, 2, 3, 4, 6, 8])
+    p = chance + (1 - chance) * (1 - np.exp(-np.log(2) * (levels / threshold) ** 3))
+    return pd.DataFrame({"level": levels, "trials": 40, "correct": rng.binomial(40, p)})
+
+
+def test_thresholds_of_many_alternatives_and_of_any_guess_rate_are_found() -> None:
+    rng = np.random.default_rng(1)
+    tables = [simulated(3, 0.25, rng).assign(participant=f"P{n}", track="T") for n in range(20)]
+    asked: list[dict[str, Any]]
+    asked = [{"task": "4AFC"}, {"guess": 0.25}, {"task": "2AFC", "guess": 0.25}]
+    for known in asked:
+        found = touchbeam.fit(pd.concat(tables), **known)
+        assert found.threshold.mean() == pytest.approx(3, rel=0.05)
+        assert (found.threshold_at == 0.625).all()
+    free = touchbeam.fit(pd.concat(tables), guess="free")
+    # Its prior, that of false alarms, draws it towards 0.
+    assert 0.15 < free.guess.mean() < 0.25
+    two = touchbeam.fit(tables[0], task="2AFC").drop(columns="participant")
+    assert two.equals(touchbeam.fit(tables[0]).drop(columns="participant"))
+
+
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        ({"task": "1AFC"}, "or 2AFC to 26AFC, got '1AFC'"),
+        ({"task": "27AFC"}, "or 2AFC to 26AFC, got '27AFC'"),
+        ({"guess": 0.95}, r"the guess rate must lie in \[0, 0.9\] or be free, got 0.95"),
+        ({"guess": float("nan")}, "the guess rate must lie .* got nan"),
+        ({"guess": 0.5, "threshold_at": 0.4}, "must lie above 0.5, which is chance"),
+    ],
+)
+def test_wrong_guess_rates(known: dict[str, object], message: str) -> None:
+    table = pd.DataFrame({"participant": "P", "track": "T", "level": [1.0, 2], "correct": [0, 1]})
+    with pytest.raises(ValueError, match=message):
+        touchbeam.fit(table, **known)  # type: ignore[arg-type]
+
+
+def test_the_interval_of_two_conditions_holds_the_ratio_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(2)
+    tables = [
+        simulated(threshold, 0.5, rng).assign(participant=f"P{n}", track=name)
+        for n in range(100)
+        for name, threshold in (("dry", 2.5), ("wet", 4.0))
+    ]
+    compared = touchbeam.fit(pd.concat(tables)).attrs["comparisons"]
+    known = [each for each in compared if each["reason"] is None]
+    held = sum(each["ci"][0] < 1.6 < each["ci"][1] for each in known)
+    assert len(known) >= 95
+    assert held >= 0.9 * len(known)
+    assert np.median([each["value"] for each in known]) == pytest.approx(1.6, rel=0.05)
+
+
+def test_a_condition_is_a_track_and_levels_as_given_are_compared_by_their_difference() -> None:
+    rng = np.random.default_rng(3)
+    tables = [
+        simulated(threshold, 0.5, rng).assign(subject="P1", condition=name)
+        for name, threshold in (("dry", 2.5), ("wet", 4.0))
+    ]
+    (ratio,) = touchbeam.fit(pd.concat(tables)).attrs["comparisons"]
+    (difference,) = touchbeam.fit(pd.concat(tables), shape="normal").attrs["comparisons"]
+    assert (ratio["a"], ratio["b"], ratio["of"]) == ("dry", "wet", "ratio")
+    assert difference["of"] == "difference"
+    assert difference["ci"][0] < difference["value"] < difference["ci"][1]
+    one = touchbeam.fit(tables[0].iloc[:1].assign(correct=40)).attrs["comparisons"]
+    assert one == []

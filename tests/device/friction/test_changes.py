@@ -6,12 +6,14 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from device.friction.calibration import Calibration
 from device.friction.changes import CONDITIONS, predicted_contrast, trial_change
 from device.friction.coefficient import friction_coefficient
 from device.friction.laws import LAWS
 from device.friction.rungs import TOP_RUNG
 from device.friction.scenes import REFERENCE_SPEED_M_S, Drive, Scene
 from device.friction.scenes import FingerContact as Finger
+from device.friction.surfaces import GivenSurface
 from protocol.plan.plan import plan
 from protocol.plan.trials import Trial
 from protocol.study.study import Study
@@ -103,3 +105,69 @@ def test_ciliary_bodies_make_the_change_larger() -> None:
 
 
 WAYS: tuple[Literal["right", "left"], ...] = ("right", "left")
+
+
+def level(study: Study, *touches: Touch) -> float:
+    return predicted_contrast(trial_change(study, None, None, touches))
+
+
+@pytest.mark.parametrize("volts", [50.0, 150.0])
+def test_a_rating_follows_ln_of_friction_over_that_at_rest_with_its_sign(volts: float) -> None:
+    driven = Touch(place="smooth", voltage_v=volts)
+    smoother = predicted_contrast(trial_change(PAPER, "roughness", "smoother", [driven]))
+    assert level(PAPER, driven) == pytest.approx(-smoother)
+    assert level(PAPER, driven) < 0
+    # Touches before the last one say nothing of it.
+    rest = Touch(place="smooth", voltage_v=0)
+    assert level(PAPER, Touch(place="smooth", voltage_v=80), driven) == level(PAPER, driven)
+    assert level(PAPER, rest) == level(PAPER, driven, rest) == 0
+
+
+def test_a_rating_follows_the_end_of_a_ramp_and_the_mean_of_a_path() -> None:
+    ramp = Touch(place="smooth", voltage_v=0, ramp_to_v=100)
+    assert level(PAPER, ramp) == level(PAPER, Touch(place="smooth", voltage_v=100))
+    path = Touch(place="path", voltage_v=100)
+    change = trial_change(PAPER, None, None, [path])
+    assert len(change.places_m) > 100
+    assert change.kind == "over a path"
+
+
+GIVEN = Study.model_validate(
+    {
+        "study": {"name": "plate"},
+        "surface": {"kind": "given", "length_m": 0.1},
+        "condition": [
+            {"name": name, "touches": [{"place": "path", "voltage_v": volts, "friction": friction}]}
+            for name, volts, friction in (("weak", 50, 0.4), ("strong", 100, 0.1))
+        ],
+    }
+)
+PLATE = Calibration.of(GivenSurface(length_m=0.1))
+
+
+def stated(study: Study, **touch: float) -> float:
+    touches = [Touch.model_validate({"place": "path", **touch})]
+    return predicted_contrast(trial_change(study, None, None, touches), rig=PLATE)
+
+
+def test_a_rating_of_stated_friction_is_relative_to_rest_or_else_to_the_mean() -> None:
+    # The mean of logarithms of 0.4 and 0.1 is that of 0.2.
+    assert stated(GIVEN, voltage_v=50, friction=0.4) == pytest.approx(log(2))
+    assert np.isnan(stated(GIVEN, voltage_v=50))
+    assert np.isnan(stated(GIVEN, voltage_v=0))
+    rest = {"place": "path", "voltage_v": 0, "friction": 0.8}
+    touches = (Touch.model_validate(rest), *GIVEN.condition[0].touches)
+    first = GIVEN.condition[0].model_copy(update={"touches": touches})
+    study = GIVEN.model_copy(update={"condition": (first, GIVEN.condition[1])})
+    assert stated(study, voltage_v=50, friction=0.4) == pytest.approx(-log(2))
+    assert stated(study, voltage_v=100, friction=0.1) == pytest.approx(-log(8))
+    # A catch trial is at rest, whether it says so or not.
+    assert stated(study, voltage_v=0) == stated(study, voltage_v=0, friction=0.8) == 0
+
+
+def test_no_friction_that_is_stated_leaves_ratings_without_a_prediction() -> None:
+    bare = [
+        each.model_copy(update={"touches": (Touch(place="path", voltage_v=50),)})
+        for each in GIVEN.condition
+    ]
+    assert np.isnan(stated(GIVEN.model_copy(update={"condition": tuple(bare)}), voltage_v=50))

@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from scipy.stats import chisquare
 
 from protocol.plan.plan import plan
+from protocol.plan.trials import session_s
 from protocol.proof.trial_checks import balance_guaranteed, carry_over, cohort_problems, cycle
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import parsed_study, template
-from tests.protocol.studies import Document, documents, small
+from tests.protocol.studies import Document, documents, rated, small
 
 STUDY = parsed_study(template("paper"))
 EXTENDED = parsed_study(template("extended"))
@@ -121,3 +122,19 @@ def test_plans_of_an_accepted_study_keep_its_limits_and_constraints(
     assert cohort_problems(study, [plan(study, slot) for slot in range(3)]) == []
     slots = cycle(study, 14)
     assert cohort_problems(study, [plan(study, slot) for slot in slots], slots.start) == []
+
+
+def test_conditions_without_a_question_have_trials_that_are_rated_also_at_0_v() -> None:
+    study = rated(3, repeats=2, catch_trials=2, practice_trials=1)
+    trials = plan(study, 0).trials
+    assert {trial.kind for trial in trials} == {"practice", "trial", "catch"}
+    assert all(trial.rated and trial.question is trial.expected is None for trial in trials)
+    assert [trial.scored for trial in trials] == [trial.kind != "catch" for trial in trials]
+    asked = small(3, repeats=2, catch_trials=2, practice_trials=1)
+    assert not any(trial.rated for trial in plan(asked, 0).trials)
+    # One question less in each trial, and a score in each catch trial, too.
+    timing = study.timing
+    fewer_s = len(trials) * timing.answer_s - 2 * timing.score_s
+    assert session_s(study, plan(study, 0)) == pytest.approx(
+        session_s(asked, plan(asked, 0)) - fewer_s
+    )

@@ -7,10 +7,10 @@ from itertools import pairwise
 import pytest
 
 from protocol.plan.plan import plan
-from protocol.plan.trials import Plan, Trial
-from protocol.proof.trial_checks import cohort_problems, plan_problems
+from protocol.plan.trials import Plan, Trial, session_s
+from protocol.proof.trial_checks import cohort_problems, plan_problems, plan_s
 from protocol.study_file.loading import parsed_study, template
-from tests.protocol.studies import small
+from tests.protocol.studies import rated, small
 
 STUDY = parsed_study(template("extended"))
 PLAN = plan(STUDY, 0)
@@ -163,3 +163,25 @@ def test_a_scored_trial_of_no_condition_is_a_problem_where_trials_are_grouped() 
 
 def test_a_plan_without_trials_is_a_problem() -> None:
     assert plan_problems(STUDY, replace(PLAN, trials=()))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: replace(t, question="roughness"), "must ask its condition's question"),
+        (lambda t: replace(t, expected="same"), r"the expected answer must be one of \['None'\]"),
+        (lambda t: replace(t, scored=not t.scored), "all but catch trials must be scored"),
+        (lambda t: replace(t, opposite=True), "must come in the opposite order 0 times"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["trial", "catch"])
+def test_a_changed_trial_that_is_rated_is_detected(kind: str, change: Change, message: str) -> None:
+    study = rated(3, repeats=2, catch_trials=2)
+    good = plan(study, 0)
+    assert plan_problems(study, good) == []
+    assert plan_s(study, good) == pytest.approx(session_s(study, good))
+    at = next(trial.index for trial in good.trials if trial.kind == kind)
+    trials = (change(trial) if trial.index == at else trial for trial in good.trials)
+    wrong = replace(good, trials=tuple(trials))
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError("\n".join(map(str, plan_problems(study, wrong))))

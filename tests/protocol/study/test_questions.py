@@ -21,6 +21,7 @@ from protocol.study_file.loading import StudyError, parsed_study, template
 
 PAPER = template("paper")
 BANDS = PAPER[PAPER.index("bands = [") : PAPER.index("]\n", PAPER.index("bands = [")) + 2]
+AT_0 = "{ at = 0, en = 'a', zh = 'a' }"
 TO_100 = PAPER.replace(
     BANDS,
     """minimum = 0
@@ -85,7 +86,7 @@ def test_a_study_may_ask_for_a_score_in_its_own_words() -> None:
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({"minimum": -1}, "rating.minimum: must be at least 0, got -1"),
+        ({"minimum": -1001}, "rating.minimum: must be at least -1000, got -1001"),
         ({"maximum": 1001}, "rating.maximum: must be at most 1000, got 1001"),
         ({"maximum": 5.0}, "rating.maximum: must be a whole number, got 5.0"),
         ({"minimum": 10}, "rating: maximum must be above minimum = 10, got 10"),
@@ -97,6 +98,20 @@ def test_a_study_may_ask_for_a_score_in_its_own_words() -> None:
         (
             {"minimum": 1, "bands": "[{ from = 0, to = 10, en = 'all' }]"},
             "rating.bands: must follow one another from 1 to 10, got 0-10",
+        ),
+        ({"labels": "[{ at = 11, en = 'a', zh = 'a' }]"}, "at whole numbers from 0 to 10, got 11"),
+        ({"labels": "[{ at = 0.5, en = 'a', zh = 'a' }]"}, "whole numbers from 0 to 10, got 0.5"),
+        ({"labels": f"[{AT_0}, {AT_0}]"}, "scores that differ, got 0 twice"),
+        ({"labels": "[{ value = 'x', en = 'a', zh = 'a' }]"}, "each have a score alone"),
+        ({"labels": "[{ en = 'a', zh = 'a' }]"}, "each have a score alone"),
+        ({"labels": "[{ at = 0, en = 'a' }]"}, "rating.labels.0.zh: must be given"),
+        ({"labels": "[{ at = 0, en = 'a', zh = 'a', fr = 'a' }]"}, "unknown key, got 'fr'"),
+        (
+            {
+                "labels": f"[{AT_0}]",
+                "bands": "[{ from = 0, to = 10, en = 'all', zh = 'a' }]",
+            },
+            "rating.labels: must be left out where bands are given, got both",
         ),
         ({"bands": f"[{{ from = 0, to = {10**9}, en = 'all' }}]"}, "must be at most 1000, got 1"),
     ],

@@ -25,6 +25,7 @@ from runner.screens import (
     Response,
     Screen,
     ask_change,
+    ask_rating,
     ask_score,
     ask_track,
 )
@@ -242,3 +243,14 @@ def test_a_studys_own_question_is_asked_until_it_is_answered(
     assert terminal.said[0] == question.text["en"]
     again = [line for line in terminal.said if "is not one of the possible answers" in line]
     assert len(again) == typed.count("\n") - 1
+
+
+@pytest.mark.parametrize(("low", "high", "typed"), [(-3, 3, "-3"), (0, 100, "42"), (1, 7, "7")])
+def test_what_was_felt_is_rated_on_the_scale_of_the_study(low: int, high: int, typed: str) -> None:
+    ends = ({"at": low, "en": "smooth", "zh": "光滑"}, {"at": high, "en": "rough", "zh": "粗糙"})
+    scale = Rating.model_validate({"minimum": low, "maximum": high, "labels": ends})
+    terminal = Terminal(f"{high + 1}\n{low - 1}\n1.5\n{typed}\n")
+    assert terminal.answer(ask_rating(scale)).answer == typed
+    shown = [f"How strong was what you felt? {low} to {high}", f"{low} smooth   {high} rough"]
+    assert terminal.said[:2] == shown
+    assert sum("not one of the possible answers" in line for line in terminal.said) == 3

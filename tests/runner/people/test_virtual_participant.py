@@ -13,7 +13,7 @@ from protocol.study.rules import PAPERS_SCALE, Rating
 from protocol.study.study_question import ANSWERS, Question, StudyQuestion
 from protocol.study_file.loading import parsed_study, template
 from runner.people.virtual_participant import VirtualParticipant, VirtualParticipantLeft
-from runner.screens import Ask, Instruction, Notice, Pacing, ask_change, ask_score
+from runner.screens import Ask, Instruction, Notice, Pacing, ask_change, ask_rating, ask_score
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.fakes import FakeClock
 
@@ -284,3 +284,57 @@ def test_a_touch_waits_for_no_module_to_be_loaded() -> None:
     command = [sys.executable, "-c", _FIRST_TOUCH]
     first = subprocess.run(command, capture_output=True, text=True, check=True)
     assert first.stdout == "[]\n"
+
+
+def rated(
+    feels: float, scale: Rating, resting: float = 0.4, person: Person = EXACT, seed: int = 1
+) -> int:
+    """Let a participant feel one touch, then ask for its score."""
+    control = FakeHand()
+    virtual = participant(control, person, seed)
+    _touch(virtual, control, lambda _: feels)
+    control.feels = lambda _: resting  # the output is off
+    virtual.show(ask_rating(scale))
+    score = virtual.poll()
+    assert score is not None
+    return int(score.answer)
+
+
+TO_100 = Rating(minimum=0, maximum=100)
+
+
+@pytest.mark.parametrize(
+    ("scale", "gain", "feels", "score"),
+    [
+        # 2 + 5 ln(mu' / mu) of the paper's scale, as far between the ends of the study's.
+        (TO_100, 5.0, 0.4, 20),
+        (TO_100, 5.0, 0.5, round(20 + 50 * math.log(0.5 / 0.4))),
+        (TO_100, 5.0, 0.35, round(20 + 50 * math.log(0.35 / 0.4))),
+        (TO_100, -5.0, 0.35, round(20 - 50 * math.log(0.35 / 0.4))),
+        (TO_100, 5.0, 0.1, 0),
+        (Rating(minimum=1, maximum=7), 5.0, 0.6, round(2.2 + 3 * math.log(0.6 / 0.4))),
+        (Rating(minimum=-3, maximum=3), 5.0, 0.4, round(-3 + 1.2)),
+        (Rating(minimum=-3, maximum=3), 5.0, 4.0, 3),
+    ],
+)
+def test_a_rating_is_level_and_gain_times_what_is_felt_with_its_sign(
+    scale: Rating, gain: float, feels: float, score: int
+) -> None:
+    assert rated(feels, scale, person=replace(EXACT, gain=gain)) == score
+
+
+def test_ratings_are_noisy_and_use_all_numbers_of_the_scale() -> None:
+    noisy = replace(EXACT, bias=5.0, rating_noise=1.5)
+    given = [rated(0.4, Rating(minimum=1, maximum=7), person=noisy, seed=it) for it in range(200)]
+    assert sum(given) / 200 == pytest.approx(4.0, abs=0.2)
+    assert {2, 3, 4, 5, 6} <= {*given} <= {*range(1, 8)}
+    few = replace(noisy, number_step=2.0)
+    coarse = {rated(0.4, TO_100, person=few, seed=it) for it in range(100)}
+    assert all(score % 2 == 0 for score in coarse)
+    low = replace(noisy, bias=10.0, ceiling=8.0)
+    assert max(rated(0.4, TO_100, person=low, seed=it) for it in range(50)) == 80
+
+
+def test_who_does_not_attend_rates_as_at_rest() -> None:
+    absent = replace(EXACT, lapse=1.0)
+    assert rated(0.2, TO_100, person=absent) == 20

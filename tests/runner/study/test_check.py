@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from protocol.study.rules import SELECTS, Exclusions
-from protocol.study_file.loading import template
+from protocol.study_file.loading import template, template_pictures
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.command_line import assert_matches, typed
 
@@ -456,3 +456,29 @@ def test_a_dialect_must_have_a_driver(
     assert shown in capsys.readouterr().err
     assert typed("run", folder, "--participant", "P01", "--ratings", "virtual") == 2
     assert shown in capsys.readouterr().err
+
+
+def test_conditions_without_a_question_are_shown_as_rated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, content in template_pictures("plate").items():
+        (tmp_path / name).write_bytes(content)
+    assert typed("check", study(tmp_path, "plate")) == 0
+    shown = capsys.readouterr().out
+    assert "Pred.: predicted ln(friction / that at 0 V), positive where friction rises;" in shown
+    told = "1 to 7 (1: very smooth; 7: very rough), at once, also in catch trials"
+    assert f"Score       {told}" in " ".join(shown.replace("\n            ", " ").splitlines())
+    assert "expectation" not in shown
+    assert typed("check", str(tmp_path), "--json") == 0
+    trials = document(capsys)["participants"][0]["trials"]
+    assert {each["expected"] for each in trials} == {None}
+    predicted = {each["condition"]: each["predicted_contrast"] for each in trials if each["level"]}
+    assert predicted == pytest.approx(
+        {
+            "weak": math.log(0.5 / 0.6),
+            "medium": math.log(0.4 / 0.6),
+            "strong": math.log(0.3 / 0.6),
+            None: None,
+        }
+    )
+    assert {each["predicted_contrast"] for each in trials if each["kind"] == "catch"} == {0.0}

@@ -54,6 +54,8 @@ STANDS_STILL = 0.1
 Happening = Callable[[Process], None]
 """Plans what will happen to a process; its name is what happens."""
 SECRET = "a lorry passed"
+_RATED = 0.25
+"""Days of whose studies what was felt is rated, without a question about a change."""
 _IN_USE_BY = re.compile(r"in use by .*? \(process \d+\)")
 _SESSION_THREAD: tuple[Where, ...] = ("clock", "people", "disk")
 
@@ -427,7 +429,8 @@ def day(seed: int) -> Day:
         with workplace() as folder:
             # Half of the days have the paper's beam.
             surface = random.Random(f"surface/{seed}").choice([*SURFACES, *[PAPERS] * 2])
-            text = drawn_study(stream, model.partition("-")[0], surface)
+            rated = random.Random(f"rated/{seed}").random() < _RATED
+            text = drawn_study(stream, model.partition("-")[0], surface, rated=rated)
             lab = Lab(folder, text, stream, model)
             if lab.watch.is_board and rigs.random() < NO_THERMOMETER:
                 technician.without_thermometer(lab)

@@ -421,6 +421,9 @@ class Lab:
         if tag == "answered" and self.person is not None:
             answer = json.loads(payload)
             change, score = answer["change"], answer["score"]
+            if self.watch.study.absolute and answer["condition"] is not None:
+                rated = change is None and score is not None
+                require(2, rated, f"{session} {answer['index']}: {change} with the score {score}")
             own = [each["answer"] for each in answer.get("questions", ())]
             said = [str(each) for each in (change, score, *own) if each is not None]
             given = [text for text, _ in self.person.given]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from device.simulator.in_process import InProcessDevice
-from protocol.study.study_question import SCORE
+from protocol.study.study_question import RATING, SCORE
 from runner.people.participant_console import ParticipantGone
 from runner.screens import (
     Ask,
@@ -72,7 +72,7 @@ class Person(Participant):
         match self._screen:
             case Instruction() | Welcome():
                 return self._respond("ready")
-            case Ask(question=question) if question.name != SCORE:
+            case Ask(question=question) if question.name not in {SCORE, RATING}:
                 return self._respond(self.stream.choice(question.values), remember=True)
             case Ask(question=question):
                 place = question.place(self.stream.randint(0, question.places))

@@ -169,6 +169,13 @@ def _recorded(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -
         before = tag, payload
 
 
+def _leads_on(answered: dict[str, Any]) -> bool:
+    """Return whether an answer asks for the question after the trial: see `studies.as_rated`."""
+    if answered["change"] is None:
+        return answered["score"] is not None and int(answered["score"]) >= 1
+    return answered["change"] not in {"same", "not swapped"}
+
+
 def _asked_when_due(day: "Day", name: str, events: list[tuple[str, dict[str, Any]]]) -> None:
     """The study's own questions are asked once, as soon as they are due."""
     if not day.lab.watch.study.question:
@@ -180,10 +187,9 @@ def _asked_when_due(day: "Day", name: str, events: list[tuple[str, dict[str, Any
     for tag, payload in events:
         if tag == "answered":
             left[blocks[payload["index"]]] -= 1
-            noticed = payload["change"] not in {None, "same", "not swapped"}
-            about = noticed and payload["condition"] is not None
+            about = payload["condition"] is not None and _leads_on(payload)
             told = len(payload.get("questions", ())) == about
-            require(9, told, f"{name}: a question depends on what was noticed, {payload}")
+            require(9, told, f"{name}: a question depends on what was answered, {payload}")
         elif tag == "trials-not-needed":
             left.subtract(blocks[index] for index in payload["indices"])
         elif tag == "practice-renewed":

@@ -1,6 +1,7 @@
 """The studies of the days: small, so that a session takes milliseconds, and not alike."""
 
 import random
+import re
 
 from device.simulator.models.generator_model import AMPLIFIER_GAIN, MOST_EMF_VPP
 from tests.protocol.surfaces import ALUMINIUM, MEASURED
@@ -90,6 +91,7 @@ labels = [
 ]
 {asked_if}
 """
+AFTER_HIGH = '{ question = "score", at_least = 1 }'
 _ASKED_IF = {
     "before": "",
     "trial": 'asked_if = { question = "noticed", is = ["yes"] }',
@@ -129,14 +131,16 @@ catch = 1
 _AMPLIFIER = f"amplifier_gain = {AMPLIFIER_GAIN}\ngenerator_max_vpp = {MOST_EMF_VPP}"
 
 
-def drawn_study(stream: random.Random, dialect: str, surface: str = PAPERS) -> str:
+def drawn_study(
+    stream: random.Random, dialect: str, surface: str = PAPERS, *, rated: bool = False
+) -> str:
     """Return the text of a study; there are few, so that each has to be checked only once.
 
-    `surface` is one of `SURFACES`.
+    `surface` is one of `SURFACES`; of a `rated` study conditions have no question.
     """
     max_v = stream.choice((120, 150))
     kind = stream.randrange(4)
-    return _STUDY.format(
+    asked = _STUDY.format(
         seed=kind,
         dialect=dialect,
         amplifier="" if dialect == "board" else _AMPLIFIER,
@@ -174,4 +178,14 @@ def drawn_study(stream: random.Random, dialect: str, surface: str = PAPERS) -> s
         else "",
         beam=(', beam = "b"', "")[kind % 2],
         surface=SURFACES[surface],
+    )
+    return as_rated(asked) if rated else asked
+
+
+def as_rated(text: str) -> str:
+    """Return a study without the questions of its conditions, on a scale with negative scores."""
+    scale = "[rating]\nminimum = -3\nmaximum = 3"
+    scored = text.replace('{ question = "noticed", is = ["yes"] }', AFTER_HIGH)
+    return re.sub(r"(?m)^(question|expected|score_when) = .*\n", "", scored).replace(
+        "[rating]", scale, 1
     )

@@ -121,13 +121,17 @@ def test_the_journal_commands_work_on_a_rehearsal(capsys: pytest.CaptureFixture[
         (("run", "study", "--participant", "../P01", "--ratings", "virtual"), 2, "got '../P01'"),
         (("run", "study", "--participant", "Anna", "--ratings", "virtual"), 2, "got 'Anna'"),
         (("run", "study", "--ratings", "virtual"), 2, "Missing option '--participant'"),
-        (("import", "elevens.csv", "new"), 2, "elevens.csv, line 2, column a: .* got 11"),
+        (
+            ("import", "elevens.csv", "new", "--scale", "0", "10"),
+            2,
+            "elevens.csv, line 2, column a: .* got 11",
+        ),
         (("import", "words.csv", "new"), 2, "words.csv, line 2, column a: .* got 'x'"),
         (("import", "nowhere.csv", "new"), 2, "nowhere.csv: no such file"),
         (
             ("import", "binary.csv", "new"),
             2,
-            "binary.csv: .* UTF-8 text at line 1; save .* as UTF-8",
+            "binary.csv: .* UTF-16 text at line 1; save .* as UTF-8",
         ),
         (
             ("import", "scores.csv", "scores.csv/new"),
@@ -179,7 +183,7 @@ def test_bad_input_is_one_clear_line_and_changes_nothing(
     typed("new", "study")
     Path("scores.csv").write_text("subject,a,b\n1,5,6\n")
     Path("elevens.csv").write_text("subject,a,b\n1,11,6\n")
-    Path("words.csv").write_text("subject,a,b\n1,x,6\n")
+    Path("words.csv").write_text("subject,a,b\n1,x,6\n2,5,6\n")
     Path("binary.csv").write_bytes(b"\xff\xfe\x00")
     Path("empty").mkdir()
     capsys.readouterr()
@@ -206,22 +210,23 @@ def test_an_empty_folder_is_accepted_and_kept_when_the_command_fails(
     assert typed("check", "study") == 0
 
 
-def test_import_names_conditions_that_the_model_does_not_know(
+def test_import_says_what_it_understood_before_it_writes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    Path("scores.csv").write_text("subject,频率,Voltage,电压\n1,3,4,5\n2,6,8,8\n", encoding="utf-8")
+    Path("scores.csv").write_text("subject,频率,Voltage,电压\n1,3,4,5\n2,6,,8\n", encoding="utf-8")
     assert typed("import", "scores.csv", "published") == 0
     shown = capsys.readouterr()
-    assert shown.out.splitlines()[0] == (
-        "No contrast is predicted for 频率, 电压: the friction model knows signal, frequency, "
-        "structure, voltage, direction, pressure."
-    )
+    assert shown.out.splitlines() == [
+        "scores.csv: wide, a column per condition; commas.",
+        "Subjects: 2 (column subject). Conditions: 3: 频率, Voltage, 电压.",
+        "Scale: not known (--scale LOW HIGH says it); scores from 3 to 8.",
+        "Missing: 1 score blank.",
+        "2 subjects imported; next: touchbeam report published",
+    ]
     assert shown.err == ""
     assert typed("report", "published", "--json") == 0
     reason = json.loads(capsys.readouterr().out)["rating"]["reason"]
-    assert reason == "a line needs at least 3 ratings with a predicted contrast, got 2"
-    assert typed("import", str(PUBLISHED), "another") == 0
-    assert "predicted" not in capsys.readouterr().out
+    assert reason == "a line needs at least 3 ratings with a predicted contrast, got 0"
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.analysis.tables.books import book
 from tests.runner.command_line import typed
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
@@ -53,7 +54,10 @@ def test_the_table_says_which_share_defines_the_threshold(
     ("arguments", "message"),
     [
         (("--threshold-at", "0.4"), "must lie above 0.5, which is chance in two intervals"),
-        (("--task", "four"), "'four' is not one of 'yes or no', 'two intervals'"),
+        (
+            ("--task", "four"),
+            "task must be one of yes or no, two intervals, three int",
+        ),
         (("--lapse", "0.6"), "the lapse rate must lie in [0, 0.5), got 0.6"),
         (("--lapse", "nan"), "the lapse rate must lie in [0, 0.5), got nan"),
         (("--lapse", "0.3", "--threshold-at", "0.8"), "and below 0.7, which lapses leave, got 0.8"),
@@ -73,3 +77,41 @@ def test_a_table_that_is_missing_or_a_device(capsys: pytest.CaptureFixture[str])
     assert "none.csv: no such file" in capsys.readouterr().err
     assert typed("fit", "/dev/zero") == 2
     assert "must be a file, got a pipe or a device" in capsys.readouterr().err
+
+
+def test_a_studys_folder_is_fitted_with_its_own_task(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "study"
+    assert typed("new", study, "--template", "threshold") == 0
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
+    capsys.readouterr()
+    assert typed("fit", study) == 2
+    assert "no trials of sessions here; add --rehearsals" in capsys.readouterr().err
+    assert typed("fit", study, "--rehearsals", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["task"] == "two intervals"
+    assert {each["track"] for each in found["tracks"]} == {"by a staircase", "smallest amplitude"}
+    (compared,) = found["comparisons"]
+    assert compared["of"] == "ratio"
+    assert compared["ci"][0] < compared["value"] < compared["ci"][1]
+
+
+def test_the_dialects_of_import_are_those_of_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows: list[tuple[object, ...]] = [("subject", "condition", "level", "trials", "correct")]
+    rows += [
+        ("P01", name, level, 20, right)
+        for name, rights in (("dry", (10, 13, 17, 20)), ("wet", (9, 11, 12, 19)))
+        for level, right in zip((1.5, 2.0, 4.0, 8.0), rights, strict=True)
+    ]
+    plain = "\n".join(";".join(map(str, row)) for row in rows)
+    (tmp_path / "t.csv").write_text(plain.replace(".", ",") + "\nP01;dry;9;20;NA\n")
+    (tmp_path / "t.xlsx").write_bytes(book(S=rows))
+    assert typed("fit", tmp_path / "t.csv") == 0
+    shown = capsys.readouterr().out
+    assert "Tracks compared" in shown
+    assert "1 row was left out" in shown
+    assert typed("fit", tmp_path / "t.xlsx") == 0
+    assert capsys.readouterr().out.splitlines()[:8] == shown.splitlines()[:8]

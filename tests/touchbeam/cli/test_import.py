@@ -32,7 +32,7 @@ def a_data_set(file: Path) -> None:
         (a_pipe, "must be a file, got a pipe or a device"),
         (endless, "must be a file, got a pipe or a device"),
         (large, "bytes, got 1099511627776"),
-        (a_data_set, "must be a table of scores, a CSV file, got a folder"),
+        (a_data_set, "must be a table of scores, a CSV file or .xlsx, got a folder"),
     ],
 )
 def test_what_is_no_table_is_refused(

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from analysis.loading.published import unpredicted_note
-from analysis.report.report import report_html, report_json
-from tests.analysis.reports import SCORES, ReadPage, made, plain_report, study_report
+from analysis.report.report import report, report_files, report_html, report_json
+from protocol.study.study import Study
+from tests.analysis.reports import ORIGIN, SCORES, ReadPage, made, plain_report, study_report
 
 
 def test_a_subject_without_scores_has_a_row() -> None:
@@ -54,9 +54,6 @@ def test_scores_without_answers_have_no_directions() -> None:
 
 def test_names_with_commas_are_told_apart() -> None:
     names = ("5 N, slow", "5 N, fast", "voltage")
-    note = unpredicted_note(names)
-    assert note
-    assert note.startswith("No contrast is predicted for 5 N, slow; 5 N, fast: the")
     page = report_html(made([[np.nan, np.nan, 5], [np.nan, np.nan, 6]], names=names))
     assert "Conditions without any score: 5 N, slow; 5 N, fast." in page
 
@@ -72,5 +69,23 @@ def test_every_score_links_to_its_trials_and_every_average_to_predictions() -> N
     assert links.count("#predictions") == 5
 
 
-def test_the_table_bears_its_name() -> None:
-    assert "<caption><strong>Table 4.</strong> Scores by subject" in report_html(plain_report())
+def test_the_papers_table_alone_bears_the_papers_name() -> None:
+    papers = study_report()
+    assert papers.is_papers
+    page = report_html(papers)
+    assert "<caption><strong>Table 4.</strong> Scores by subject" in page
+    assert 'scope="col">comprehensive</th>' in page
+    assert "comprehensive" in report_files(papers, figures=False)["table4.csv"].decode()
+    # Three of its conditions are another table, whatever the study file has.
+    to_100 = report("a study", papers.loaded, _to_100(papers.study), ORIGIN)
+    for other in (plain_report(), to_100):
+        files = report_files(other, figures=False)
+        del files["report.json"]  # its keys are others' to read
+        shown = b" ".join(files.values()).decode()
+        assert "<caption>Scores by subject and condition, 0 to 10" in shown
+        assert not re.search("Table 4|comprehensive|paper's ranking", shown)
+
+
+def _to_100(study: Study) -> Study:
+    rating = study.rating.model_copy(update={"maximum": 100, "bands": ()})
+    return study.model_copy(update={"rating": rating})

@@ -266,7 +266,7 @@ def test_more_trials_are_not_recommended_where_conditions_hide_the_gain_of_all()
     (low, high), span = few["group_gain_ci"], few["span"]
     assert (high - low) * span > MOST_WIDTH * 10
     assert "leaves more than the whole scale open" in few["reason"]
-    assert "more trials of the same changes do not help, because conditions" in few["reason"]
+    assert "more of the same trials do not help, because conditions" in few["reason"]
     # Levels tell gains apart from effects of conditions, also where people are few.
     many = report_json(study_report())["rating"]
     (low, high), span = many["group_gain_ci"], many["span"]

@@ -1,0 +1,135 @@
+"""The cells of any table, from the bytes of a file: separated text, or a workbook (.xlsx)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from analysis.tables import separated
+from analysis.tables.separated import Encoding
+from analysis.tables.table_cells import SAMPLE, Cells, Decimal, Rows, TableError, title_rows
+
+_ZIP, _OLD_EXCEL = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+
+
+def cells_in(
+    content: bytes,
+    source: str,
+    *,
+    most: int,
+    of: str = "rows",
+    encoding: Encoding | None = None,
+    decimal: Decimal | None = None,
+    sheet: str | None = None,
+) -> Cells:
+    """Return the cells of the file `source`.
+
+    Lines of one cell above the header are titles, and left out, as are blank lines and columns. A
+    file of text is UTF-8, or UTF-16 where its first bytes say so, unless `encoding` is given. Its
+    separator is the one that gives rows of one length, and most numbers where several do.
+
+    Args:
+        content: of the file.
+        source: what to call it in messages.
+        most: how many rows there may be below the header.
+        of: what those rows are, for the message on too many.
+        encoding: of a file of text, if it is not one of these.
+        decimal: the mark in its numbers, if they do not tell.
+        sheet: of a workbook; by default the only one that holds anything.
+
+    Raises:
+        TableError: it is no table; the message says where and why.
+    """
+    if content.startswith(_ZIP):
+        from analysis.tables.workbook import sheet_in
+
+        name, rows = sheet_in(content, source, sheet, most=most)
+        told, marks = [f"sheet {name}"], separated.mark_of_texts(rows)
+        whole = f"{source}, sheet {name}"
+        return _cells(rows, whole, told, decimal=decimal or marks, most=(most, of), word="row")
+    if content.startswith(_OLD_EXCEL):
+        raise TableError(
+            f"{source}: is a workbook of old Excel or has a password; save it as .xlsx without one"
+        )
+    if sheet is not None:
+        raise TableError(f"{source}: --sheet needs a workbook (.xlsx), got a file of text")
+    text, named = separated.text_in(content, source, encoding)
+    rows, separator = separated.rows_in(text, source, most=most + SAMPLE, of=of)
+    told = [separated.SEPARATORS[separator], *[named] * (named != "UTF-8")]
+    mark = decimal or separated.decimal_mark(rows, text, separator, source)
+    told += ["decimal commas"] * (mark == "comma")
+    return _cells(rows, source, told, decimal=mark, most=(most, of))
+
+
+def _cells(
+    rows: Rows,
+    source: str,
+    understood: Sequence[str],
+    *,
+    decimal: Decimal,
+    most: tuple[int, str],
+    word: str = "line",
+) -> Cells:
+    titles = title_rows(rows)
+    body = rows[titles:]
+    if not body:
+        raise TableError(f"{source}: must have a header and at least one row, got nothing")
+    (start, header), *below = body
+    if len(below) > most[0]:
+        raise TableError(
+            f"{source}: must have at most {most[0]} {most[1]}, got more; divide the table"
+        )
+    width = _width(header)
+    longer = word == "line" and all(len(row) == len(header) + 1 for _, row in below)
+    if longer and any(row[-1] for _, row in below):
+        header, width = ["", *header], width + 1  # R writes names of rows without a heading
+    wide = max([width, *(_width(row) for _, row in below)])
+    for line, row in below if wide > len(header) or word == "line" else ():
+        if len(row) < len(header) or _width(row) > len(header):
+            raise TableError(
+                f"{source}, {word} {line}: must have {len(header)} cells as the header, "
+                f"got {len(row)}"
+            )
+    padded = [row + [""] * (wide - len(row)) for row in (header, *(row for _, row in below))]
+    used = [at for at in range(wide) if any(row[at] for row in padded)]
+    is_whole = used == list(range(len(padded[0])))
+    kept = padded if is_whole else [[row[at] for at in used] for row in padded]
+    said = [f"{titles} title line{'s' * (titles > 1)} above the header"] * bool(titles)
+    return Cells(
+        source=source,
+        header=kept[0],
+        rows=kept[1:],
+        lines=[start, *(line for line, _ in below)],
+        decimal=decimal,
+        understood=(*understood, *said),
+        line_word=word,
+    )
+
+
+def _width(row: Sequence[str]) -> int:
+    """Return how many cells there are up to the last that is not blank."""
+    return max((at + 1 for at, cell in enumerate(row) if cell), default=0)
+
+
+def frame_cells(frame: Any, source: str) -> Cells:
+    """Return the cells of a data frame, whose first row is called line 2.
+
+    Raises:
+        TableError: it is no data frame, or has no columns.
+    """
+    if not (hasattr(frame, "columns") and hasattr(frame, "iloc")):
+        raise TableError(
+            f"{source}: must be a data frame of pandas, got {type(frame).__name__}; "
+            "pandas.DataFrame(...) makes one"
+        )
+    header = [str(name).strip() for name in frame.columns]
+    if not header:
+        raise TableError(f"{source}: must have columns, got none")
+    texts = (map(_frame_text, frame.iloc[:, at]) for at in range(len(header)))
+    rows = [list(row) for row in zip(*texts, strict=True)]
+    return Cells(source=source, header=header, rows=rows, lines=range(1, len(rows) + 2))
+
+
+def _frame_text(value: object) -> str:
+    plain = value.item() if isinstance(value, np.generic) else value
+    return "" if plain is None or str(plain) in {"<NA>", "nan", "NaT"} else str(plain).strip()

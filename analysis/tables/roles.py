@@ -1,0 +1,220 @@
+"""What the columns of a table are: told with `--columns`, or known by their names."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from analysis.tables.table_cells import Cells, TableError
+from protocol.errors import listed
+
+ROLES: Mapping[str, str] = {
+    "subject": "who scored",
+    "condition": "what was scored",
+    "factor": "a part of what was scored",
+    "score": "the score",
+    "answer": "whether the change was answered as expected",
+    "repeat": "which time it was scored",
+    "session": "in which session",
+    "group": "the subject's group",
+    "contrast": "a predicted change of the logarithm of friction",
+    "ignore": "nothing",
+}
+"""What a column may be."""
+SEVERAL = frozenset({"factor", "repeat", "ignore"})
+"""Roles that several columns may have; of `condition` and `score` a wide table has none."""
+
+_NAMES: Mapping[str, tuple[str, ...]] = {
+    # In each the better name comes first: of "name" and "id" one may be both.
+    "subject": (
+        "subject", "participant", "participantid", "subjectid", "subjects", "participants", "subj",
+        "sub", "ppt", "pp", "vp", "vpn", "vpid", "vpcode", "versuchsperson", "proband", "probandin",
+        "probandid", "teilnehmer", "teilnehmerin", "person", "personid", "sujet", "sujeto",
+        "soggetto", "observer", "respondent", "respondentid", "rater", "assessor", "panelist",
+        "judge", "user", "userid", "pid", "sid", "id", "code", "subjectcode", "subjectnumber",
+        "subjectno", "subjectnr", "participantnumber", "participantno", "participantnr", "initials",
+        "initialen", "kürzel", "name", "nr", "no", "number", "nummer",
+    ),
+    "condition": (
+        "condition", "conditions", "cond", "stimulus", "stimuli", "stim", "stimulusid", "texture",
+        "material", "surface", "sample", "treatment", "bedingung", "reiz", "item", "product",
+        "conditionname", "stimulusname", "trialtype",
+    ),
+    "score": (
+        "score", "rating", "ratings", "scores", "bewertung", "urteil", "einschätzung", "vas",
+        "magnitude", "estimate", "ratingvalue", "puntuación", "punteggio", "likert",
+        "response", "value", "wert", "answer", "antwort",
+    ),
+    "answer": ("answer", "antwort", "judgement", "judgment", "response", "réponse"),
+    "repeat": (
+        "repeat", "rep", "repeats", "repetition", "replicate", "replication", "wiederholung",
+        "durchgang", "durchlauf", "trial", "trialno", "trialnr", "trialnumber", "trialindex",
+        "trialid", "block", "blockno", "run", "presentation", "attempt", "attempts",
+    ),
+    "session": ("session", "ses", "sessionid", "sitzung", "visit", "termin", "sessionno"),
+    "group": ("group", "grp", "gruppe", "groupe", "grupo", "cohort", "arm"),
+    "contrast": ("contrast", "predictedcontrast", "kontrast"),
+    "ignore": (
+        "age", "alter", "sex", "gender", "geschlecht", "hand", "handedness", "date", "datum",
+        "time", "uhrzeit", "timestamp", "datetime", "rt", "reactiontime", "reactiontimes", "rts",
+        "rtms", "latency", "duration", "durations", "onset", "comment", "comments", "kommentar",
+        "remark", "remarks", "bemerkung", "notes", "language", "experimenter", "order", "position",
+        "height", "weight", "index", "unnamed0", "rownames", "row",
+    ),
+}  # fmt: skip
+MEANS = frozenset(
+    {
+        "average", "comprehensive", "mean", "total", "sum", "median", "sd", "std", "sem", "se",
+        "mittelwert", "durchschnitt", "summe", "gesamt", "moyenne", "media", "stdev", "m", "n",
+        "grandmean",
+    }
+)  # fmt: skip
+"""Names of columns and rows that sum others up."""
+
+
+def plain(name: str) -> str:
+    """Return a name in lower case, of its letters and digits alone.
+
+    >>> plain("Participant ID")
+    'participantid'
+    """
+    return re.sub(r"[\W_]+", "", name.casefold())
+
+
+@dataclass(frozen=True)
+class Roles:
+    """The role of each column that has one; `told` are those that `--columns` gave.
+
+    `subject_is` is `row` where each row is a subject, `one` where all are one subject's;
+    `headings` is whether each column of numbers is a condition; `repeat_is` is `row` where a
+    subject's further rows are repeats, `ending` where the numbers that end headings count them.
+    """
+
+    of: Mapping[int, str]
+    told: frozenset[int] = frozenset()
+    subject_is: str = ""
+    repeat_is: str = ""
+    headings: bool = False
+    second: tuple[int, ...] = field(default=())
+    """columns that would be the subject if no better name were there"""
+
+    def columns(self, *roles: str) -> list[int]:
+        """Return the columns of any of the roles, in the table's order."""
+        return sorted(at for at, role in self.of.items() if role in roles)
+
+    def column(self, role: str) -> int | None:
+        """Return the column of a role, if there is one."""
+        return next(iter(self.columns(role)), None)
+
+
+_WORDS = {"subject": ("row", "one"), "repeat": ("row", "ending"), "condition": ("heading",)}
+
+
+def roles_in(cells: Cells, columns: str | None) -> Roles:
+    """Return what the columns are, by `--columns` first and then by their names.
+
+    Raises:
+        TableError: `columns` names what there is not, or two columns are equally well the
+            condition, the score, the session or the group.
+    """
+    of, words = _told_roles(cells, columns or "")
+    told, second = frozenset(of), list[int]()
+    if is_recorded(cells):
+        of = {
+            at: role for at, name in enumerate(cells.header) if (role := _RECORDED.get(name))
+        } | of
+        rest = range(len(cells.header))
+        return Roles(of={**dict.fromkeys(rest, "ignore"), **of}, told=told)
+    # Where headings are the conditions, a name is no role of a score.
+    settled = {*words, *of.values(), *(("condition", "score") if "condition" in words else ())}
+    for role, names in _NAMES.items():
+        if role in settled and role not in SEVERAL:
+            continue
+        ranked = _ranked(cells, role, names, of)
+        if role in SEVERAL:
+            of |= dict.fromkeys(ranked, role)
+        elif ranked:
+            of[ranked[0]] = role
+            second = ranked[1:] if role == "subject" else second
+            _require_one(cells, role, ranked)
+    return Roles(
+        of=of,
+        told=told,
+        subject_is=words.get("subject", ""),
+        repeat_is=words.get("repeat", ""),
+        headings="condition" in words,
+        second=tuple(second),
+    )
+
+
+_RECORDED = {
+    "participant": "subject", "session": "session", "session_number": "session",
+    "trial_index": "repeat", "group": "group",
+    "condition": "condition", "score": "score", "agrees": "answer",
+}  # fmt: skip
+"""Columns of trials that touchbeam recorded."""
+
+
+def is_recorded(cells: Cells) -> bool:
+    """Return whether the table is one of trials that touchbeam recorded and exported."""
+    return {"participant", "trial_index", "trial_kind", "score"} <= set(cells.header)
+
+
+def _told_roles(cells: Cells, columns: str) -> tuple[dict[int, str], dict[str, str]]:
+    """Return the roles of `--columns` by column, and those that a word gives."""
+    of: dict[int, str] = {}
+    words: dict[str, str] = {}
+    for role, name in _told(columns):
+        at = column_named(cells, name)
+        if at is None and name in _WORDS.get(role, ()):
+            words[role] = name
+        elif at is None:
+            known = listed(map(cells.named, range(len(cells.header))))
+            raise TableError(f"{cells.source}: --columns: no column {name!r}; there are {known}")
+        elif at in of or (role in of.values() and role not in SEVERAL):
+            raise TableError(f"{cells.source}: --columns: {role}={name} is said twice")
+        else:
+            of[at] = role
+    return of, words
+
+
+def _ranked(cells: Cells, role: str, known: Sequence[str], of: Mapping[int, str]) -> list[int]:
+    """Return the columns without a role whose names say this one, the best name first."""
+    names = enumerate(map(plain, cells.header))
+    ranked = sorted((known.index(name), at) for at, name in names if name in known and at not in of)
+    columns = [at for _, at in ranked]
+    if role in {"score", "answer"}:  # a response may be either
+        return [at for at in columns if cells.is_numeric(at) is (role == "score")]
+    return columns
+
+
+def _require_one(cells: Cells, role: str, columns: Sequence[int]) -> None:
+    if len(columns) > 1 and role in {"condition", "score", "session", "group"}:
+        raise TableError(
+            f"{cells.source}: each of {listed(map(cells.named, columns))} may be the {role}; add "
+            f"--columns {role}=NAME, and ignore=NAME or factor=NAME for the others"
+        )
+
+
+def _told(columns: str) -> Iterator[tuple[str, str]]:
+    """Yield role and name of each part of `--columns`; a name may hold commas."""
+    parts = re.split(r"\s*,\s*(?=\w+\s*=)", columns.strip()) if columns.strip() else []
+    for part in parts:
+        role, separator, name = (text.strip() for text in part.partition("="))
+        if role not in ROLES or not separator or not name:
+            raise TableError(
+                f"--columns must be pairs such as subject=ID,score=rating, of {listed(ROLES)}, "
+                f"got {part!r}"
+            )
+        yield role, name
+
+
+def column_named(cells: Cells, name: str) -> int | None:
+    """Return the column of that name, exact or else in any case; or of its number, as `#2`."""
+    names: Sequence[str] = cells.header
+    if name in names:
+        return list(names).index(name)
+    alike = [at for at, each in enumerate(names) if each.casefold() == name.casefold()]
+    if len(alike) == 1:
+        return alike[0]
+    number = re.fullmatch(r"#(\d{1,4})", name)
+    return int(number[1]) - 1 if number and 0 < int(number[1]) <= len(names) else None

@@ -1,0 +1,590 @@
+"""Scores in a table of any shape, as a journal keeps them, and in words what was understood."""
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
+from math import ceil, floor
+
+from analysis.tables.roles import MEANS, is_recorded, plain
+from analysis.tables.shape import Shape, cell_parts
+from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
+from protocol.errors import BadInput, listed
+from protocol.pseudonyms import pseudonym
+
+EXPECTED, CONTRARY, SAME = ANSWERS = ("expected", "contrary", "same")
+MOST_SUBJECTS = 100_000
+MOST_CONDITIONS = 100
+MOST_ROWS = 1_000_000
+MOST_BYTES = 2**25
+MOST_SESSIONS = 50
+MOST_SCORES = 2_000_000
+LARGEST = 1_000
+"""Of a score, and of an end of a scale, on either side of 0."""
+_CODES = frozenset({99, 999, 9999, 88, 888, 77, 777, -1, -9, -99, -999, -9999})
+"""Numbers that often stand for no score."""
+_MOST_NAMED = 12
+"""Columns that are left out, named before the others are counted."""
+Scale = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rating:
+    """A score, an answer to the question whether something changed as expected, or both."""
+
+    condition: str
+    score: float | None
+    answer: str | None = None
+    contrast: float | None = None
+
+    @property
+    def says_nothing(self) -> bool:
+        return self.score is None and self.answer is None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visit:
+    """A subject's ratings in one session, in the order of the table."""
+
+    participant: str
+    session: int
+    group: str | None
+    ratings: tuple[Rating, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imported:
+    """The scores of a table.
+
+    - `cells`: what each factor has in a condition, by condition; empty without factors.
+    - `scale`: its ends, of scores that nobody described those that hold all (`scale_known`).
+    - `lines`: what was understood, for people.
+    """
+
+    visits: tuple[Visit, ...]
+    conditions: tuple[str, ...]
+    scale: Scale
+    scale_known: bool
+    cells: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    groups: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
+
+    @cached_property
+    def ratings(self) -> list[Rating]:
+        return [rating for visit in self.visits for rating in visit.ratings]
+
+    @property
+    def contrasts(self) -> dict[str, float]:
+        """The contrast of each condition that has a single one."""
+        told: dict[str, set[float | None]] = defaultdict(set)
+        for rating in self.ratings:
+            told[rating.condition].add(rating.contrast)
+        return {
+            name: value
+            for name, values in told.items()
+            if len(values) == 1 and (value := next(iter(values))) is not None
+        }
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether each subject has one score a condition, and nothing else."""
+        return not (self.groups or self.cells or self.contrasts) and all(
+            visit.session == 1
+            and len({each.condition for each in visit.ratings}) == len(visit.ratings)
+            and all(each.answer is None for each in visit.ratings)
+            for visit in self.visits
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Entry:
+    """A rating as it stands in the table: its row, the texts that say whose it is, and itself."""
+
+    row: int
+    subject: str
+    session: str
+    group: str
+    parts: tuple[str, ...]
+    score: float | None
+    answer: str | None
+    contrast: float | None
+
+    @property
+    def condition(self) -> str:
+        return ", ".join(self.parts)
+
+
+def scores_in(
+    cells: Cells,
+    shape: Shape,
+    *,
+    scale: Scale | None = None,
+    answers: str | None = None,
+    missing: str | None = None,
+    keep_means: bool = False,
+) -> Imported:
+    """Return the scores in a table of that shape.
+
+    Args:
+        cells: of the table.
+        shape: which of its columns hold what.
+        scale: the lowest and the highest score that could be given, if it is known.
+        answers: what words in the column of answers mean: `smoother=expected,rougher=contrary`.
+        missing: further words for no value, by commas.
+        keep_means: whether rows named as means are subjects.
+
+    Raises:
+        TableError: a cell breaks its rule, or could mean two things.
+    """
+    _require_scale(cells, scale)
+    reader = _Reader(cells, shape, scale, _meanings(answers), _words(missing), keep_means)
+    entries = list(islice(reader.entries(), MOST_SCORES + 1))
+    if len(entries) > MOST_SCORES:
+        raise TableError(
+            f"{cells.source}: must have at most {MOST_SCORES} scores, got more; import it in parts"
+        )
+    if scale is None:
+        _require_no_codes(cells, entries)
+    _require_apart(cells, entries)
+    silent = _silent(entries)
+    told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
+    if not told:
+        raise TableError(f"{cells.source}: must have a score, got none")
+    called, of_names = _pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
+    sessions, of_sessions = _sessions(told)
+    groups = _groups(cells, told)
+    conditions = _in_order(told)
+    _require_few(cells, called, conditions)
+    visits: dict[tuple[str, int], list[Rating]] = defaultdict(list)
+    for entry in told:
+        rating = Rating(
+            condition=entry.condition,
+            score=entry.score,
+            answer=entry.answer,
+            contrast=entry.contrast,
+        )
+        visits[entry.subject, sessions[entry.session]].append(rating)
+    ends, is_known = _scale(told, scale)
+    named = _factors(cells, shape)
+    imported = Imported(
+        visits=tuple(
+            Visit(
+                participant=called[who],
+                session=session,
+                group=groups.get(who),
+                ratings=tuple(ratings),
+            )
+            for (who, session), ratings in visits.items()
+        ),
+        conditions=conditions,
+        scale=ends,
+        scale_known=is_known,
+        cells=_crossed(named, told) if len(named) > 1 else {},
+        groups=tuple(dict.fromkeys(groups.values())),
+    )
+    lines = [
+        *_shape_lines(cells, shape, imported),
+        _scale_line(imported, told),
+        _missing_line(imported, told),
+        *of_sessions,
+        *of_names,
+        *_left_out_lines(shape, reader, silent),
+    ]
+    return Imported(**{**vars(imported), "lines": tuple(lines)})
+
+
+class _Reader:
+    """The entries of a table, one for each cell of a score."""
+
+    def __init__(
+        self,
+        cells: Cells,
+        shape: Shape,
+        scale: Scale | None,
+        meanings: Mapping[str, str],
+        missing: frozenset[str],
+        keep_means: bool,
+    ) -> None:
+        self.cells, self.shape, self.scale = cells, shape, scale
+        self.meanings, self.missing, self.keep_means = meanings, missing, keep_means
+        self.rows_left_out: Counter[str] = Counter()
+        columns = {role: shape.roles.column(role) for role in ("subject", "session", "group")}
+        self.subject, self.session, self.group = columns.values()
+        self.answer, self.contrast = map(shape.roles.column, ("answer", "contrast"))
+        self.recorded = is_recorded(cells)
+
+    def entries(self) -> Iterator[_Entry]:
+        rehearsals = self.recorded and self._has_sessions()
+        for row, texts in enumerate(self.cells.rows):
+            if why := self._why_out(texts, rehearsals):
+                self.rows_left_out[why] += 1
+                continue
+            yield from self._of_row(row, texts)
+
+    def _of_row(self, row: int, texts: Sequence[str]) -> Iterator[_Entry]:
+        scores = {at: self._score(texts[at], row, at) for at in self.shape.scores}
+        answer = self._answer(texts, row)
+        if not (subject := self._subject(texts, row)):
+            if answer is not None or any(score is not None for score in scores.values()):
+                raise TableError(
+                    f"{self.cells.where(row)}: a subject must have a name, got none; write it in "
+                    "each row"
+                )
+            self.rows_left_out["without a subject and a score"] += 1
+            return
+        for at, score in scores.items():
+            parts = tuple(self._part(*part, row) for part in cell_parts(self.shape, texts, at))
+            if not all(parts):
+                if score is None and answer is None:
+                    self.rows_left_out["without a condition and a score"] += 1
+                    continue
+                raise TableError(f"{self.cells.where(row)}: every condition must have a name")
+            yield _Entry(
+                row=row,
+                subject=subject,
+                session="1" if self.session is None else self._value(texts[self.session]),
+                group="" if self.group is None else self._value(texts[self.group]),
+                parts=parts or ("score",),
+                score=score,
+                answer=answer,
+                contrast=self._contrast(texts, row),
+            )
+
+    def _why_out(self, texts: Sequence[str], has_sessions: bool) -> str:
+        """Return why a row holds no rating; '' if it does."""
+        if self.recorded:
+            known = dict(zip(self.cells.header, texts, strict=True))
+            if known["trial_kind"] not in {"trial", "published"}:
+                return "of catch trials, practice, openings and tracks"
+            if known.get("excluded", "no") != "no":
+                return "excluded"
+            if has_sessions and known.get("session_kind") == "rehearsal":
+                return "of rehearsals"
+        if self.subject is not None and not self.keep_means:
+            name = texts[self.subject]
+            if plain(name) in MEANS and not re.search(r"\d", name):
+                return f"named {name}"
+        return ""
+
+    def _has_sessions(self) -> bool:
+        header = list(self.cells.header)
+        at = header.index("session_kind") if "session_kind" in header else None
+        return at is not None and any(row[at] != "rehearsal" for row in self.cells.rows)
+
+    def _value(self, text: str) -> str:
+        return "" if self._is_missing(text) else text
+
+    def _is_missing(self, text: str) -> bool:
+        return is_missing(text) or text.casefold() in self.missing
+
+    def _subject(self, texts: Sequence[str], row: int) -> str:
+        if self.subject is None:
+            return "1" if self.shape.roles.subject_is == "one" else str(row + 1)
+        text = cell_name(texts[self.subject], self.cells.where(row))
+        number = self.cells.number(text)  # as pandas writes a whole number beside a missing one
+        whole = number is not None and number >= 0 and number % 1 == 0 and "." in text
+        return str(int(number)) if whole and number is not None else self._value(text)
+
+    def _part(self, column: int | None, text: str, row: int) -> str:
+        name = cell_name(text, self.cells.where(None if column is None else row))
+        return name if column is None else self._value(name)
+
+    def _score(self, text: str, row: int, column: int) -> float | None:
+        if self._is_missing(text):
+            return None
+        where, number = self.cells.where(row, column), self.cells.number(text)
+        if number is None:
+            raise TableError(
+                f"{where}: a score must be a number or blank, got {text[:40]!r}; if it stands for "
+                "a missing score, add --missing with it"
+            )
+        low, high = self.scale or (-LARGEST, LARGEST)
+        if not low <= number <= high:
+            raise TableError(f"{where}: a score must lie in [{low}, {high}], got {text[:40]}")
+        return number
+
+    def _contrast(self, texts: Sequence[str], row: int) -> float | None:
+        if self.contrast is None or self._is_missing(texts[self.contrast]):
+            return None
+        number = self.cells.number(texts[self.contrast])
+        if number is None or abs(number) > 10:
+            raise TableError(
+                f"{self.cells.where(row, self.contrast)}: a contrast must be a number from -10 to "
+                f"10, the change of the logarithm of friction, got {texts[self.contrast][:40]!r}"
+            )
+        return number
+
+    def _answer(self, texts: Sequence[str], row: int) -> str | None:
+        if self.answer is None or self._is_missing(texts[self.answer]):
+            return None
+        word = texts[self.answer].casefold()
+        if self.recorded and word in {"true", "false"}:
+            change = dict(zip(self.cells.header, texts, strict=True)).get("change", "")
+            contrary = SAME if change in {"same", "not swapped"} else CONTRARY
+            return EXPECTED if word == "true" else contrary
+        if (meaning := self.meanings.get(word)) is None:
+            words = {row[self.answer] for row in self.cells.rows}
+            given = {word for word in words if not self._is_missing(word)}
+            unknown = sorted(word for word in given if word.casefold() not in self.meanings)
+            raise TableError(
+                f"{self.cells.where(row, self.answer)}: answers must be {', '.join(ANSWERS)}, got "
+                f"{listed(unknown[:9])}; say what they mean, such as --answers "
+                f"'{unknown[0]}=expected'"
+            )
+        return meaning
+
+
+def _meanings(answers: str | None) -> Mapping[str, str]:
+    """Return the meaning of each word of answers, in lower case."""
+    known = {word: word for word in ANSWERS}
+    for part in re.split(r"[,;]", answers) if answers else ():
+        word, separator, meaning = (text.strip().casefold() for text in part.rpartition("="))
+        if meaning not in ANSWERS or not word or not separator:
+            raise TableError(
+                "--answers must be pairs such as smoother=expected,rougher=contrary,equal=same, "
+                f"got {part!r}"
+            )
+        known[word] = meaning
+    return known
+
+
+def _words(missing: str | None) -> frozenset[str]:
+    return frozenset(word.strip().casefold() for word in (missing or "").split(",") if word.strip())
+
+
+def _require_scale(cells: Cells, scale: Scale | None) -> None:
+    if scale is not None and not -LARGEST <= scale[0] < scale[1] <= LARGEST:
+        raise TableError(
+            f"{cells.source}: --scale must be the lowest and the highest score, from -{LARGEST} to "
+            f"{LARGEST}, got {scale[0]} {scale[1]}"
+        )
+
+
+def _require_no_codes(cells: Cells, entries: Sequence[_Entry]) -> None:
+    """Refuse a number far from all others that often stands for no score."""
+    scores = Counter(entry.score for entry in entries if entry.score is not None)
+    for code in sorted(_CODES & scores.keys(), key=abs, reverse=True):
+        others = [score for score in scores if score != code]
+        low, high = min(others, default=code), max(others, default=code)
+        if len(others) > 1 and not low - (high - low) <= code <= high + (high - low):
+            many = scores[code]
+            raise TableError(
+                f"{cells.source}: {code} stands in {many} cell{'s' * (many > 1)}, and all other "
+                f"scores lie from {low:g} to {high:g}: no score (add --missing {code}), or one "
+                "(add --scale with the ends of the scale)"
+            )
+
+
+def _require_apart(cells: Cells, entries: Sequence[_Entry]) -> None:
+    """Refuse names that people and spreadsheets take for one."""
+    kinds = {
+        "subjects": [(entry.subject, entry.row) for entry in entries],
+        "conditions": [(entry.condition, entry.row) for entry in entries],
+        "groups": [(entry.group, entry.row) for entry in entries],
+        "sessions": [(entry.session, entry.row) for entry in entries],
+    }
+    for kind, names in kinds.items():
+        seen: dict[str, tuple[str, int]] = {}
+        for name, row in dict(reversed(names)).items():
+            first, other = seen.setdefault(folded(name), (name, row))
+            if first != name:
+                lines = f"{cells.line_word}s {cells.lines[row + 1]} and {cells.lines[other + 1]}"
+                raise TableError(
+                    f"{cells.source}: the {kind} {name!r} and {first!r} ({lines}) may be one or "
+                    "two; write one alike everywhere, or call two apart"
+                )
+
+
+def _silent(entries: Sequence[_Entry]) -> set[str | tuple[str, ...]]:
+    """Return the subjects without any rating, and as tuples of one the conditions."""
+    by_name: dict[str | tuple[str, ...], bool] = defaultdict(bool)
+    for entry in entries:
+        given = entry.score is not None or entry.answer is not None
+        by_name[entry.subject] |= given
+        by_name[entry.condition,] |= given
+    return {name for name, given in by_name.items() if not given}
+
+
+_NUMBERED = re.compile(r"([A-Za-z]{0,16})[ ._#/:-]*([0-9]{1,12})")
+
+
+def _pseudonyms(subjects: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """Return what each subject is called, and what to say of it.
+
+    Words with a number keep it. Others may be names of persons, or initials, which are not stored.
+    """
+    if all(map(_is_pseudonym, subjects)):
+        return {name: name for name in subjects}, []
+    joined: dict[str, str] = {}
+    for name in subjects:
+        number = _NUMBERED.fullmatch(name)
+        short = name if _is_pseudonym(name) or not number else "".join(number.groups())
+        if _is_pseudonym(short):
+            joined[name] = short
+    if len({it.casefold() for it in joined.values()}) == len(subjects):
+        one = next(name for name in subjects if joined[name] != name)
+        return joined, [f"Names of subjects were shortened: {one} is {joined[one]}."]
+    width = max(2, len(str(len(subjects))))
+    numbered = {name: f"S{number:0{width}d}" for number, name in enumerate(subjects, start=1)}
+    first, last = numbered[subjects[0]], numbered[subjects[-1]]
+    return numbered, [
+        f"Subjects are called {first} to {last}, in the order of the table: their names there may "
+        "be those of persons, or initials, which are not stored."
+    ]
+
+
+def _is_pseudonym(name: str) -> bool:
+    try:
+        pseudonym(name)
+    except BadInput:
+        return False
+    return True
+
+
+_SESSION = re.compile(r"(?:ses|session)?[-_ ]?0*([1-9]\d{0,3})(?:\.0)?", re.IGNORECASE)
+
+
+def _sessions(entries: Sequence[_Entry]) -> tuple[dict[str, int], list[str]]:
+    """Return the number of each session, and what to say of it: words count as they come."""
+    names = list(dict.fromkeys(entry.session for entry in entries))
+    numbers = ((name, _SESSION.fullmatch(name)) for name in names)
+    told = {name: int(number[1]) for name, number in numbers if number}
+    if len(names) > MOST_SESSIONS or max(told.values(), default=0) > 10_000:
+        raise TableError(f"a subject must have at most {MOST_SESSIONS} sessions, got {len(names)}")
+    if len(set(told.values())) == len(names):
+        return told, []
+    counted = {name: number for number, name in enumerate(names, start=1)}
+    said = listed(f"{name or '(blank)'} is {number}" for name, number in counted.items())
+    return counted, [f"Sessions are numbered as they come: {said}."]
+
+
+def _groups(cells: Cells, entries: Sequence[_Entry]) -> dict[str, str]:
+    """Return the group of each subject who has one, if there are several groups."""
+    groups: dict[str, str] = {}
+    for entry in entries:
+        if entry.group and groups.setdefault(entry.subject, entry.group) != entry.group:
+            raise TableError(
+                f"{cells.where(entry.row)}: {entry.subject} is in the group {entry.group} and in "
+                f"{groups[entry.subject]} before: if that varies within subjects, add --columns "
+                "factor=NAME, or session=NAME; else correct it"
+            )
+    groups = {who: cell_name(group, cells.source) for who, group in groups.items()}
+    return groups if len(set(groups.values())) > 1 else {}
+
+
+def _require_few(cells: Cells, subjects: Mapping[str, str], conditions: Sequence[str]) -> None:
+    for names, most, of in (
+        (subjects, MOST_SUBJECTS, "subjects"),
+        (conditions, MOST_CONDITIONS, "conditions"),
+    ):
+        if len(names) > most:
+            raise TableError(
+                f"{cells.source}: must have at most {most} {of}, got {len(names)}; import them in "
+                "parts"
+            )
+    for name in conditions:
+        cell_name(name, cells.source)
+
+
+def _factors(cells: Cells, shape: Shape) -> list[str]:
+    """Return the names of what names conditions together."""
+    return ["condition"] * shape.is_wide + [cells.named(at) for at in shape.parts]
+
+
+def _in_order(entries: Sequence[_Entry]) -> tuple[str, ...]:
+    """Return the conditions as they come; of factors that are crossed the last varies fastest."""
+    by_name = {entry.condition: entry.parts for entry in entries}
+    many = len(next(iter(by_name.values())))
+    if many == 1:
+        return tuple(by_name)
+    values = zip(*by_name.values(), strict=True)
+    places = [{value: at for at, value in enumerate(dict.fromkeys(each))} for each in values]
+
+    def order(name: str) -> list[int]:
+        return [at[value] for at, value in zip(places, by_name[name], strict=True)]
+
+    return tuple(sorted(by_name, key=order))
+
+
+def _crossed(names: Sequence[str], entries: Iterable[_Entry]) -> dict[str, dict[str, str]]:
+    return {entry.condition: dict(zip(names, entry.parts, strict=True)) for entry in entries}
+
+
+def _scale(entries: Sequence[_Entry], scale: Scale | None) -> tuple[Scale, bool]:
+    if scale is not None:
+        return scale, True
+    scores = [entry.score for entry in entries if entry.score is not None] or [0.0]
+    low, high = floor(min(scores)), ceil(max(scores))
+    return (low, max(high, low + 1)), False
+
+
+# What was understood, in words.
+
+
+def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str]:
+    what = "wide, a column per condition" if shape.is_wide else "long, a row per score"
+    yield f"{cells.source}: {what}; {', '.join(cells.understood)}."
+    people = {visit.participant for visit in imported.visits}
+    subject = shape.roles.column("subject")
+    whose = f" (column {cells.named(subject)})" if subject is not None else ""
+    columns = listed(cells.named(at) for at in shape.parts)
+    of = f" (column{'s' * (len(shape.parts) > 1)} {columns})" if shape.parts else ""
+    yield (
+        f"Subjects: {len(people)}{whose}. "
+        f"Conditions: {len(imported.conditions)}{of}: {listed(imported.conditions)}."
+    )
+    counts = Counter(
+        (visit.participant, visit.session, each.condition)
+        for visit in imported.visits
+        for each in visit.ratings
+    )
+    if max(counts.values()) > 1:
+        least, most = min(counts.values()), max(counts.values())
+        times = f"{most}" if least == most else f"{least} to {most}"
+        yield f"Repeats: {times} of each subject and condition."
+    if imported.groups:
+        yield f"Groups: {listed(imported.groups)}."
+
+
+def _scale_line(imported: Imported, entries: Sequence[_Entry]) -> str:
+    scores = [entry.score for entry in entries if entry.score is not None]
+    seen = f"scores from {min(scores):g} to {max(scores):g}" if scores else "no scores"
+    low, high = imported.scale
+    if imported.scale_known:
+        return f"Scale: {low} to {high}; {seen}."
+    return f"Scale: not known (--scale LOW HIGH says it); {seen}."
+
+
+def _missing_line(imported: Imported, entries: Sequence[_Entry]) -> str:
+    blank = sum(entry.score is None and entry.answer in {None, EXPECTED} for entry in entries)
+    people = {visit.participant for visit in imported.visits}
+    met = {
+        (visit.participant, each.condition) for visit in imported.visits for each in visit.ratings
+    }
+    absent = len(people) * len(imported.conditions) - len(met)
+    answers = Counter(entry.answer for entry in entries if entry.answer)
+    told = [f"{blank} score{'s' * (blank > 1)} blank"] * bool(blank)
+    told += [f"{absent} of a subject and condition without a row"] * bool(absent)
+    said = f"Missing: {', '.join(told) or 'none'}."
+    if answers:
+        counts = (f"{answers[it]} {it}" for it in ANSWERS if answers[it])
+        said += f" Answers: {', '.join(counts)}."
+    return said
+
+
+def _left_out_lines(
+    shape: Shape, reader: _Reader, silent: set[str | tuple[str, ...]]
+) -> Iterator[str]:
+    many, named = len(shape.left_out), listed(shape.left_out[:_MOST_NAMED])
+    more = f" and {many - _MOST_NAMED} more" if many > _MOST_NAMED else ""
+    told = [f"column{'s' * (many > 1)} {named}{more}"] * bool(many)
+    told += [f"{many} row{'s' * (many > 1)} {why}" for why, many in reader.rows_left_out.items()]
+    subjects = sorted(name for name in silent if isinstance(name, str))
+    conditions = sorted(name[0] for name in silent if isinstance(name, tuple))
+    for kind, names in (("subject", subjects), ("condition", conditions)):
+        if names:
+            told.append(f"{kind}{'s' * (len(names) > 1)} without any score: {listed(names)}")
+    if told:
+        yield f"Left out: {'; '.join(told)}."

@@ -1,0 +1,374 @@
+"""The shape of a table of scores: wide, a column per condition, or long, a row per score.
+
+What could mean two things is refused, with both and the option that chooses.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from analysis.tables.roles import MEANS, Roles, plain
+from analysis.tables.table_cells import Cells, TableError, is_missing
+from protocol.errors import listed
+
+_MOST_LEVELS = 30
+"""Different values of a column that may tell conditions apart: a study has no more conditions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """Which columns hold what.
+
+    - `scores`: columns of scores: one of a long table, one per condition of a wide one.
+    - `parts`: columns whose values name the condition together; each is a factor if there are
+      several, or if the table is wide.
+    - `stems`: the condition of each column of a wide table.
+    - `left_out`: columns that are nothing of this, by name.
+    """
+
+    is_wide: bool
+    roles: Roles
+    scores: tuple[int, ...]
+    parts: tuple[int, ...]
+    stems: Mapping[int, str]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+class _Table:
+    """A table with what is asked of its columns again and again."""
+
+    def __init__(self, cells: Cells, roles: Roles, kept_means: bool) -> None:
+        self.cells, self.roles, self.kept_means = cells, roles, kept_means
+
+    def values(self, column: int) -> list[str]:
+        return [row[column] for row in self.cells.rows]
+
+    @cached_property
+    def numeric(self) -> list[bool]:
+        """Whether most of what stands in each column are numbers."""
+        return [self.cells.is_numeric(at) for at in range(len(self.cells.header))]
+
+    @cached_property
+    def free(self) -> list[int]:
+        """The columns without a role, and not a row number."""
+        columns = range(len(self.cells.header))
+        return [at for at in columns if at not in self.roles.of and not self.is_index(at)]
+
+    def is_index(self, column: int) -> bool:
+        """Whether a column without a name numbers the rows."""
+        if self.cells.header[column]:
+            return False
+        numbers = [self.cells.number(cell) for cell in self.values(column)]
+        return any(numbers == list(range(first, first + len(numbers))) for first in (0, 1))
+
+    def is_mean(self, column: int) -> bool:
+        return not self.kept_means and plain(self.cells.header[column]) in MEANS
+
+    def refuse(self, why: str) -> TableError:
+        return TableError(f"{self.cells.source}: {why}")
+
+    def names(self, columns: Sequence[int]) -> str:
+        return listed(self.cells.named(at) for at in columns)
+
+
+def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
+    """Return the shape of a table of scores.
+
+    Raises:
+        TableError: there are no scores, no subject, or it could mean two things.
+    """
+    _require_names(cells)
+    table = _Table(cells, roles, keep_means)
+    numbers = [at for at in table.free if table.numeric[at] and not table.is_mean(at)]
+    named = roles.columns("condition", "factor")
+    if not roles.headings and (roles.column("score") is not None or named):
+        return _long(table, numbers)
+    return _wide(table, numbers)
+
+
+def _require_names(cells: Cells) -> None:
+    if not cells.rows:
+        raise TableError(f"{cells.source}: must have a header and at least one row, got a header")
+    seen: dict[str, int] = {}
+    for at, name in enumerate(cells.header):
+        if name and seen.setdefault(name.casefold(), at) != at:
+            first = cells.header[seen[name.casefold()]]
+            raise TableError(
+                f"{cells.where()}: the columns {first!r} and {name!r} may be repeats or two "
+                "conditions; call them apart, repeats with a number at the end"
+            )
+
+
+# A wide table.
+
+
+def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
+    cells, roles = table.cells, _with_subject(table)
+    # A subject may be a number.
+    scores = tuple(at for at in numbers if roles.of.get(at) != "subject")
+    if not scores:
+        raise table.refuse(
+            f"no column holds scores, among {table.names(range(len(cells.header)))}; "
+            "add --columns score=NAME"
+        )
+    unnamed = [at for at in scores if not cells.header[at]]
+    if unnamed:
+        raise TableError(
+            f"{cells.where()}: every condition must have a name, got none in column "
+            f"{unnamed[0] + 1}"
+        )
+    stems = _stems(table, scores)
+    parts = tuple(roles.columns("factor", "condition"))
+    _require_a_row_each(table, roles, parts)
+    used = {*scores, *parts, *roles.columns("subject", "repeat", "session", "group")}
+    return Shape(
+        is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
+        left_out=_left_out(table, used),
+    )  # fmt: skip
+
+
+def _with_subject(table: _Table) -> Roles:
+    """Return the roles with the column of subjects: named so, or the only one that can be."""
+    cells, roles = table.cells, table.roles
+    if roles.subject_is or roles.column("subject") is not None:
+        return _settled(table, roles)
+    texts = [at for at in table.free if not table.numeric[at] and _tells_rows_apart(table, at)]
+    unnamed = [at for at in table.free if not cells.header[at] and _tells_rows_apart(table, at)]
+    for candidates in (unnamed, texts):
+        if len(candidates) == 1:
+            return replace(roles, of={**roles.of, candidates[0]: "subject"})
+    names = table.names(texts or range(len(cells.header)))
+    raise table.refuse(
+        f"no column says who scored, among {names}: add --columns subject=NAME if one does, or "
+        "subject=row if each row is a subject"
+    )
+
+
+def _settled(table: _Table, roles: Roles) -> Roles:
+    """Refuse a second column that names subjects, unless it follows from the first or numbers more.
+
+    Such are a code beside a name, and the number of a row.
+    """
+    first = roles.column("subject")
+    for other in roles.second if first is not None and first not in roles.told else ():
+        assert first is not None
+        if not (_determines(table, first, other) or _determines(table, other, first)):
+            raise table.refuse(
+                f"both {table.names([first])} and {table.names([other])} may say who scored; add "
+                "--columns subject=NAME"
+            )
+    return roles
+
+
+def _tells_rows_apart(table: _Table, column: int) -> bool:
+    values = table.values(column)
+    return len(set(values)) == len(values) and not any(map(is_missing, values))
+
+
+_ENDING = re.compile(r"(.*?)[\s_.\-#(]*(\d{1,3})\)?")
+
+
+def _stems(table: _Table, scores: Sequence[int]) -> Mapping[int, str]:
+    """Return the condition of each column: its heading, or that without a number at its end."""
+    names = {at: table.cells.header[at] for at in scores}
+    ends = {at: _ENDING.fullmatch(name) for at, name in names.items()}
+    by_stem: dict[str, list[int]] = defaultdict(list)
+    for end in ends.values():
+        if end and end[1].strip(" _.-"):
+            by_stem[end[1]].append(int(end[2]))
+    counts = [sorted(numbers) for numbers in by_stem.values()]
+    many = len(counts[0]) if counts else 0
+    counted = all(each in (list(range(many)), list(range(1, many + 1))) for each in counts)
+    # Conditions that all have the same repeats; one alone would compare nothing.
+    is_crossed = all(ends.values()) and len(counts) > 1 and many > 1 and counted
+    if table.roles.repeat_is == "ending":
+        if not is_crossed:
+            raise table.refuse(
+                "--columns repeat=ending needs headings that all end with the same numbers, such "
+                f"as rough_1, rough_2, smooth_1, smooth_2; got {table.names(scores)}"
+            )
+        return {at: end[1] for at, end in ends.items() if end}
+    if is_crossed and not table.roles.headings:
+        first = [names[at] for at in list(scores)[:many]]
+        raise table.refuse(
+            f"{listed(first)} may be {many} repeats of a condition (add --columns repeat=ending) "
+            "or conditions of their own (add --columns condition=heading)"
+        )
+    return names
+
+
+def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> None:
+    """Refuse a subject with several rows, unless something tells them apart or says why."""
+    subject = roles.column("subject")
+    apart = [*parts, *roles.columns("repeat", "session")]
+    if subject is None or roles.repeat_is:
+        return
+    lines: dict[tuple[str, ...], int] = {}
+    for number, row in enumerate(table.cells.rows):
+        key = tuple(row[at] for at in (subject, *apart))
+        if row[subject] and lines.setdefault(key, number) != number:
+            first = table.cells.lines[lines[key] + 1]
+            raise TableError(
+                f"{table.cells.where(number)}: {', '.join(key)} stands in {table.cells.line_word} "
+                f"{first}, too: repeats (add --columns repeat=row), or another subject (give it a "
+                "name of its own)"
+            )
+
+
+# A long table.
+
+
+def _long(table: _Table, numbers: Sequence[int]) -> Shape:
+    roles = _long_subject(table)
+    score = roles.column("score")
+    if score is None:
+        score = _only_score(table, roles, [at for at in numbers if roles.of.get(at) is None])
+    parts = tuple(roles.columns("condition", "factor"))
+    taken = {score, *(at for at in roles.of if roles.of[at] != "ignore")}
+    free = [at for at in table.free if at not in taken and not table.is_mean(at)]
+    notes: tuple[str, ...] = ()
+    if not parts:
+        parts = _conditions_among(table, roles, free)
+        said = "condition" if len(parts) == 1 else "factors"
+        notes = (f"{said}: {table.names(parts)}",)
+    else:
+        _require_no_other_part(table, roles, parts, free)
+    used = {
+        score,
+        *parts,
+        *roles.columns("subject", "repeat", "session", "group", "answer", "contrast"),
+    }
+    return Shape(
+        is_wide=False, roles=roles, scores=(score,), parts=parts, stems={},
+        left_out=_left_out(table, used), notes=notes,
+    )  # fmt: skip
+
+
+def _long_subject(table: _Table) -> Roles:
+    roles = _settled(table, table.roles)
+    if roles.subject_is == "row":
+        raise table.refuse(
+            "a row per score cannot have a subject per row; add --columns subject=NAME"
+        )
+    if roles.subject_is or roles.column("subject") is not None:
+        return roles
+    numeric = [at for at in table.free if table.numeric[at]]
+    if roles.column("score") is None and len(numeric) > 1:
+        raise table.refuse(
+            f"a row per condition: {table.names(numeric)} may be the subjects (turn the table, so "
+            "that each has a row) or different measures (add --columns subject=NAME,score=NAME)"
+        )
+    raise table.refuse(
+        f"no column says who scored, among {table.names(range(len(table.cells.header)))}: add "
+        "--columns subject=NAME if one does, or subject=one if one person gave all scores"
+    )
+
+
+def _only_score(table: _Table, roles: Roles, numbers: Sequence[int]) -> int:
+    if len(numbers) == 1:
+        return numbers[0]
+    if not numbers:
+        raise table.refuse(
+            f"no column holds scores, among {table.names(range(len(table.cells.header)))}; add "
+            "--columns score=NAME"
+        )
+    named = table.names(roles.columns("condition", "factor"))
+    raise table.refuse(
+        f"each of {table.names(numbers)} may hold the scores (add --columns score=NAME), or each "
+        f"is a condition and {named} a factor (add --columns condition=heading,factor={named})"
+    )
+
+
+def _conditions_among(table: _Table, roles: Roles, free: Sequence[int]) -> tuple[int, ...]:
+    """Return the columns that tell a subject's scores apart."""
+    candidates = [at for at in free if _varies_within(table, roles, at)]
+    apart = [
+        at
+        for at in candidates
+        if not any(
+            other != at
+            and _determines(table, other, at)
+            and (other < at or not _determines(table, at, other))
+            for other in candidates
+        )
+    ]
+    if not apart:
+        raise table.refuse(
+            f"no column says what was scored, among {table.names(range(len(table.cells.header)))}; "
+            "add --columns condition=NAME, or condition=heading if there was one condition"
+        )
+    if len(apart) > 1 and any(table.numeric[at] for at in apart):
+        raise table.refuse(
+            f"each of {table.names(apart)} may be the condition, or a factor of it; add --columns "
+            "condition=NAME, or factor=NAME for each of them, and ignore=NAME for the others"
+        )
+    return tuple(apart)
+
+
+def _varies_within(table: _Table, roles: Roles, column: int) -> bool:
+    """Return whether subjects meet several of a column's few values."""
+    values = table.values(column)
+    given = {value for value in values if not is_missing(value)}
+    if not 1 < len(given) <= min(_MOST_LEVELS, len(values) - 1):
+        return False
+    subject = roles.column("subject")
+    if subject is None:
+        return True
+    met: dict[str, set[str]] = defaultdict(set)
+    for who, value in zip(table.values(subject), values, strict=True):
+        met[who].add(value)
+    return 2 * sum(len(each) > 1 for each in met.values()) > len(met)
+
+
+def _require_no_other_part(
+    table: _Table, roles: Roles, parts: Sequence[int], free: Sequence[int]
+) -> None:
+    """Refuse a column that most subjects meet several values of in each condition."""
+    subject = roles.column("subject")
+    keys = [*([] if subject is None else [subject]), *parts, *roles.columns("session")]
+    for column in free:
+        values = {value for value in table.values(column) if not is_missing(value)}
+        if not 1 < len(values) <= _MOST_LEVELS or len(values) == len(table.cells.rows):
+            continue
+        met: dict[tuple[str, ...], set[str]] = defaultdict(set)
+        for row in table.cells.rows:
+            met[tuple(row[at] for at in keys)].add(row[column])
+        crossed = sum(len(each) > 1 for each in met.values())
+        if 2 * crossed > len(met) and not _has_fractions(table, column):
+            name = table.cells.named(column)
+            raise table.refuse(
+                f"the column {name} may be a factor (add --columns factor={name}), count repeats "
+                f"(repeat={name}), or say something else of each score (ignore={name})"
+            )
+
+
+def _has_fractions(table: _Table, column: int) -> bool:
+    """Return whether a column measures something."""
+    numbers = [table.cells.number(cell) for cell in table.values(column)]
+    return any(number is not None and number % 1 for number in numbers)
+
+
+def _determines(table: _Table, one: int, other: int) -> bool:
+    """Return whether each value of a column goes with a single one of another."""
+    told: dict[str, str] = {}
+    pairs = zip(table.values(one), table.values(other), strict=True)
+    return all(told.setdefault(value, beside) == beside for value, beside in pairs)
+
+
+def _left_out(table: _Table, used: set[int]) -> tuple[str, ...]:
+    return tuple(
+        table.cells.named(at)
+        for at in range(len(table.cells.header))
+        if at not in used and not table.is_index(at)
+    )
+
+
+def cell_parts(shape: Shape, row: Sequence[str], column: int) -> Iterator[tuple[int | None, str]]:
+    """Yield the parts that name the condition of a score: column and text, None for the heading."""
+    if shape.is_wide:
+        yield None, shape.stems[column]
+    for at in shape.parts:
+        yield at, row[at]

@@ -1,0 +1,42 @@
+"""Tables of scores for tests, read as `touchbeam import` reads them."""
+
+import numpy as np
+
+from analysis.estimates import ScoreTable
+from analysis.tables.means import require_no_means
+from analysis.tables.reading import cells_in
+from analysis.tables.roles import roles_in
+from analysis.tables.scores import MOST_ROWS, Imported, scores_in
+from analysis.tables.shape import shape_of
+
+
+def imported(
+    text: str | bytes,
+    columns: str | None = None,
+    *,
+    source: str = "scores.csv",
+    keep_means: bool = False,
+    **known: object,
+) -> Imported:
+    content = text.encode() if isinstance(text, str) else text
+    cells = cells_in(content, source, most=MOST_ROWS)
+    shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
+    scores = scores_in(cells, shape, keep_means=keep_means, **known)  # type: ignore[arg-type]
+    if not keep_means:
+        require_no_means(cells, shape, scores)
+    return scores
+
+
+def score_table(text: str, **known: object) -> ScoreTable:
+    """Return the scores of a plain table, one for each subject and condition."""
+    scores = imported(text, **known)  # type: ignore[arg-type]
+    given = {
+        (visit.participant, each.condition): each.score
+        for visit in scores.visits
+        for each in visit.ratings
+    }
+    subjects = tuple(visit.participant for visit in scores.visits)
+    cells = [[given.get((who, name)) for name in scores.conditions] for who in subjects]
+    return ScoreTable(
+        subjects=subjects, conditions=scores.conditions, scores=np.array(cells, np.float64)
+    )

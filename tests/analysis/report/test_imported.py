@@ -1,0 +1,44 @@
+"""The report on imported scores: it says of them what is known, and predicts nothing."""
+
+import pytest
+
+from analysis.report.report import Report, report, report_html
+from analysis.report.results import paragraphs
+from protocol.study_file.loading import parsed_study
+from tests.analysis.reports import NAMES, ORIGIN, SCORES, ReadPage, imported
+
+TEXT = """
+[study]
+name = "table"
+[session]
+languages = ["en"]
+[rating]
+minimum = 4
+maximum = 10
+known = {known}
+""" + "".join(f'[[condition]]\nname = "{name}"\n' for name in NAMES)
+
+
+def of_scores(known: str) -> Report:
+    return report("table", imported(SCORES), parsed_study(TEXT.format(known=known)), ORIGIN)
+
+
+@pytest.mark.parametrize(
+    ("known", "told"),
+    [
+        ("true", "Four participants rated three conditions from 4 to 10."),
+        ("false", "Four participants gave three conditions scores, 4 to 10."),
+    ],
+)
+def test_a_scale_is_told_as_far_as_it_is_known(known: str, told: str) -> None:
+    found = of_scores(known)
+    assert dict(paragraphs(found))["Do the conditions differ?"].startswith(told)
+    assert ("ends of the scale are not known" in report_html(found)) == (known == "false")
+
+
+def test_nothing_is_predicted_of_scores_without_contrasts() -> None:
+    found = of_scores("true")
+    assert not found.is_predicted
+    page = " ".join(ReadPage(report_html(found)).words)
+    for word in ("predicted", "friction", "Sensitivity", "Table 4", "comprehensive"):
+        assert word not in page, word

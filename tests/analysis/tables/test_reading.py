@@ -1,0 +1,178 @@
+"""Tables of any dialect become the same cells, or are refused in one line."""
+
+import datetime as dt
+from pathlib import Path
+
+import pytest
+
+from analysis.tables.reading import cells_in
+from analysis.tables.table_cells import Cells, TableError, is_missing
+from tests.analysis.tables.books import book, with_part
+
+PLAIN = "subject,rough,smooth\nP1,3.5,n/a\nP2,4.25,6\n"
+BY_TABS = PLAIN.replace(",", "\t")
+GERMAN = PLAIN.replace(",", ";").replace(".", ",")
+
+
+def read(content: str | bytes, source: str = "t.csv", **known: object) -> Cells:
+    data = content.encode() if isinstance(content, str) else content
+    return cells_in(data, source, most=1000, **known)  # type: ignore[arg-type]
+
+
+def values(cells: Cells) -> list[list[float | None]]:
+    return [[cells.number(cell) for cell in row[1:]] for row in cells.rows]
+
+
+@pytest.mark.parametrize(
+    ("content", "understood"),
+    [
+        (PLAIN.encode(), ("commas",)),
+        (b"\xef\xbb\xbf" + PLAIN.encode(), ("commas",)),
+        (GERMAN.encode(), ("semicolons", "decimal commas")),
+        (BY_TABS.encode(), ("tabs",)),
+        (BY_TABS.replace(".", ",").encode("utf-16"), ("tabs", "UTF-16", "decimal commas")),
+        (GERMAN.encode("utf-16-le"), ("semicolons", "UTF-16", "decimal commas")),
+        (GERMAN.encode("utf-16-be"), ("semicolons", "UTF-16", "decimal commas")),
+        (PLAIN.replace(",", "|").encode(), ("bars",)),
+        (PLAIN.replace(",", " ").encode(), ("spaces",)),
+        (f"sep=;\n{GERMAN}".encode(), ("semicolons", "decimal commas")),
+        (PLAIN.replace("3.5", '"3,5"').replace("4.25", '"4,25"').encode(),
+         ("commas", "decimal commas")),
+        (PLAIN.replace("\n", "\r").encode(), ("commas",)),
+        (("\n" + PLAIN.replace("\n", "\n\n") + ",,\n").encode(), ("commas",)),
+        (PLAIN.replace("\n", ",,\n").encode(), ("commas",)),
+        (b"subject;rough;smooth\nP1;3,5;n/a\nP2;4,25;6,0\n", ("semicolons", "decimal commas")),
+        (book(Ratings=[["subject", "rough", "smooth"], ["P1", 3.5, "n/a"], ["P2", 4.25, 6]]),
+         ("sheet Ratings",)),
+        (book(A=[], B=[[None], ["subject", "rough", "smooth"], ["P1", "3,5", None],
+                       ["P2", 4.25, 6.0]]), ("sheet B",)),
+    ],
+)  # fmt: skip
+def test_dialects_hold_the_same_cells(content: bytes, understood: tuple[str, ...]) -> None:
+    cells = read(content)
+    assert list(cells.header) == ["subject", "rough", "smooth"]
+    assert [row[0] for row in cells.rows] == ["P1", "P2"]
+    assert values(cells) == [[3.5, None], [4.25, 6]]
+    assert cells.understood == understood
+
+
+def test_latin_1_is_read_when_asked_for() -> None:
+    text = "Proband;Höhe “x”\nP1;3\n"
+    cells = read(text.encode("cp1252"), encoding="latin-1")
+    assert (list(cells.header), cells.understood) == (
+        ["Proband", "Höhe “x”"],
+        ("semicolons", "Latin-1"),
+    )
+    with pytest.raises(TableError, match=r"UTF-8 text at line 1; .* add --encoding latin-1"):
+        read(text.encode("cp1252"))
+
+
+def test_names_of_rows_without_a_heading_are_a_column() -> None:
+    cells = read('"rough" "smooth"\n"P1" 3 4\n"P2" 5 6\n')
+    assert (list(cells.header), cells.rows[0]) == (["", "rough", "smooth"], ["P1", "3", "4"])
+
+
+def test_lines_above_the_header_are_titles() -> None:
+    cells = read("Experiment 1\n\nsubject;a;b\nP1;3;4\n")
+    assert (cells.lines, cells.understood[-1]) == ([3, 4], "1 title line above the header")
+    assert cells.where(0, 1) == "t.csv, line 4, column a"
+
+
+def test_a_header_is_no_title_where_a_comma_stands_in_numbers_alone() -> None:
+    cells = read("subject;item;x\nP1;a;0,5\nP1;b;0,25\n")
+    assert list(cells.header) == ["subject", "item", "x"]
+
+
+def test_quotation_marks_mean_nothing_where_they_are_stray_between_tabs() -> None:
+    assert read('subject\ta\nP1 "x\t3\n').rows == [['P1 "x', "3"]]
+
+
+def test_values_of_a_workbook_are_texts() -> None:
+    when = dt.date(2024, 5, 6)
+    cells = read(book(S=[["a", "b", "c", "d"], [True, when, 0.1, 12345678901234567890]]), "b.xlsx")
+    assert cells.rows == [["true", "2024-05-06T00:00:00", "0.1", "1.234567890123457e+19"]]
+    assert cells.where(0, 3) == "b.xlsx, sheet S, row 2, column d"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", r"t.csv: must have a header and at least one row, got nothing"),
+        (b"a,b\n1,2\n3\n", "line 3: must have 2 cells as the header, got 1"),
+        (b"a,b\n1,2,3\n3,4\n", "line 2: must have 2 cells as the header, got 3"),
+        (b"a;b\n1,5;2.5\n", "'1,5' in line 2 and '2.5' in line 2: is the comma or the point"),
+        (b"a;b\n1,500;2\n", "'1,500' may be 1.5 or 1500; add --decimal comma, or"),
+        (b"a,b;c\nx,y;z\n", "separated by commas or semicolons; save it with tabs"),
+        (b'a,"b\n1,2\n', "line 1: a quotation mark is opened and never closed"),
+        (b"PK\x03\x04 nothing", "t.csv: is a damaged archive"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "workbook of old Excel or has a password"),
+        (book(A=[["a"]], B=[["b"]]), r"several sheets hold something \(A, B\); add --sheet"),
+        (book(A=[]), "must have a header and at least one row, got nothing"),
+        (book(A=[["a", "b"], [1, 2, 3]]), "sheet A, row 2: must have 2 cells as the header"),
+        (book(A=[["a", "b"], ["P1", "=1+1"]]), "sheet A, row 2: the formulas have no stored"),
+        ("a,b\n" + "1,2\n" * 1001, "must have at most 1000 rows, got more; divide"),
+        ("a,b\n" + "1,2\n" * 2001, "must have at most 1000 rows, got more; divide"),
+        (book(A=[["a", "b"], *[[1, 2]] * 1001]), "must have at most 1000 rows, got more"),
+        (book(A=[["a", "b"], *[[1, 2]] * 2001]), "must have at most 1000 rows, got more"),
+    ],
+)  # fmt: skip
+def test_what_is_no_table_is_refused_in_one_line(content: bytes | str, message: str) -> None:
+    with pytest.raises(TableError, match=message) as refused:
+        read(content)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_sheet_is_chosen_by_name() -> None:
+    two = book(A=[["a", "b"], [1, 2]], B=[["c", "d"], [3, 4]])
+    assert read(two, sheet="B").header == ["c", "d"]
+    with pytest.raises(TableError, match="has no sheet 'C'; it has A, B"):
+        read(two, sheet="C")
+    with pytest.raises(TableError, match="--sheet needs a workbook"):
+        read(PLAIN, sheet="C")
+
+
+BOOK = book(S=[["subject", "a"], ["P1", 3]])
+SHEET = "xl/worksheets/sheet1.xml"
+START = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+BOMB = (
+    b'<!DOCTYPE x [<!ENTITY a "' + b"lol" * 1000 + b'">'
+    + b"".join(b'<!ENTITY a%d "%s">' % (n, b"&a%d;" % (n - 1) * 100 if n else b"&a;" * 100)
+               for n in range(6))
+    + b"]>" + START
+    + b"<row><c t='inlineStr'><is><t>&a5;</t></is></c></row></sheetData></worksheet>"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("part", "content", "message"),
+    [
+        (SHEET, BOMB, "cannot be read as a workbook"),
+        (SHEET, b" " * (2**27 + 1), "must have at most 134217728 bytes in 2000 parts"),
+        (SHEET, b"<worksheet>", "cannot be read as a workbook|got nothing"),
+        (SHEET, START + b'<row r="99999999"><c r="A99999999"><v>1</v></c></row></sheetData>'
+         b"</worksheet>", "must have at most 1048576 rows"),
+        (SHEET, START + b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (n, n)
+         for n in range(1, 1300)) + b"</sheetData></worksheet>",
+         "20000000 cells, got more|at most 1000 rows"),
+        ("xl/workbook.xml", b"<workbook", "cannot be read as a workbook"),
+    ],
+)  # fmt: skip
+def test_a_hostile_workbook_does_no_harm(part: str, content: bytes, message: str) -> None:
+    with pytest.raises(TableError, match=message):
+        read(with_part(BOOK, part, content), "b.xlsx")
+
+
+def test_a_workbooks_links_and_formulas_are_not_followed(tmp_path: Path) -> None:
+    linked = START + (
+        b"<row r='1'><c r='A1' t='str'><v>subject</v></c><c r='B1' t='str'><v>a</v></c></row>"
+        b"<row r='2'><c r='A2' t='str'><v>P1</v></c>"
+        b"<c r='B2'><f>[1]Other!A1+WEBSERVICE(\"http://127.0.0.1:9/\")</f><v>7</v></c></row>"
+        b"</sheetData></worksheet>"
+    )
+    assert read(with_part(BOOK, SHEET, linked)).rows == [["P1", "7"]]
+
+
+def test_what_stands_for_no_value() -> None:
+    missing = ["NA", "n/a", "NaN", "-", ".", "", "–", "#N/A", "NULL"]
+    assert all(map(is_missing, missing))
+    assert not any(map(is_missing, ["0", "no", "x"]))

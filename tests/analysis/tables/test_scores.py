@@ -1,0 +1,344 @@
+"""The published table: its numbers, and what is said about tables that cannot be used."""
+
+from dataclasses import astuple
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.report.table4_text import table4_csv, table4_lines
+from analysis.statistics.omnibus import Friedman, friedman
+from analysis.statistics.summary import table4
+from analysis.tables.imported_study import described, events_of, is_papers
+from analysis.tables.means import mean_column
+from analysis.tables.scores import MOST_CONDITIONS, MOST_SUBJECTS, Imported
+from analysis.tables.table_cells import TableError
+from protocol.journal.events import ScoresImported
+from protocol.study_file.loading import parsed_study, template
+from tests.analysis.imported import imported, score_table
+
+PUBLISHED = (Path(__file__).parents[2] / "data" / "published_scores.csv").read_text()
+
+
+def test_the_averages_are_those_of_the_paper() -> None:
+    result = table4(score_table(PUBLISHED))
+    assert table4_lines(result)[-1] == ["average", "8.44", "8.89", "9.67", "8.33", "6.22", "8.31"]
+
+
+def test_the_comprehensive_scores_are_those_of_the_paper() -> None:
+    result = table4(score_table(PUBLISHED))
+    assert result.row_means == pytest.approx([8.6, 9, 7, 9.6, 7.8, 9, 8.2, 8, 7.6])
+
+
+def test_friedmans_test_of_the_score_table() -> None:
+    test = friedman(score_table(PUBLISHED))
+    assert isinstance(test, Friedman)
+    assert (round(test.chi2, 4), test.df) == (21.4521, 4)
+
+
+def test_a_blank_cell_is_a_missing_score_and_no_zero() -> None:
+    table = score_table(PUBLISHED.replace("1,10,8", "1,,8"))
+    assert np.isnan(table.scores[0, 0])
+    result = table4(table)
+    assert result.row_means[0] == pytest.approx((8 + 10 + 10 + 5) / 4)
+    assert table4_csv(result).splitlines()[1] == "1,,8,10,10,5,8.25"
+
+
+def test_a_byte_order_mark_and_other_line_ends_do_no_harm() -> None:
+    text = "\ufeff" + PUBLISHED.replace("\n", "\r\n")
+    assert np.array_equal(
+        score_table(PUBLISHED.replace("\n", "\r")).scores, score_table(PUBLISHED).scores
+    )
+    assert np.array_equal(score_table(text).scores, score_table(PUBLISHED).scores)
+
+
+def with_means(column: str | None, row: str | None) -> str:
+    """The published table with its means as printed, under these names."""
+    lines = table4_lines(table4(score_table(PUBLISHED)))
+    named = [[*lines[0][:-1], column or ""], *lines[1:-1], [row or "", *lines[-1][1:]]]
+    wanted = named if row else named[:-1]
+    return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "left_out"),
+    [
+        ("Comprehensive", None, "column Comprehensive"),
+        (None, "AVERAGE", "1 row named AVERAGE"),
+        ("total", "mean", "column total; 1 row named mean"),
+    ],
+)
+def test_printed_means_that_are_called_so_are_left_out(
+    column: str | None, row: str | None, left_out: str
+) -> None:
+    scores = imported(with_means(column, row))
+    assert scores.lines[-1] == f"Left out: {left_out}."
+    assert len(scores.ratings) == 9 * 5
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "message"),
+    [
+        ("overall", None, "column overall: is the mean of all other columns; remove the column .*"),
+        (None, "all-9", "the row of 'all-9' is the mean of all others; remove the row, or add --k"),
+        ("overall", "all-9", "column overall: is the mean of all other columns"),
+    ],
+)
+def test_means_under_other_names_are_refused(
+    column: str | None, row: str | None, message: str
+) -> None:
+    with pytest.raises(TableError, match=message):
+        imported(with_means(column, row))
+
+
+def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:
+    for name in ("overall", "total"):
+        assert imported(with_means(name, None), keep_means=True).conditions[-1] == name
+    assert imported(with_means(None, "all-9"), keep_means=True).visits[-1].participant == "all-9"
+
+
+def test_our_own_table_4_is_read_without_its_means() -> None:
+    written = table4_csv(table4(score_table(PUBLISHED)))
+    assert np.array_equal(score_table(written).scores, score_table(PUBLISHED).scores)
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[6, 6, 6, 6, 6]] * 5,
+        [[3, 3, 3, 3], [4, 4, 4, 4], [5, 5, 5, 5]],
+        [[4, 7, 7, 6], [1, 4, 4, 3]],
+        [[5, 7, 6], [2, 4, 3], [1, 3, 2]],
+        [[np.nan] * 4] * 4,
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, np.nan]],
+    ],
+    ids=["all alike", "rows alike", "two rows", "two others", "none given", "one missing"],
+)
+def test_scores_that_meet_their_mean_by_chance_are_scores(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) is None
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, 2]],
+        [[5, 7, 7, 6.33]],
+        [[5, 7, np.nan, 6], [2, 5, 3, 3.33], [np.nan] * 4],
+    ],
+    ids=["three rows", "a fraction", "missing scores"],
+)
+def test_a_column_of_means_is_found(scores: list[list[float]]) -> None:
+    assert mean_column(np.array(scores)) == 3
+
+
+def test_the_papers_conditions_are_known_in_any_case() -> None:
+    scores = imported(PUBLISHED.replace("frequency", "FREQUENCY").replace("subject", "Subject"))
+    assert is_papers(scores)
+    text, named = described(scores, "scores.csv", "0" * 64)
+    assert text == template("paper")
+    assert named.conditions == ("frequency", "structure", "voltage", "direction", "pressure")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "subject,voltage,pressure\n1,3,4\n2,5,6\n",
+        PUBLISHED.replace("pressure", "Colour"),
+        PUBLISHED.replace("3,8", "3,11", 1),
+        PUBLISHED.replace("3,8", "3,-1", 1),
+        PUBLISHED.replace("subject,", "session,subject,").replace("\n", "\n2,").removesuffix("2,"),
+    ],
+)
+def test_other_tables_describe_their_data_alone(text: str) -> None:
+    scores = imported(text)
+    assert not is_papers(scores)
+    study = parsed_study(described(scores, "scores.csv", "0" * 64)[0])
+    assert (study.imported, study.conditions) == (True, scores.conditions)
+    assert not study.rating.known
+
+
+def test_subjects_are_pseudonyms_as_in_sessions() -> None:
+    names = ("1", "S1", "a-b_3", "NUL1", "COM10")
+    table = score_table("subject,a,b\n" + "".join(f"{name},3,4\n" for name in names))
+    assert table.subjects == names
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../x1", "=cmd1", "Р01", "受试者1", "７", "com1", "LPT9", "1" * 33, "AB", "Anna Schmidt"],
+)
+def test_other_subjects_are_numbered_and_their_names_not_stored(name: str) -> None:
+    scores = imported(f"subject,a,b\nP01,3,4\n{name},4,5\n")
+    assert [visit.participant for visit in scores.visits] == ["S01", "S02"]
+    assert any("Subjects are called S01 to S02, in the order" in line for line in scores.lines)
+    text, named = described(scores, "scores.csv", "0" * 64)
+    assert name not in text
+    assert name not in str(list(events_of(named, "scores.csv", "0" * 64)))
+
+
+def test_words_with_a_number_are_shortened_to_it() -> None:
+    scores = imported("subject,a,b\nSubject 1,3,4\nVP.02,4,5\nP3,1,1\n")
+    assert [visit.participant for visit in scores.visits] == ["Subject1", "VP02", "P3"]
+    assert "Names of subjects were shortened: Subject 1 is Subject1." in scores.lines
+
+
+def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
+    table = score_table("subject,'=a,'s,'-b\n1,3,4,5\n2,6,7,8\n")
+    assert (table.conditions, table.subjects) == (("=a", "'s", "-b"), ("1", "2"))
+    lines = table4_csv(table4(table)).splitlines()
+    again = score_table("\n".join(line.rpartition(",")[0] for line in lines[:-1]))
+    assert (again.conditions, again.subjects) == (table.conditions, table.subjects)
+
+
+@pytest.mark.parametrize(
+    ("text", "known", "message"),
+    [
+        (PUBLISHED.replace("3,8", "3,11", 1), {"scale": (0, 10)},
+         r"line 4, column frequency: a score must lie in \[0, 10\], got 11"),
+        (PUBLISHED, {"scale": (10, 0)},
+         "--scale must be the lowest and the highest score, .* 10 0"),
+        (PUBLISHED.replace("3,8", "3,x", 1), {}, "line 4, column frequency: .* blank, got 'x'; if"),
+        (PUBLISHED.replace("3,8", "3,1_0", 1), {}, "line 4, column frequency: .* got '1_0'"),
+        (PUBLISHED.replace("3,8", "3,1e3", 1), {"scale": (0, 10)}, "got 1e3"),
+        (PUBLISHED.replace("3,8", "3,1e4", 1), {}, r"must lie in \[-1000, 1000\], got 1e4"),
+        (PUBLISHED.replace("\n2,", "\n1,"), {},
+         "line 3: 1 stands in line 2, too: repeats .*repeat=row"),
+        (PUBLISHED.replace("voltage", "frequency"), {},
+         "'frequency' and 'frequency' may be repeats"),
+        (PUBLISHED.replace("1,10,8,10,10,5", "1,10,8"), {}, "line 2: must have 6 cells .* got 3"),
+        (PUBLISHED.replace("\n3,", "\n ,"), {},
+         "line 4: a subject must have a name, got none; write"),
+        (PUBLISHED.replace("pressure", ""), {}, "every condition must have a name"),
+        ("subject,a\n1," + "9" * 200_000, {}, "line 2: a cell must have at most 131072 characters"),
+        ("subject," + "x" * 65 + "\n1,3\n", {}, "line 1: .* at most 64 characters, got 65, 'x"),
+        ("subject,a\n" + "1" * 5000 + ",3\n", {}, "line 2: .* at most 64 .* got 5000, '1{20}'...$"),
+        ("subject,vol\x1btage\n1,3\n", {}, r"line 1: .* no control .* got 'vol\\x1btage'"),
+        ("subject,a\nP\u202e1,3\n", {}, r"line 2: .* direction of writing, got 'P\\u202e1'"),
+        ("\n\nsubject,a\n\n1,3\n2,x\n", {}, "scores.csv, line 6, column a: .* got 'x'"),
+        ('subject,"a,b\n1,3,4\n', {}, "line 1: a quotation mark is opened and never closed"),
+        ('subject,a\n1,"3"4\n', {}, "line 2: cannot be read as CSV"),
+        ("subject,a\n", {}, "must have a header and at least one row, got a header"),
+        ("", {}, "must have a header and at least one row, got nothing"),
+        ("subject,a,b\n1,,\n2,-,NA\n", {}, "no column holds scores|must have a score"),
+        ("a,b\n1,2\n3,4\n", {}, "no column says who scored, among a, b: .* or subject=row"),
+        ("subject,a,b\nP1,1,2\np1,3,4\n", {}, r"'P1' and 'p1' \(lines 2 and 3\) may be one or two"),
+        ("subject,a,b\nP1,1,2\nＰ1,3,4\n", {}, "'P1' and 'Ｐ1' .* may be one or two"),
+        ("subject,item,score\nP1,a,2\nP1,A,4\n", {}, "the conditions 'a' and 'A' .* may be one"),
+        ("subject,a,b\nP1,1,99\nP2,3,4\nP3,2,1\n", {},
+         "99 stands in 1 cell, .* --missing 99.* --sc"),
+        ("subject,r1,r2,s1,s2\nP1,1,2,3,4\n", {},
+         "r1, r2 may be 2 repeats .*ending.* or .*heading"),
+        ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", {},
+         "each of x, y may hold .* score=NAME.* or each"),
+        ("item,P1,P2\na,2,3\nb,4,3\n", {}, "P1, P2 may be the subjects .* or different measures"),
+        ("rating,score,subject,item\n1,1,P1,a\n", {}, "each of .* may be the score; add --columns"),
+        ("subject,item,volts,score\nP1,a,1,2\nP1,a,2,4\nP1,b,1,2\nP1,b,2,4\n", {},
+         "the column volts may be a factor .*, count repeats .*, or say something else"),
+        ("subject,group,item,score\nP1,x,a,2\nP1,y,b,4\n", {},
+         "P1 is in the group y and in x before"),
+        ("subject,item,answer,score\nP1,a,up,2\n", {}, "answers must be expected, .* got up; say"),
+        ("subject,item,answer,score\nP1,a,up,2\n", {"answers": "up"}, "--answers must be pairs"),
+        ("subject,a,b\nP1,1,2\n", {"columns": "subject"}, "--columns must be pairs such as"),
+        ("subject,a,b\nP1,1,2\n", {"columns": "score=c"}, "no column 'c'; there are subject, a, b"),
+        ("subject,item,score,contrast\nP1,a,2,11\n", {},
+         "a contrast must be a number from -10 to 10"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_or_means_two_things_is_refused(
+    text: str, known: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(TableError, match=message) as refused:
+        imported(text, **known)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_table_beyond_the_limits_is_refused() -> None:
+    wide = ["subject," + ",".join(f"c{n}x" for n in range(MOST_CONDITIONS + 1))]
+    with pytest.raises(TableError, match="at most 100 conditions, got 101; import them in parts"):
+        imported("\n".join([*wide, "P1" + (MOST_CONDITIONS + 1) * ",1"]))
+    rows = [f"{n},1" for n in range(MOST_SUBJECTS + 1)]
+    with pytest.raises(TableError, match="at most 100000 subjects, got 100001; import them"):
+        imported("\n".join(["subject,a", *rows]))
+
+
+def ratings(scores: Imported) -> list[tuple[Any, ...]]:
+    return [
+        (visit.participant, visit.session, visit.group, *astuple(each)[:3])
+        for visit in scores.visits
+        for each in visit.ratings
+    ]
+
+
+def test_a_long_table_with_an_index_and_repeats() -> None:
+    text = ",participant_id,trial,Bedingung,rating,rt\n" + "".join(
+        f"{n},P{n // 4},{n % 4},{'ab'[n % 2]},{n % 3},0.5\n" for n in range(8)
+    )
+    scores = imported(text)
+    assert ratings(scores)[:3] == [
+        ("P0", 1, None, "a", 0.0, None), ("P0", 1, None, "b", 1.0, None),
+        ("P0", 1, None, "a", 2.0, None),
+    ]  # fmt: skip
+    assert "Repeats: 2 of each subject and condition." in scores.lines
+    assert scores.lines[-1] == "Left out: column rt."
+    events = list(events_of(scores, "t.csv", "0" * 64))
+    assert [each.scores for each in events] == [{"a": 1.0, "b": 0.5}, {"a": 0.5, "b": 1.5}]
+    assert events[0].ratings is not None
+    assert ScoresImported.from_json(events[0].to_json()) == events[0]
+
+
+def test_factors_are_crossed_and_the_last_varies_fastest() -> None:
+    rows = [("high", "fast"), ("low", "slow"), ("low", "fast"), ("high", "slow")]
+    cells = (f"P{who};{force};{speed};{who}\n" for who in (1, 2) for force, speed in rows)
+    text = "vp;force;speed;score\n" + "".join(cells)
+    scores = imported(text)
+    assert scores.conditions == ("high, fast", "high, slow", "low, fast", "low, slow")
+    study = parsed_study(described(scores, "t.csv", "0" * 64)[0])
+    assert study.factors == {"force": ("high", "low"), "speed": ("fast", "slow")}
+
+
+def test_sessions_groups_answers_and_contrasts() -> None:
+    text = (
+        "subject,visit,group,item,judgement,score,contrast\n"
+        "P1,pre,x,a,smoother,3,0.2\nP1,pre,x,b,equal,,0.1\nP1,post,x,a,rougher,2,0.2\n"
+        "P2,pre,y,a,,,0.2\nP2,pre,y,b,smoother,5,0.1\n"
+    )
+    scores = imported(text, answers="smoother=expected,rougher=contrary,equal=same", scale=(1, 7))
+    assert ratings(scores) == [
+        ("P1", 1, "x", "a", 3.0, "expected"), ("P1", 1, "x", "b", None, "same"),
+        ("P1", 2, "x", "a", 2.0, "contrary"), ("P2", 1, "y", "a", None, None),
+        ("P2", 1, "y", "b", 5.0, "expected"),
+    ]  # fmt: skip
+    assert "Sessions are numbered as they come: pre is 1, post is 2." in scores.lines
+    study = parsed_study(described(scores, "t.csv", "0" * 64)[0])
+    assert [(each.name, each.contrast) for each in study.condition] == [("a", 0.2), ("b", 0.1)]
+    assert (study.groups, study.design.sessions) == (("x", "y"), 2)
+    assert (study.rating.minimum, study.rating.maximum, study.rating.known) == (1, 7, True)
+    assert study.rating.score_when == "always"
+
+
+def test_who_or_what_has_no_score_is_left_out_and_said() -> None:
+    scores = imported("subject,a,b,c\nP1,,,\nP2,9,10,\nP3,7,10,NA\n")
+    assert [visit.participant for visit in scores.visits] == ["P2", "P3"]
+    assert scores.conditions == ("a", "b")
+    assert scores.lines[-1] == ("Left out: column c; subject without any score: P1.")
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "shape"),
+    [
+        ("a,b\n1,2\n3,4\n", "subject=row", (2, 2)),
+        ("subject,r1,r2,s1,s2\nP1,1,2,3,4\nP2,1,2,3,4\n", "repeat=ending", (2, 2)),
+        ("subject,r1,r2,s1,s2\nP1,1,2,3,4\nP2,1,2,3,4\n", "condition=heading", (2, 4)),
+        ("subject,a,b\nP1,1,2\nP1,3,4\n", "repeat=row", (1, 2)),
+        ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "score=x", (1, 2)),
+        ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "condition=heading,factor=item", (1, 4)),
+        ("item,score\na,2\nb,4\n", "subject=one", (1, 2)),
+        ("who,what,how\nP1,a,2\nP1,b,4\n", "subject=who,condition=what,score=how", (1, 2)),
+    ],
+)
+def test_columns_settle_what_could_mean_two_things(
+    text: str, columns: str, shape: tuple[int, int]
+) -> None:
+    scores = imported(text, columns)
+    assert (len({visit.participant for visit in scores.visits}), len(scores.conditions)) == shape

@@ -1,0 +1,112 @@
+"""`touchbeam import` of tables of others: the study describes them, and cannot be run."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.analysis.tables.books import book
+from tests.runner.command_line import typed
+
+LONG = "subject;force;speed;judgement;score\n" + "".join(
+    f"P{who};{force};{speed};{'less' if (who + at) % 5 == 0 else 'more'};{2 + (who + at) % 4},5\n"
+    for who in range(1, 9)
+    for at, (force, speed) in enumerate(
+        [("low", "slow"), ("low", "fast"), ("high", "slow"), ("high", "fast")] * 2
+    )
+)
+ANSWERS = ("--answers", "more=expected,less=contrary")
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    (tmp_path / "long.csv").write_text(LONG)
+    place = tmp_path / "study"
+    assert typed("import", tmp_path / "long.csv", place, "--scale", "1", "7", *ANSWERS) == 0
+    return place
+
+
+def test_the_study_is_checked_and_reported_with_its_factors(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert typed("check", study) == 0
+    shown = capsys.readouterr().out
+    assert "this study describes imported scores and cannot be run" in shown
+    assert "Scale       1 to 7" in shown
+    assert "Factor      force: low, high" in shown
+    assert typed("check", study, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["imported"]["factors"]["speed"] == ["slow", "fast"]
+    assert typed("status", study) == 0
+    assert "Done: 8 of 8 participants. Next:" in capsys.readouterr().out
+    assert typed("verify", study) == 0
+    capsys.readouterr()
+    assert typed("report", study, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert len(report["trials"]) == 64
+    assert {each["agrees"] for each in report["trials"]} == {True, False}
+    page = (study / "report" / "report.html").read_text()
+    for words in ("0 to 10", "very effective", "Table 4", "omprehensive"):
+        assert words not in page, words
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "--participant", "P99", "--ratings", "virtual"),
+        ("slide",),
+        ("register",),
+    ],
+)
+def test_the_study_is_not_run(
+    command: tuple[str, ...], study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    name, *options = command
+    assert typed(name, study, *options) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "describes imported scores and cannot be run or registered" in line
+
+
+def test_a_scale_that_nobody_said_is_not_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "t.xlsx").write_bytes(book(S=[["VP", "a", "b"], ["AB", -3, 2], ["CD", None, 7]]))
+    assert typed("import", tmp_path / "t.xlsx", tmp_path / "study") == 0
+    shown = capsys.readouterr().out
+    assert "sheet S" in shown
+    assert "Scale: not known (--scale LOW HIGH says it); scores from -3 to 7." in shown
+    text = (tmp_path / "study" / "study.toml").read_text()
+    assert "minimum = -3\nmaximum = 7\nknown = false" in text
+    assert "AB" not in text
+    assert typed("check", tmp_path / "study") == 0
+    assert "the ends of the scale are not known" in capsys.readouterr().out
+
+
+def test_our_own_exports_are_understood(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for kind, name in (("csv", "trials.csv"), ("bids", "sub-P1/beh/sub-P1_task-long_beh.tsv")):
+        out = study.parent / kind
+        assert typed("export", study, out, "--format", kind) == 0
+        capsys.readouterr()
+        assert typed("import", out / name, study.parent / f"again-{kind}") == 0
+        shown = capsys.readouterr().out
+        assert "Conditions: 4 (column condition)" in shown
+        assert "Repeats: 2" in shown
+        assert "expected" in shown
+
+
+def test_contrasts_of_its_author_are_what_a_report_predicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"P{who},{name},{score + who % 2},{contrast}\n"
+        for who in range(1, 10)
+        for name, score, contrast in (("a", 2, 0.1), ("b", 4, 0.2), ("c", 5, 0.4))
+    ]
+    (tmp_path / "t.csv").write_text("subject,item,score,contrast\n" + "".join(rows))
+    assert typed("import", tmp_path / "t.csv", tmp_path / "study", "--scale", "0", "10") == 0
+    capsys.readouterr()
+    assert typed("report", tmp_path / "study", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert {each["predicted"]["consistent"] for each in report["trials"]} == {0.1, 0.2, 0.4}
+    assert report["responses"]["slope"]["value"] > 0

@@ -584,8 +584,8 @@ def _levels(found: Findings, rating: Rated) -> str:
     levels = sorted(rating.subjects, key=lambda person: person.level.value)
     low, high = levels[0], levels[-1]
     wide = np.mean([np.ptp(person.level.interval) for person in levels])
-    least, most = found.study.rating.minimum, found.study.rating.maximum
-    inside = least <= low.level.value and high.level.value <= most
+    least, most = found.rating.minimum, found.rating.maximum
+    inside = not found.rating.known or (least <= low.level.value and high.level.value <= most)
     beyond = "" if inside else f" {BEYOND}"
     return (
         f"Levels are from {number(low.level.value, 1)} ({low.subject}) to "

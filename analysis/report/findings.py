@@ -155,6 +155,8 @@ class Findings:
     def friction_source(self) -> str:
         """Where friction comes from, in words."""
         match self.origin.rig.surface:
+            case GivenSurface() if self.study.imported:
+                return "the contrasts that the author of the scores states"
             case GivenSurface():
                 return "the friction that the study states of its touches"
             case MeasuredSurface():

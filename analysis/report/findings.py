@@ -157,6 +157,8 @@ class Findings:
         if self.study.imported:
             return "what the author of the study predicts"
         match self.origin.rig.surface:
+            case GivenSurface() if self.study.imported:
+                return "the contrasts that the author of the scores states"
             case GivenSurface():
                 return "the friction that the study states of its touches"
             case MeasuredSurface():

@@ -145,10 +145,13 @@ def rehearsal(
 ) -> "Rehearsal":
     """Return a rehearsal: a whole session in stepped time, simulated device, virtual participant.
 
-    It uses the calibration beside the study file, if there is one.
+    It uses the calibration beside the study file, if there is one, and the pictures and tables.
     """
     from runner.launch.rehearsal import rehearse
     from runner.study.calibration import kept_calibration
+    from runner.study.files import bytes_of
 
-    calibration = kept_calibration(Path(str(request.path)).parent)
-    return rehearse(study_text, plan, study.study.seed, calibration, registration)
+    folder = Path(str(request.path)).parent
+    calibration = kept_calibration(folder)
+    files = {name: bytes_of(folder / name) for name in (*study.pictures, *study.tables)}
+    return rehearse(study_text, plan, study.study.seed, calibration, registration, files)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from itertools import product
+from math import exp
 
 import numpy as np
 from pydantic import ValidationError
@@ -14,6 +15,7 @@ from protocol.study.rules import Design as DesignOfStudy
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
 from protocol.study_file.loading import schema_problems
+from protocol.study_file.toml import in_toml
 
 PAPERS_PARTICIPANTS = 9
 MOST_PARTICIPANTS = 1_000
@@ -112,3 +114,42 @@ def _resized(groups: Sequence[Group], participants: int) -> tuple[Group, ...]:
         raise BadInput(f"{rule}; give more with --participants")
     pairs = zip(groups, sizes, strict=True)
     return tuple(group.model_copy(update={"size": size}) for group, size in pairs)
+
+
+_MIDDLE = 0.4
+"""The friction of a condition in the middle of the contrasts, which changes no slope."""
+
+
+def rated_again(study: Study) -> str:
+    """Return the text of a study to simulate in place of one that describes imported scores.
+
+    What is felt is scored at once. Each condition is a touch whose friction follows from the
+    contrast that the author predicts; of a study without contrasts none is known.
+
+    Raises:
+        BadInput: some conditions alone have a contrast, or contrasts are too far apart.
+    """
+    known = [each.contrast for each in study.condition if each.contrast is not None]
+    if known and len(known) < len(study.condition):
+        raise BadInput("a power analysis needs a contrast of each condition, or of none")
+    middle = sum(known) / max(len(known), 1)
+    if any(abs(each - middle) > 3 for each in known):
+        raise BadInput("a power analysis needs contrasts at most 3 from their mean")
+    design = study.design
+    lines = [
+        *("[study]", f"name = {in_toml(study.study.name)}", f"seed = {study.study.seed}"),
+        *("[session]", 'languages = ["en"]', "[surface]", 'kind = "given"', "length_m = 0.1"),
+        *("[touch]", "path_m = [0.01, 0.08]", "smooth_place_m = 0.04"),
+        *("[design]", f"sessions = {design.sessions}", f"repeats = {design.repeats}"),
+        *([] if study.group else [f"participants = {design.participants or 9}"]),
+        *("[rating]", f"minimum = {study.rating.minimum}", f"maximum = {study.rating.maximum}"),
+    ]
+    for group in study.group:
+        lines += ["[[group]]", f"name = {in_toml(group.name)}", f"size = {group.size}"]
+    for condition in study.condition:
+        friction = ""
+        if condition.contrast is not None:
+            friction = f", friction = {_MIDDLE * exp(condition.contrast - middle)!r}"
+        touch = f'touches = [{{ place = "smooth", voltage_v = 0{friction} }}]'
+        lines += ["[[condition]]", f"name = {in_toml(condition.name)}", touch]
+    return "\n".join(lines) + "\n"

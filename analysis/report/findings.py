@@ -141,7 +141,7 @@ class Findings:
     @cached_property
     def is_predicted(self) -> bool:
         """Whether friction of any trial is known, so that ratings can be compared with it."""
-        stated = isinstance(self.origin.rig.surface, GivenSurface) or self.study.imported
+        stated = isinstance(self.origin.rig.surface, GivenSurface)
         return not stated or bool(np.isfinite(self.trials.contrasts.by_law[LAW]).any())
 
     @property
@@ -154,9 +154,9 @@ class Findings:
     @property
     def friction_source(self) -> str:
         """Where friction comes from, in words."""
-        if self.study.imported:
-            return "what the author of the study predicts"
         match self.origin.rig.surface:
+            case GivenSurface() if self.study.imported:
+                return "the contrasts that the author of the scores states"
             case GivenSurface():
                 return "the friction that the study states of its touches"
             case MeasuredSurface():

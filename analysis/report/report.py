@@ -15,6 +15,7 @@ from analysis.statistics.summary import TableStatistics
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL
 from device.friction.changes import LAW
+from device.friction.surfaces import GivenSurface, length_of
 from protocol.study.study import Study
 
 ALWAYS = frozenset({"table4", "provenance"})
@@ -103,8 +104,10 @@ def report(
     """
     require_sections(shown or ())
     if loaded.kinds == ("published",):
-        # The paper's people felt another rig than the one that stands here.
-        origin = replace(origin, rig=NOMINAL)
+        # The paper's people felt another rig than the one that stands here. What was felt in other
+        # tables no model knows.
+        nobodys = NOMINAL.on(GivenSurface(length_m=length_of(study.surface)))
+        origin = replace(origin, rig=nobodys if study.imported else NOMINAL)
     if loaded.lock is not None:
         origin = origin.under(loaded.lock)
     trials = TrialStatistics(data=loaded, study=study, rig=origin.rig)

@@ -1,11 +1,11 @@
 """The study that describes imported scores: its file, and the events of its sessions."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from statistics import fmean
 
-from analysis.tables.scores import EXPECTED, Imported, Visit
+from analysis.tables.score_table import EXPECTED, Imported, Visit
 from protocol.journal.events import ScoresImported
 from protocol.journal.records import ImportedRating
 from protocol.study.rules import PAPERS_SCALE
@@ -13,8 +13,8 @@ from protocol.study.study import PAPERS_CONDITIONS
 from protocol.study_file.loading import template
 from protocol.study_file.toml import in_toml
 
-_MOST_PLANNED = 10_000
-"""Participants, or people of a group, that a study file can plan."""
+_MOST_PLANNED, _MOST_REPEATS = 10_000, 20
+"""Participants, and repeats, that a study file can plan."""
 
 
 def is_papers(imported: Imported) -> bool:
@@ -60,6 +60,7 @@ def study_text(imported: Imported, source: str, digest: str) -> str:
     for visit in imported.visits:
         people[visit.group].add(visit.participant)
     many = len({visit.participant for visit in imported.visits})
+    repeats = min(_repeats(imported), _MOST_REPEATS)
     scored = [each for each in imported.ratings if each.score is not None]
     always = any(each.answer not in {None, EXPECTED} for each in scored)
     lines = [
@@ -75,6 +76,7 @@ def study_text(imported: Imported, source: str, digest: str) -> str:
         "[design]",
         *([] if imported.groups or many > _MOST_PLANNED else [f"participants = {many}"]),
         f"sessions = {len({visit.session for visit in imported.visits})}",
+        *([f"repeats = {repeats}"] if repeats > 1 else []),
         "",
         "[rating]",
         f"minimum = {low}",
@@ -88,6 +90,14 @@ def study_text(imported: Imported, source: str, digest: str) -> str:
         lines += ["", "[[condition]]", f"name = {in_toml(condition)}"]
         lines += _of_condition(imported, condition)
     return "\n".join(lines) + "\n"
+
+
+def _repeats(imported: Imported) -> int:
+    """Return how often most subjects scored a condition in a session."""
+    counts = Counter[int]()
+    for visit in imported.visits:
+        counts.update(Counter(each.condition for each in visit.ratings).values())
+    return counts.most_common(1)[0][0]
 
 
 def _of_condition(imported: Imported, condition: str) -> Iterator[str]:

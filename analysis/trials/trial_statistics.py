@@ -174,8 +174,8 @@ class TrialStatistics:
 
     @property
     def has_laws(self) -> bool:
-        """Whether contrasts differ by law: not on a surface without a model, nor of an author."""
-        return isinstance(self.rig.surface, BeamSurface) and not self.study.imported
+        """Whether contrasts differ by law, as they do where a beam is modelled."""
+        return isinstance(self.rig.surface, BeamSurface)
 
     @cached_property
     def scored(self) -> trial_contrasts.ScoredTrials:

@@ -62,6 +62,18 @@ def with_digests(text: str, table: str, digests: Mapping[str, str]) -> str:
     return _with_table(text, table, {in_toml(name): it for name, it in digests.items()})
 
 
+def without_digests(text: str) -> str:
+    r"""Return the text of a study without what `with_digests` adds at its end.
+
+    >>> without_digests(with_digests("a = 1\n", "pictures", {"plate.png": "0f"}))
+    'a = 1\n'
+    """
+    return _DIGESTS.sub("", text)
+
+
+_DIGESTS = re.compile(r"(\n\[(pictures|tables)\]\n([^\[\n]+ = \"[0-9a-f]+\"\n)+)+\Z")
+
+
 def _with_table(text: str, name: str, entries: Mapping[str, str]) -> str:
     lines = [f"{key} = {in_toml(value)}" for key, value in entries.items()]
     return "\n".join([text.rstrip("\n"), "", f"[{name}]", *lines, ""]) if entries else text

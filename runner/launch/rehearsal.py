@@ -1,10 +1,11 @@
 """Rehearsals: whole sessions in stepped time with a simulated device and virtual participants."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 from device.people.person import Population
@@ -14,6 +15,7 @@ from protocol.journal.events import Answered, DeviceOff, Event, StoredEvent, Tou
 from protocol.journal.state import SessionState
 from protocol.plan.trials import Plan
 from protocol.registration.registration import FILE, Registration
+from protocol.study_file.loading import without_digests
 from runner.journal.names import chain_name
 from runner.journal.opening import open_journal
 from runner.launch.request import SessionOptions
@@ -70,15 +72,21 @@ def rehearse(
     seed: int = 1,
     calibration: Resonance | None = None,
     registration: Registration | None = None,
+    files: Mapping[str, bytes] = MappingProxyType({}),
 ) -> Rehearsal:
-    """Run a rehearsal of the study in a temporary folder and return it.
+    """Run a rehearsal of the study in a temporary folder, with its other `files`, and return it.
 
     Its events will be compared with `plan`, that of the first slot. All that is simulated follows
     from `seed`; a device that cannot measure its resonance has that of the `calibration`.
     """
     with tempfile.TemporaryDirectory(prefix="touchbeam-") as place:
         folder = StudyFolder(path=Path(place))
-        folder.study_file.write_text(study_text, encoding="utf-8")
+        # The folder adds the digests of its files itself.
+        alone = without_digests(study_text) if files else study_text
+        folder.study_file.write_text(alone, encoding="utf-8")
+        for name, content in files.items():
+            (folder.path / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder.path / name).write_bytes(content)
         if registration is not None:
             (folder.path / FILE).write_bytes(registration.text().encode())
         options = SessionOptions(

@@ -1,5 +1,5 @@
 """A study's folder: reading, checking, making and importing it.
 
 Public face: `folder.StudyFolder`, `check.validated_study`, `check.checked`,
-`table_import.import_table`, `files.write_whole`, `files.write_files`, `files.write_new_folder`.
+`folder.import_scores`, `files.write_whole`, `files.write_files`, `files.write_new_folder`.
 """

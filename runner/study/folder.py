@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -12,6 +12,7 @@ from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from protocol.errors import BadInput, Problem, typed_as
 from protocol.study.fields import LONGEST_NAME, Names, printable
@@ -28,6 +29,9 @@ from protocol.study_file.loading import (
 )
 from protocol.study_file.toml import toml_document
 from runner.study import files
+
+if TYPE_CHECKING:
+    from protocol.journal.events import ScoresImported
 
 # Pictures of a study: which files may be shown, and their digests.
 
@@ -277,6 +281,22 @@ def _unusable(place: Path, error: OSError) -> BadInput:
 
 def _taken(place: Path) -> BadInput:
     return BadInput(f"{place}: must be a new or empty folder, but it contains files")
+
+
+def import_scores(
+    folder: StudyFolder, text: str, name: str, sessions: "Iterable[ScoresImported]"
+) -> None:
+    """Create a study from the text of its file, called `name`, with a session for each event."""
+    from runner.clock import WallClock
+    from runner.journal.names import session_name
+    from runner.journal.opening import open_journal
+    from runner.journal.store import SessionLog
+
+    called = named_after(name, text)
+    with new_study(folder, called), open_journal(folder.journal) as journal, journal.alone():
+        for imported in sessions:
+            chain = session_name(imported.participant, imported.session)
+            SessionLog(journal, chain, WallClock()).append(imported)
 
 
 def _created(place: Path) -> Path | None:

@@ -6,7 +6,7 @@ from analysis.estimates import ScoreTable
 from analysis.tables.means import require_no_means
 from analysis.tables.reading import cells_in
 from analysis.tables.roles import roles_in
-from analysis.tables.scores import MOST_ROWS, Imported, scores_in
+from analysis.tables.score_table import MOST_ROWS, Imported, scores_in
 from analysis.tables.shape import shape_of
 
 

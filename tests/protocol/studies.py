@@ -110,7 +110,7 @@ def small_document(conditions: int = 2, beams: int = 1, **design: object) -> Doc
 
 def rated(conditions: int = 2, **design: object) -> Study:
     """A study whose conditions have no question: what is felt is scored at once."""
-    document = small_document(conditions, **design)
+    document = small_document(conditions, 1, **design)
     for condition in document["condition"]:
         del condition["question"], condition["expected"]
     return Study.model_validate(document)

@@ -13,12 +13,18 @@ import pytest
 from device.resonance import Resonance
 from protocol.plan.plan import plan
 from protocol.study.study_question import ANSWERS
-from protocol.study_file.loading import parsed_study, template, template_tests
+from protocol.study_file.loading import (
+    parsed_study,
+    template,
+    template_pictures,
+    template_tests,
+)
 from runner.launch.device_access import SessionRig
 from runner.launch.rehearsal import Rehearsal, rehearse
 from runner.people.virtual_participant import VirtualParticipant
 from runner.screens import Pacing, ask_change
 from runner.study.calibration import keep_calibration
+from tests.protocol.surfaces import SURFACES, study_files
 from tests.runner.command_line import typed
 
 OPTIONS = ("-q", "--color=no", "-p", "no:cacheprovider", "-p", "no:benchmark")
@@ -64,6 +70,16 @@ def test_a_new_study_passes_its_own_tests(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "5 passed" in done.stdout
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_study_with_pictures_and_tables_passes_its_own_tests(tmp_path: Path, name: str) -> None:
+    files = {**study_files(name), **template_pictures("plate")}
+    text = template("plate") if name == "stated" else str(files["study.toml"])
+    for file, content in files.items():
+        (tmp_path / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+    done = pytest_run(tmp_path, text)
+    assert done.returncode == 0, done.stdout
 
 
 _ORDERS = """

@@ -14,7 +14,7 @@ from touchbeam.cli.options import (
     people_in_file,
     study_folder,
 )
-from touchbeam.cli.output import followed, print_json, print_table, say
+from touchbeam.cli.output import complain, followed, print_json, print_table, say
 
 if TYPE_CHECKING:
     from analysis.estimates import Json
@@ -84,15 +84,25 @@ def power(
     from importlib.metadata import version
     from time import perf_counter
 
-    from analysis.power.designs import designed, designs
+    from analysis.power.designs import designed, designs, rated_again
     from analysis.power.job import Job, tasks
     from analysis.power.power_report import power_record
-    from protocol.study_file.loading import text_digest
+    from protocol.study_file.loading import parsed_study, text_digest
     from runner.study import calibration, files
 
     begun_s = perf_counter()
     folder = study_folder(study)
-    file = folder.study()
+    text, file = folder.text(), folder.study()
+    if file.imported:
+        if people is None and any(each.contrast is None for each in file.condition):
+            raise BadInput(
+                f"{folder.study_file}: no contrast is predicted of every condition: write contrast "
+                "= 0.3 or so into each [[condition]], or say in a people file (--people) by how "
+                "many points each changes a score"
+            )
+        text = rated_again(file)
+        file = parsed_study(text, str(folder.study_file))
+        complain("Imported scores: simulated as ratings of what is felt, without factors.")
     # A mistake in people is told before anything is computed.
     _require_felt(file, None if people is None else people_in_file(people))
     sizes = {"--participants": participants, "--repeats": repeats, "--levels": levels}
@@ -104,11 +114,11 @@ def power(
         raise BadInput(f"{study}: a power analysis needs at least 2 conditions, got 1")
     # Workers read the text that the job holds.
     job = Job(
-        study=folder.text(),
+        study=text,
         version=version("touchbeam"),
         seed=seed,
         models=not tests_only,
-        rig=calibration.fitted_calibration(folder.path, folder.study()),
+        rig=calibration.fitted_calibration(folder.path, file),
         people="" if people is None else files.short_text(people),
     )
     # A container or a batch system may give fewer cores than the computer has.

@@ -70,11 +70,11 @@ def import_scores(
     from analysis.tables.means import require_no_means
     from analysis.tables.reading import cells_in
     from analysis.tables.roles import roles_in
-    from analysis.tables.scores import MOST_BYTES, MOST_ROWS, scores_in
+    from analysis.tables.score_table import MOST_BYTES, MOST_ROWS, scores_in
     from analysis.tables.shape import shape_of
     from runner.study.files import bytes_of
+    from runner.study.folder import import_scores as written
     from runner.study.folder import require_free
-    from runner.study.table_import import import_scores as written
 
     if table.is_dir():
         raise BadInput(f"{table}: must be a table of scores, a CSV file or .xlsx, got a folder")

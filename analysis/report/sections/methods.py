@@ -277,7 +277,7 @@ def _model(found: Findings) -> str:
         return ""
     models = [said for _, said in models_in_words(found)]
     if found.study.imported:
-        return " ".join([f"Contrasts are {found.friction_source}.", *models])
+        return " ".join(["Contrasts are those that the author of the scores states.", *models])
     return " ".join(
         [
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"

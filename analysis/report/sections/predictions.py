@@ -30,7 +30,8 @@ PREDICTIONS = "predictions"
 def section(found: Findings) -> Section:
     """Return the model's predictions, and how well they fit the ratings."""
     felt, predicted = _first_signal(found.trials)
-    has_signal = found.published or any(item.kind == "signal" for item in found.study.opening)
+    of_paper = found.published and not found.study.imported
+    has_signal = of_paper or any(item.kind == "signal" for item in found.study.opening)
     return Section(
         title="Ratings against the model",
         blocks=[

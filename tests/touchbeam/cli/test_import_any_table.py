@@ -110,3 +110,19 @@ def test_contrasts_of_its_author_are_what_a_report_predicts(
     report = json.loads(capsys.readouterr().out)
     assert {each["predicted"]["consistent"] for each in report["trials"]} == {0.1, 0.2, 0.4}
     assert report["responses"]["slope"]["value"] > 0
+    page = (tmp_path / "study" / "report" / "report.html").read_text()
+    assert "the contrasts that the author of the scores states" in page
+    for words in ("friction model", "First signal"):
+        assert words not in page, words
+    fast = ("--studies", "2", "--null-studies", "2", "--tests-only", "--workers", "1")
+    assert typed("power", tmp_path / "study", *fast, "--json") == 0
+    power = json.loads(capsys.readouterr().out)
+    assert power["design"]["participants"] == 9
+    assert "conditions differ" in {each["name"] for each in power["tests"]}
+
+
+def test_power_needs_contrasts_or_people(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "repeats = 2" in (study / "study.toml").read_text()
+    capsys.readouterr()
+    assert typed("power", study, "--studies", "2", "--tests-only") == 2
+    assert "no contrast is predicted of every condition: write contrast" in capsys.readouterr().err

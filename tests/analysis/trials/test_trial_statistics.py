@@ -7,7 +7,7 @@ import pytest
 
 from analysis.estimates import NotEstimable
 from analysis.loading.study_data import load_study_data
-from analysis.report.report import report, report_html, report_json
+from analysis.report.report import report, report_json
 from analysis.trials.trial_checks import Discrimination
 from analysis.trials.trial_statistics import catch_answers
 from protocol.study.study_question import ANSWERS, Question
@@ -92,11 +92,10 @@ def test_pooled_trials_of_several_people_have_no_interval() -> None:
     assert not isinstance(alone.hits.interval, NotEstimable)
 
 
-def test_page_and_data_say_why_pooled_trials_have_no_interval() -> None:
+def test_the_data_say_why_pooled_trials_have_no_interval() -> None:
     found = load_study_data(cohort(EXTENDED, 2), rehearsals=False)
     result = report("a study", found, EXTENDED, ORIGIN)
     answers = report_json(result)["checks"]["catch_trials"]
     assert answers["overall"]["false_alarms"]["interval"] is None
     assert "not independent" in answers["overall"]["false_alarms"]["interval_reason"]
     assert len(answers["subjects"]["P01"]["hits"]["interval"]) == 2
-    assert "(no intervals: trials of several subjects are pooled" in report_html(result)

@@ -287,7 +287,7 @@ def _published(evening: Evening) -> None:
     scores, study = evening.folder / "scores.csv", evening.folder.with_name("published")
     rows = [f"{number},{number % 10},{(number + 3) % 10}" for number in range(_SUBJECTS)]
     scores.write_text("\n".join(["subject,voltage,direction", *rows]))
-    line, code = _told(lambda: import_scores(scores=scores, study=study))
+    line, code = _told(lambda: import_scores(table=scores, study=study))
     require(2, code == 0 and f"{_SUBJECTS} subjects imported" in line, line)
     line, code = _verified(study)
     require(6, code == 0 and line.count("ok  ") == _SUBJECTS, line[:300])

@@ -44,7 +44,7 @@ def cells_in(
         from analysis.tables.workbook import sheet_in
 
         name, rows = sheet_in(content, source, sheet, most=most)
-        told, marks = [f"sheet {name}"], separated.mark_of_texts(rows)
+        told, marks = ["a workbook"], separated.mark_of_texts(rows)
         whole = f"{source}, sheet {name}"
         return _cells(rows, whole, told, decimal=decimal or marks, most=(most, of), word="row")
     if content.startswith(_OLD_EXCEL):

@@ -42,13 +42,14 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
     "score": (
         "score", "rating", "ratings", "scores", "bewertung", "urteil", "einschätzung", "vas",
         "magnitude", "estimate", "ratingvalue", "puntuación", "punteggio", "likert",
-        "response", "value", "wert", "answer", "antwort",
+        "sliderresponse", "response", "value", "wert", "answer", "antwort",
     ),
     "answer": ("answer", "antwort", "judgement", "judgment", "response", "réponse"),
     "repeat": (
         "repeat", "rep", "repeats", "repetition", "replicate", "replication", "wiederholung",
         "durchgang", "durchlauf", "trial", "trialno", "trialnr", "trialnumber", "trialindex",
         "trialid", "block", "blockno", "run", "presentation", "attempt", "attempts",
+        "trialsthisn", "trialsthistrialn", "trialsthisrepn",
     ),
     "session": ("session", "ses", "sessionid", "sitzung", "visit", "termin", "sessionno"),
     "group": ("group", "grp", "gruppe", "groupe", "grupo", "cohort", "arm"),
@@ -58,7 +59,8 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
         "time", "uhrzeit", "timestamp", "datetime", "rt", "reactiontime", "reactiontimes", "rts",
         "rtms", "latency", "duration", "durations", "onset", "comment", "comments", "kommentar",
         "remark", "remarks", "bemerkung", "notes", "language", "experimenter", "order", "position",
-        "height", "weight", "index", "unnamed0", "rownames", "row",
+        "height", "weight", "index", "unnamed0", "sliderrt", "framerate", "expname", "rownames",
+        "row",
     ),
 }  # fmt: skip
 MEANS = frozenset(

@@ -544,6 +544,9 @@ def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str
         least, most = min(counts.values()), max(counts.values())
         times = f"{most}" if least == most else f"{least} to {most}"
         yield f"Repeats: {times} of each subject and condition."
+    sessions = {visit.session for visit in imported.visits}
+    if len(sessions) > 1:
+        yield f"Sessions: {listed(map(str, sorted(sessions)))}."
     if imported.groups:
         yield f"Groups: {listed(imported.groups)}."
 

@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 from analysis.tables.roles import MEANS, Roles, plain
 from analysis.tables.table_cells import Cells, TableError, is_missing
@@ -58,11 +59,21 @@ class _Table:
         return [at for at in columns if at not in self.roles.of and not self.is_index(at)]
 
     def is_index(self, column: int) -> bool:
-        """Whether a column without a name numbers the rows."""
+        """Whether a column without a name numbers the rows, perhaps anew in each part."""
         if self.cells.header[column]:
             return False
         numbers = [self.cells.number(cell) for cell in self.values(column)]
-        return any(numbers == list(range(first, first + len(numbers))) for first in (0, 1))
+        first = numbers[0]
+        steps = pairwise(numbers)
+        rises = len(numbers) == 1 or len(set(numbers)) > 1
+        return (
+            first in {0.0, 1.0}
+            and rises
+            and all(
+                after == first or (before is not None and after == before + 1)
+                for before, after in steps
+            )
+        )
 
     def is_mean(self, column: int) -> bool:
         return not self.kept_means and plain(self.cells.header[column]) in MEANS

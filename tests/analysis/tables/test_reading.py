@@ -43,9 +43,9 @@ def values(cells: Cells) -> list[list[float | None]]:
         (PLAIN.replace("\n", ",,\n").encode(), ("commas",)),
         (b"subject;rough;smooth\nP1;3,5;n/a\nP2;4,25;6,0\n", ("semicolons", "decimal commas")),
         (book(Ratings=[["subject", "rough", "smooth"], ["P1", 3.5, "n/a"], ["P2", 4.25, 6]]),
-         ("sheet Ratings",)),
+         ("a workbook",)),
         (book(A=[], B=[[None], ["subject", "rough", "smooth"], ["P1", "3,5", None],
-                       ["P2", 4.25, 6.0]]), ("sheet B",)),
+                       ["P2", 4.25, 6.0]]), ("a workbook",)),
     ],
 )  # fmt: skip
 def test_dialects_hold_the_same_cells(content: bytes, understood: tuple[str, ...]) -> None:

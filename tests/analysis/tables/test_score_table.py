@@ -287,6 +287,12 @@ def test_a_long_table_with_an_index_and_repeats() -> None:
     assert ScoresImported.from_json(events[0].to_json()) == events[0]
 
 
+def test_an_index_that_begins_anew_is_no_score() -> None:
+    rows = [f"{n},P{who},{'ab'[n % 2]},{n}.5\n" for who in (1, 2, 3) for n in range(2)]
+    scores = imported(",participant,stimulus,slider.response\n" + "".join(rows))
+    assert [each.score for each in scores.ratings] == [0.5, 1.5] * 3
+
+
 def test_factors_are_crossed_and_the_last_varies_fastest() -> None:
     rows = [("high", "fast"), ("low", "slow"), ("low", "fast"), ("high", "slow")]
     cells = (f"P{who};{force};{speed};{who}\n" for who in (1, 2) for force, speed in rows)

@@ -10,8 +10,9 @@ from analysis.tables.table_cells import Cells, TableError
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
 # Each may be off by half of the last digit; the rest allows for binary fractions.
-_PRINTED = 0.0101
-"""How far two means to two decimals may lie apart that were the same before rounding."""
+_PRINTED, _TENTHS = 0.0101, 0.0501
+"""How far two means to two decimals may lie apart that were the same before rounding, and how far
+one to one decimal may lie from what it was."""
 
 
 def mean_column(scores: FloatArray) -> int | None:
@@ -30,7 +31,10 @@ def mean_column(scores: FloatArray) -> int | None:
     others = given.sum(axis=1, keepdims=True) - given
     there = others > 0
     means = (values.sum(axis=1, keepdims=True) - values) / np.maximum(others, 1)
-    met = np.where(there, given & (np.abs(values - means) <= _PRINTED), ~given)
+    in_tenths = (np.abs(values * 10 - np.round(values * 10)) < 1e-6).all(axis=0)
+    in_tenths &= (values % 1 > 0).any(axis=0)
+    near = np.abs(values - means) <= np.where(in_tenths, _TENTHS, _PRINTED)
+    met = np.where(there, given & near, ~given)
     telling = there & (_highest_of_others(scores) > -_highest_of_others(-scores))
     fractions = (values % 1 > 0).sum(axis=0)
     proof = (fractions > 0) & (fractions == fractions.sum())

@@ -67,7 +67,7 @@ MEANS = frozenset(
     {
         "average", "comprehensive", "mean", "total", "sum", "median", "sd", "std", "sem", "se",
         "mittelwert", "durchschnitt", "summe", "gesamt", "moyenne", "media", "stdev", "m", "n",
-        "grandmean",
+        "grandmean", "ø", "mw", "avg",
     }
 )  # fmt: skip
 """Names of columns and rows that sum others up."""

@@ -3,7 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from math import ceil, floor
@@ -192,7 +192,7 @@ def scores_in(
         *of_names,
         *_left_out_lines(shape, reader, silent),
     ]
-    return Imported(**{**vars(imported), "lines": tuple(lines)})
+    return replace(imported, lines=tuple(lines))
 
 
 class _Reader:
@@ -330,8 +330,8 @@ class _Reader:
             unknown = sorted(word for word in given if word.casefold() not in self.meanings)
             raise TableError(
                 f"{self.cells.where(row, self.answer)}: answers must be {', '.join(ANSWERS)}, got "
-                f"{listed(unknown[:9])}; say what they mean, such as --answers "
-                f"'{unknown[0]}=expected'"
+                f"{listed(unknown[:9])}; say what each means: --answers "
+                f"'{','.join(f'{word}=…' for word in unknown[:9])}'"
             )
         return meaning
 
@@ -549,6 +549,9 @@ def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str
         yield f"Sessions: {listed(map(str, sorted(sessions)))}."
     if imported.groups:
         yield f"Groups: {listed(imported.groups)}."
+    if contrasts := imported.contrasts:
+        given = (f"{name} {contrast:g}" for name, contrast in contrasts.items())
+        yield f"Contrasts: {', '.join(given)}."
 
 
 def _scale_line(imported: Imported, entries: Sequence[_Entry]) -> str:

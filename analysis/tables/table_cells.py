@@ -94,11 +94,18 @@ def cell_name(cell: str, where: str) -> str:
 
 
 def title_rows(rows: Rows) -> int:
-    """Return how many rows of one cell stand above the header."""
+    """Return how many rows stand above the header: of one cell, or legends before a wider one."""
     filled = [sum(map(bool, row)) for _, row in rows[:SAMPLE]]
-    if max(filled, default=0) < 2:
+    most = max(filled, default=0)
+    if most < 2:
         return 0
-    return next(at for at, many in enumerate(filled) if many > 1)
+    first, widest = (
+        next(at for at, many in enumerate(filled) if many >= least) for least in (2, most)
+    )
+    # A row with numbers is no header: then the first one has too few names, which is refused.
+    has_numbers = any(NUMBER.fullmatch(cell) for cell in rows[widest][1])
+    is_legend = first < widest and 2 * max(filled[first:widest]) <= most and not has_numbers
+    return widest if is_legend else first
 
 
 def folded(name: str) -> str:

@@ -78,6 +78,16 @@ def test_lines_above_the_header_are_titles() -> None:
     assert cells.where(0, 1) == "t.csv, line 4, column a"
 
 
+def test_a_legend_above_a_wider_header_is_a_title_and_numbers_are_no_header() -> None:
+    cells = read("Experiment 2\n1 = smooth;;7 = rough;;\nID;A;B;C;D\nS1;4;7;6;6\n")
+    assert (list(cells.header), cells.understood[-1]) == (
+        ["ID", "A", "B", "C", "D"],
+        "2 title lines above the header",
+    )
+    with pytest.raises(TableError, match="must have 2 cells as the header, got 5"):
+        read("ID;A\nS1;4;7;6;6\n")
+
+
 def test_a_header_is_no_title_where_a_comma_stands_in_numbers_alone() -> None:
     cells = read("subject;item;x\nP1;a;0,5\nP1;b;0,25\n")
     assert list(cells.header) == ["subject", "item", "x"]

@@ -112,8 +112,12 @@ def test_our_own_table_4_is_read_without_its_means() -> None:
         [[5, 7, 6], [2, 4, 3], [1, 3, 2]],
         [[np.nan] * 4] * 4,
         [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, np.nan]],
+        [[23, 28.5, 77, 42.9], [26, 40, 90, 52], [42, 26, 81.5, 49.8]],
     ],
-    ids=["all alike", "rows alike", "two rows", "two others", "none given", "one missing"],
+    ids=[
+        *("all alike", "rows alike", "two rows", "two others", "none given", "one missing"),
+        "off by .06",
+    ],
 )
 def test_scores_that_meet_their_mean_by_chance_are_scores(scores: list[list[float]]) -> None:
     assert mean_column(np.array(scores)) is None
@@ -125,8 +129,9 @@ def test_scores_that_meet_their_mean_by_chance_are_scores(scores: list[list[floa
         [[4, 7, 7, 6], [1, 4, 4, 3], [3, 3, 0, 2]],
         [[5, 7, 7, 6.33]],
         [[5, 7, np.nan, 6], [2, 5, 3, 3.33], [np.nan] * 4],
+        [[23, 28.5, 77, 42.8], [26, 40, 90, 52], [42, 26, 81.5, 49.8]],
     ],
-    ids=["three rows", "a fraction", "missing scores"],
+    ids=["three rows", "a fraction", "missing scores", "to one decimal"],
 )
 def test_a_column_of_means_is_found(scores: list[list[float]]) -> None:
     assert mean_column(np.array(scores)) == 3

@@ -140,7 +140,9 @@ def _participants(found: Findings) -> str:
 def _sessions(found: Findings) -> str:
     """Return the known days of the sessions, in UTC; of a published table the file it came from."""
     if found.published:
-        return f"a published table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
+        return (
+            f"imported from a table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"
+        )
     # Sessions that an earlier version imported from a data set begin in 1970.
     answered = found.loaded.trials["answered_utc"].dropna()
     known = answered[answered.dt.year > UNKNOWN_UTC.year]

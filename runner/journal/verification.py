@@ -67,7 +67,7 @@ class SessionVerdict:
         done = "passes drawn" if self.participant == kinds.SLIDE else "trials answered"
         name = session_name(self.participant, self.session)
         state = in_words(self.state, running=name in running)
-        if self.kind == kinds.SCRIPT:
+        if self.kind in {kinds.SCRIPT, kinds.ScoresImported.kind}:
             return f"{name}  {state}  {count}"
         return (
             f"{name}{rehearsed}  {state}  {self.trials_answered} of {self.trials_planned} {done}, "

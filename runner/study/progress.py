@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import typed_as
-from protocol.journal.events import NOBODY, SCRIPT, SLIDE, SessionOpened
+from protocol.journal.events import NOBODY, SCRIPT, SLIDE, ScoresImported, SessionOpened
 from protocol.journal.state import SessionState, in_words
 from protocol.plan.plan import plan
 from protocol.study.study import Study
@@ -138,7 +138,8 @@ class Progress:
             excluded = f", {summary.excluded_trials} excluded" if summary.excluded_trials else ""
             noted = f"; noted: {state.noted}" if state.described else ""
             of = f" of {summary.group}" if summary.group else ""
-            done = f"  {summary.answered} of {summary.planned} {unit}" * (summary.kind != SCRIPT)
+            counted = summary.kind not in {SCRIPT, ScoresImported.kind}
+            done = f"  {summary.answered} of {summary.planned} {unit}" * counted
             yield (
                 f"{name}  {summary.kind}{of}  {now}{done}{excluded}{noted}"
                 f"{self._advice(chain, state)}{self._next_session(summary, state)}"

@@ -47,7 +47,7 @@ def _data(found: Findings) -> str:
     people, conditions = given.any(axis=1).sum(), given.any(axis=0).sum()
     rules = rules_in_words(study.exclusions, older=found.loaded.older_rules)
     origin = (
-        "The scores are those of a published table."
+        "The scores were imported from a table."
         if found.published
         else "In each trial participants touched the vibrating surface and scored what they felt, "
         f"without a question before, from {found.scale_in_words}. Conditions differed in "

@@ -83,7 +83,7 @@ def test_sensitivity_and_order_are_told_of_a_study() -> None:
 def test_the_head_names_what_is_known() -> None:
     facts = masthead(plain_report()).facts
     assert facts["participants"] == "4, with 12 ratings of three conditions"
-    assert facts["sessions"].startswith("a published table")
+    assert facts["sessions"].startswith("imported from a table")
     assert "device" not in facts
     recorded = masthead(study_report())
     assert recorded.facts["sessions"].startswith("4, 20")

@@ -188,6 +188,7 @@ def test_the_verdict_counts_what_the_session_has(journal: Journal) -> None:
     assert session.problem == ""
     assert session.ok
     assert (imported.kind, imported.trials_planned) == ("published", 0)
+    assert imported.line() == "ok    1/1  completed  1 event, chain unbroken", "it has no trials"
 
 
 def test_what_an_edited_registration_raises_is_the_problem(

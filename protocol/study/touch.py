@@ -1,10 +1,11 @@
 """A touch: what finger and device do, how long it takes, what slew and current it needs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
-from typing import Annotated, Literal, Self
+from math import inf, pi
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, ModelWrapValidatorHandler, model_validator
 
 from protocol.study.fields import Count, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.rig_settings import Rig
@@ -89,6 +90,26 @@ class Touch(Record):
     follow"""
     instruction: Name | None = None
     """key of the text that replaces the built-in instruction"""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _fixed_drive_is_recorded(
+        cls, values: Any, handler: ModelWrapValidatorHandler[Self]
+    ) -> Self:
+        """Take what a record has worked out of Hz, which may be far from the resonance."""
+        if not isinstance(values, Mapping):
+            return handler(values)
+        worked_out = {
+            key: value
+            for key in ("frequency", "sweep_to")
+            if values.get(f"{key}_hz") is not None
+            and isinstance(value := values.get(key), float)
+            and 0 < value < inf
+        }
+        if not worked_out:
+            return handler(values)
+        given = {key: value for key, value in values.items() if key not in worked_out}
+        return handler(given).model_copy(update=worked_out)
 
     @property
     def end_voltage_v(self) -> float:

@@ -1,6 +1,7 @@
 """Programmes and variants of touches: what the device does, and the contrary of it."""
 
 import pytest
+from pydantic import ValidationError
 
 from device.friction.calibration import NOMINAL
 from device.friction.changes import friction_difference
@@ -139,3 +140,15 @@ def test_speeds_of_touches_are_shown_proved_and_felt() -> None:
     )
     # Whether the same amplitude lowers friction more depends on how fast the finger goes.
     assert slow != pytest.approx(fast, abs=1e-3)
+
+
+@pytest.mark.parametrize("hz", [20.0, 250.0, 99_000.0])
+def test_a_drive_far_from_the_resonance_can_be_read_again(hz: float) -> None:
+    touch = Touch(place="path", voltage_v=50, frequency_hz=hz, sweep_to_hz=100.0).at(8000.0)
+    assert touch.frequency == hz / 8000
+    assert Touch.model_validate(touch.model_dump()) == touch
+    for wrong in ({"frequency": "x"}, {"frequency": float("nan")}, {"frequency": -1.0}):
+        with pytest.raises(ValidationError):
+            Touch.model_validate({**touch.model_dump(), **wrong})
+    with pytest.raises(ValidationError):
+        Touch(place="path", voltage_v=50, frequency=0.01)

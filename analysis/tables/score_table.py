@@ -535,6 +535,8 @@ def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str
         f"Subjects: {len(people)}{whose}. "
         f"Conditions: {len(imported.conditions)}{of}: {listed(imported.conditions)}."
     )
+    if (score := shape.roles.column("score")) is not None:
+        yield f"Scores: column {cells.named(score)}."
     counts = Counter(
         (visit.participant, visit.session, each.condition)
         for visit in imported.visits

@@ -193,6 +193,31 @@ def _imported_lines(study: Study, *, as_json: bool) -> list[str]:
     return [*lines, f"Contrasts   {told or 'none predicted: contrast = ... in [[condition]]'}"]
 
 
+def _of_the_papers_beam(study: Study) -> list[str]:
+    """Return what a study of another surface leaves as it is for the paper's beam."""
+    full = any(touch.coverage == "full" for it in study.condition for touch in it.touches)
+    keys = ("welcome", "stopped", *["touch.full"] * full)
+    texts = [
+        f"texts.{code}.{key}"
+        for code in study.session.languages
+        if code not in study.languages
+        for key in keys
+        if key not in study.texts.get(code, {})
+    ]
+    warnings = []
+    if texts:
+        warnings.append(
+            f"texts that participants read speak of a beam: give {listed(texts)} of your own."
+        )
+    if "nominal_resonance_hz" not in study.rig.model_fields_set:
+        hz = study.rig.nominal_resonance_hz
+        warnings.append(
+            f"rig.nominal_resonance_hz is not given: the resonance is looked for near {hz:g} Hz, "
+            "that of the paper's beam."
+        )
+    return warnings
+
+
 def _warnings(
     study: Study, rig: Calibration, contrast: Contrast, tracks: "Sequence[ShownTrack]"
 ) -> list[str]:
@@ -204,6 +229,8 @@ def _warnings(
         from device.friction.surface_checks import surface_warnings
 
         warnings += surface_warnings(study, rig.surface)
+    if study.surface.kind != "beam" and not study.imported:
+        warnings += _of_the_papers_beam(study)
     openings = ((f"opening {it.kind}", it) for it in study.opening)
     for what, item in (*((f"condition {it.name}", it) for it in study.condition), *openings):
         if item.question is None:

@@ -30,8 +30,9 @@ def tests(found: Findings) -> blocks.Section:
             omnibus_line(of),
             _pairs_line(of.pairwise, counts=found.questions.holds(OMNIBUS)),
             _pairwise_table(of.pairwise) if of.pairwise else None,
-            "Share of 95% intervals that covered the truth in simulations "
-            f"({DESIGN}): {', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
+            "Share of 95% intervals that covered the truth in simulations, whose design is not "
+            f"this study's ({DESIGN}): "
+            f"{', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
             f"{_ZEROS * (found.measure == 'response')}"
             if of.pairwise
             else None,

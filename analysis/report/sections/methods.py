@@ -31,6 +31,7 @@ from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
 from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.errors import listed
+from protocol.study.participant_texts import filled, study_wording
 from protocol.study.study import Study
 from protocol.study.track import Track
 
@@ -50,7 +51,7 @@ def _data(found: Findings) -> str:
         "The scores were imported from a table."
         if found.published
         else "In each trial participants touched the vibrating surface and scored what they felt, "
-        f"without a question before, from {found.scale_in_words}. Conditions differed in "
+        f"from {found.scale_in_words}, asked “{_asked(found.study)}” Conditions differed in "
         f"{'the factors' if found.study.factors else 'the touches'}."
         if found.at_once
         else "Each condition changed "
@@ -70,12 +71,28 @@ def _data(found: Findings) -> str:
         if found.measure == "response"
         else "A participant's score for a condition is the mean over the trials."
     )
-    response += _without_model(found)
+    response += _missing(found) + _without_model(found)
     return (
         f"{origin} {_design(found)}{sentence(count_of(people, 'participant'))} and "
         f"{count_of(conditions, 'condition')} were analysed. {response} "
         f"Prespecified exclusion rules: {'; '.join(rules) or 'none'}."
     )
+
+
+def _asked(study: Study) -> str:
+    """Return the text that asks for a score of what was felt, in the language of the study."""
+    text, rating = study_wording(study, study.session.language).texts["rating"], study.rating
+    return filled(text, minimum=rating.minimum, maximum=rating.maximum)
+
+
+def _missing(found: Findings) -> str:
+    """Return how many scores of an imported table are missing, in a sentence."""
+    if not found.published or found.measure != "score":
+        return ""
+    scores = found.loaded.trials["score"]
+    if not (missing := int(scores.isna().sum())):
+        return ""
+    return f" {missing:,} of {len(scores):,} scores are missing; means are of those given."
 
 
 def _without_model(found: Findings) -> str:
@@ -270,6 +287,8 @@ def _model(found: Findings) -> str:
         f"replaced the planned value, in steps of {FORCE_STEP:.0%} and "
         f"{1000 * PLACE_STEP_M:g} mm; the drive was taken as read back, relative to the measured "
         "resonance"
+        if measured and not isinstance(rig.surface, GivenSurface)
+        else "what was measured of a touch does not change them"
         if measured
         else "touches were not measured, so planned or standard values were used"
     )

@@ -200,8 +200,7 @@ def _law_table(laws: Sequence[LawScore], conditions: int) -> Table:
         caption="Each friction law compared with answers and ratings. ln Bayes factor: log "
         "evidence of the answers and ratings under the law's contrasts, less that under the best "
         "law's; at −3 they are 20 times as probable under the best one. A gain may have either "
-        "sign; that of Spearman's correlation (of predicted contrasts with the conditions' mean "
-        "responses, "
+        "sign; that of Spearman's correlation (of predicted contrasts with the conditions' means, "
         f"p {of}) tells whether ratings follow the law or its reverse."
         + _CIRCULAR
         * any(score.law == PAPERS_RANKING for score in laws),

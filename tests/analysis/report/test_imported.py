@@ -1,5 +1,6 @@
 """The report on imported scores: it says of them what is known, and predicts nothing."""
 
+import numpy as np
 import pytest
 
 from analysis.report.report import Report, report, report_html
@@ -42,3 +43,10 @@ def test_nothing_is_predicted_of_scores_without_contrasts() -> None:
     page = " ".join(ReadPage(report_html(found)).words)
     for word in ("predicted", "friction", "Sensitivity", "Table 4", "comprehensive"):
         assert word not in page, word
+
+
+def test_missing_scores_are_counted() -> None:
+    holes = [[np.nan, *SCORES[0][1:]], *SCORES[1:]]
+    found = report("table", imported(holes), parsed_study(TEXT.format(known="true")), ORIGIN)
+    assert "1 of 12 scores are missing; means are of those given." in report_html(found)
+    assert "are missing" not in report_html(of_scores("true"))

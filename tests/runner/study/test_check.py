@@ -482,3 +482,21 @@ def test_conditions_without_a_question_are_shown_as_rated(
         }
     )
     assert {each["predicted_contrast"] for each in trials if each["kind"] == "catch"} == {0.0}
+
+
+def test_a_study_of_another_surface_is_warned_of_what_it_leaves_as_for_the_papers_beam(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, pictures = template("plate"), template_pictures("plate")
+    bare = re.sub("nominal_resonance_hz *= .*", "", text.partition("# What participants read")[0])
+    for number, (written, warned) in enumerate(((text, False), (bare, True))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "study.toml").write_text(written, encoding="utf-8")
+        for name, content in pictures.items():
+            (folder / name).write_bytes(content)
+        assert typed("check", str(folder), "--json") == 0
+        told = " ".join(document(capsys)["warnings"])
+        texts = "give texts.en.welcome, texts.en.stopped, texts.zh.welcome, texts.zh.stopped"
+        assert (texts in told) == warned
+        assert ("near 24221 Hz, that of the paper's beam" in told) == warned

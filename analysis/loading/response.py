@@ -42,6 +42,9 @@ def responses(trials: pd.DataFrame, lowest: float) -> FloatArray:
     least = trials["lowest_score"].fillna(lowest).to_numpy(np.float64)
     score = trials["score"].to_numpy(np.float64, na_value=np.nan)
     is_asked = trials["question"].notna().to_numpy()
+    # In a table of answers a score without one is not known to be of the expected answer.
+    is_imported = trials["trial_kind"].eq("published").to_numpy()
+    is_asked = is_asked | (is_imported & (is_asked & is_imported).any())
     agrees = trials["agrees"].astype("boolean")
     expected, otherwise = (agrees.eq(way).fillna(False).to_numpy(bool) for way in (True, False))
     of_change = np.select([expected, otherwise], [score - least + 1, 0.0], np.nan)

@@ -442,8 +442,8 @@ class StudyData:
         beside = int((scored["score"].notna() & scored["agrees"].eq(False).fillna(False)).sum())
         if beside:
             said.append(
-                f"{beside} of these scores were given after another answer than the expected one; "
-                "the tests count those trials as 0."
+                f"{beside} of these scores {'was' if beside == 1 else 'were'} given after another "
+                "answer than the expected one; the tests count those trials as 0."
             )
         for what, names in zip(("subject", "condition"), unscored(self.table), strict=True):
             if names:

@@ -78,22 +78,19 @@ class Imported:
     @property
     def contrasts(self) -> dict[str, float]:
         """The contrast of each condition that has a single one."""
-        told: dict[str, set[float | None]] = defaultdict(set)
+        told: dict[str, set[float]] = defaultdict(set)
         for rating in self.ratings:
-            told[rating.condition].add(rating.contrast)
-        return {
-            name: value
-            for name, values in told.items()
-            if len(values) == 1 and (value := next(iter(values))) is not None
-        }
+            if rating.contrast is not None:
+                told[rating.condition].add(rating.contrast)
+        return {name: values.pop() for name, values in told.items() if len(values) == 1}
 
     @property
     def is_plain(self) -> bool:
         """Whether each subject has one score a condition, and nothing else."""
-        return not (self.groups or self.cells or self.contrasts) and all(
+        return not (self.groups or self.cells) and all(
             visit.session == 1
             and len({each.condition for each in visit.ratings}) == len(visit.ratings)
-            and all(each.answer is None for each in visit.ratings)
+            and all(each.answer is None and each.contrast is None for each in visit.ratings)
             for visit in self.visits
         )
 
@@ -554,6 +551,8 @@ def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str
     if contrasts := imported.contrasts:
         given = (f"{name} {contrast:g}" for name, contrast in contrasts.items())
         yield f"Contrasts: {', '.join(given)}."
+    elif any(rating.contrast is not None for rating in imported.ratings):
+        yield "Contrasts: they differ by row."
 
 
 def _scale_line(imported: Imported, entries: Sequence[_Entry]) -> str:
@@ -574,6 +573,9 @@ def _missing_line(imported: Imported, entries: Sequence[_Entry]) -> str:
     absent = len(people) * len(imported.conditions) - len(met)
     answers = Counter(entry.answer for entry in entries if entry.answer)
     told = [f"{blank} score{'s' * (blank > 1)} blank"] * bool(blank)
+    unanswered = sum(entry.answer is None and entry.score is not None for entry in entries)
+    if any(entry.answer for entry in entries) and unanswered:
+        told += [f"{unanswered} without an answer, which do not count"]
     told += [f"{absent} of a subject and condition without a row"] * bool(absent)
     said = f"Missing: {', '.join(told) or 'none'}."
     if answers:

@@ -121,6 +121,8 @@ def fit_problems(study: Study) -> Iterator[Problem]:
     Checks each required language whose texts are complete. A question or a track in which something
     else is wrong has no page that could be drawn.
     """
+    if study.imported:  # nobody will see it at a window
+        return
     unsound = {problem.path[:2] for problem in limit_problems(study)}
     if study.rating.span > MOST_STEPS:
         lowest, highest = study.rating.minimum, study.rating.maximum

@@ -280,7 +280,8 @@ def _model(found: Findings) -> str:
     laws = f" under {count} laws" if has_laws else ""
     calibrated = f", with the rig as calibrated: {rig}" if rig.origin else ""
     # Trials of tracks have no contrast of their own.
-    touched = trials.contrasts.measured[trials.data.trials["track"].isna()]
+    is_rated = trials.data.trials["trial_kind"].isin(["trial", "catch"])
+    touched = trials.contrasts.measured[is_rated & trials.data.trials["track"].isna()]
     measured = int(touched.sum())
     touches = (
         f"in {measured} of {len(touched)} trials, measured force or place "

@@ -77,6 +77,16 @@ def test_without_a_question_it_is_the_score() -> None:
     np.testing.assert_array_equal(responses(published, 0.0), [0.0, 9.0, NAN])
 
 
+def test_a_score_without_an_answer_in_a_table_of_answers_is_not_known() -> None:
+    table = trials(
+        trial_kind=["published"] * 3,
+        question=["as expected?", None, "as expected?"],
+        agrees=[True, None, False],
+        score=[3.0, 9.0, 4.0],
+    )
+    np.testing.assert_array_equal(responses(table, 0.0), [4.0, NAN, 0.0])
+
+
 def test_directions_are_counted_by_condition() -> None:
     rows = trials(
         condition=["a", "a", "a", "b", "b"],

@@ -353,3 +353,21 @@ def test_columns_settle_what_could_mean_two_things(
 ) -> None:
     scores = imported(text, columns)
     assert (len({visit.participant for visit in scores.visits}), len(scores.conditions)) == shape
+
+
+def test_the_papers_names_with_contrasts_of_ones_own_are_no_table_4() -> None:
+    names = ("frequency", "structure", "voltage", "direction", "pressure")
+    rows = [
+        f"P{who},{name},{5 + at},{0.1 * at + 0.01 * who}"
+        for who in (1, 2, 3)
+        for at, name in enumerate(names)
+    ]
+    found = imported("\n".join(["subject,condition,score,contrast", *rows]))
+    assert not is_papers(found)
+    assert "Contrasts: they differ by row." in found.lines
+    assert all(event.ratings for event in events_of(found, "t.csv", "0"))
+
+
+def test_a_blank_contrast_hides_no_other() -> None:
+    found = imported("subject,condition,score,contrast\nP1,a,3,0.1\nP2,a,4,\nP1,b,5,0.2\nP2,b,6,.2")
+    assert found.contrasts == {"a": 0.1, "b": 0.2}

@@ -126,3 +126,11 @@ def test_power_needs_contrasts_or_people(study: Path, capsys: pytest.CaptureFixt
     capsys.readouterr()
     assert typed("power", study, "--studies", "2", "--tests-only") == 2
     assert "no contrast is predicted of every condition: write contrast" in capsys.readouterr().err
+
+
+def test_a_scale_too_long_for_a_window_is_none_for_scores_that_nobody_will_enter(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "wide.csv").write_text("subject,a,b,c\nP1,150,300,900\nP2,200,420,800\n")
+    assert typed("import", tmp_path / "wide.csv", tmp_path / "study") == 0
+    assert typed("check", tmp_path / "study") == 0

@@ -163,14 +163,14 @@ def test_latex_can_set_the_marks_that_its_note_explains() -> None:
 
 def test_who_has_no_answer_is_named_and_not_counted() -> None:
     result = reported(a_study())
-    assert "4 subjects and 3 conditions were analysed" in report_html(result)
+    assert "Four participants and three conditions were analysed" in report_html(result)
     assert report_json(result)["table4"]["unscored_subjects"] == ["P04"]
 
 
 def test_who_scored_nothing_but_answered_is_counted() -> None:
     found = loaded(session("P01", [9, 8, 7]), session("P02", [SAME, OTHER, SAME]))
     result = reported(found)
-    assert "2 subjects and 3 conditions were analysed" in report_html(result)
+    assert "Two participants and three conditions were analysed" in report_html(result)
     assert report_json(result)["table4"]["unscored_subjects"] == ["P02"]
     assert "Subjects without any score: P02." in found.notes
 
@@ -178,7 +178,7 @@ def test_who_scored_nothing_but_answered_is_counted() -> None:
 def test_a_condition_nobody_reached_is_named_and_not_counted() -> None:
     found = loaded(session("P01", [9, 8]), session("P02", [7, 8]))
     assert "Conditions without any score: pressure." in found.notes
-    assert "2 subjects and 2 conditions were analysed" in report_html(reported(found))
+    assert "Two participants and two conditions were analysed" in report_html(reported(found))
 
 
 def test_a_complete_table_has_nothing_to_note() -> None:
@@ -203,4 +203,4 @@ def test_scores_given_after_another_answer_are_in_the_table_and_are_counted() ->
 def test_a_study_whose_changes_were_all_felt_as_none_has_a_report() -> None:
     page = report_html(reported(loaded(session("P01", [SAME] * 3))))
     assert "Subjects without any score: P01." in page
-    assert "1 subject and 3 conditions were analysed" in page
+    assert "One participant and three conditions were analysed" in page

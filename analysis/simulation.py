@@ -343,6 +343,7 @@ def _answer(made: Cohort, planned: PlannedTrials, names: Sequence[str]) -> None:
             asked += 1
             made.reaction_s[:, trial] = np.where(answering.left, np.nan, reaction_s)
             made.score[:, trial] = np.where(answering.left, np.nan, score)
+            made.score_reaction_s[:, trial] = made.reaction_s[:, trial]  # the only answer
         elif asks[:, trial].any():
             change, reaction_s = answering.change(
                 made.contrast[:, trial],

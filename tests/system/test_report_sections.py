@@ -143,6 +143,7 @@ def test_what_is_not_shown_is_not_fitted() -> None:
     assert computed(made.table) == {"table4"}
     given_once = {"contrasts", "scored", "noticed", "crossed", "factorial", "orders", "_means"}
     given_once |= {"responses", "response_tests", "slope", "predicted", "directions"}
+    given_once |= {"level_slope", "answered"}
     assert computed(made.trials) == given_once, "no law is fitted, no order tested"
     assert {"sensitivity", "predictor"} <= computed(made), "what people are told of stands in front"
     assert made.trials.factorial is None, "it has no factors"

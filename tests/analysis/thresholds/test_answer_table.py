@@ -197,12 +197,24 @@ def test_thresholds_of_many_alternatives_and_of_any_guess_rate_are_found() -> No
         ({"guess": 0.95}, r"the guess rate must lie in \[0, 0.9\] or be free, got 0.95"),
         ({"guess": float("nan")}, "the guess rate must lie .* got nan"),
         ({"guess": 0.5, "threshold_at": 0.4}, "must lie above 0.5, which is chance"),
+        (
+            {"guess": 0.9, "lapse": 0.1},
+            r"^guess rate plus lapse rate must be below 1, got 0.9 \+ 0.1: the curve would not ri",
+        ),
+        ({"guess": 0.8, "lapse": 0.3}, "must be below 1, got 0.8"),
     ],
 )
 def test_wrong_guess_rates(known: dict[str, object], message: str) -> None:
     table = pd.DataFrame({"participant": "P", "track": "T", "level": [1.0, 2], "correct": [0, 1]})
     with pytest.raises(ValueError, match=message):
         touchbeam.fit(table, **known)  # type: ignore[arg-type]
+
+
+def test_lapses_leave_a_curve_above_a_high_guess_rate_that_does_not_fall() -> None:
+    falling = pd.DataFrame({"level": [1.0, 2, 3, 4], "trials": 40, "correct": [40, 36, 30, 20]})
+    found = touchbeam.fit(falling.assign(participant="P", track="T"), guess=0.9)
+    assert 0 < found.lapse.item() < 0.1
+    assert max(found.lapse_ci.item()) <= 0.1 + 1e-12
 
 
 def test_the_interval_of_two_conditions_holds_the_ratio_as_often_as_it_says() -> None:

@@ -79,6 +79,8 @@ def tracks_in(cells: Cells, shape: str) -> list[Track]:
     columns = _columns(cells)
     if not cells.rows:
         raise TableError(f"{cells.source}: must have a row of answers below the header, got none")
+    if TRIALS in columns and cells.header[columns[TRIALS]].casefold() != TRIALS:
+        _require_counts(cells, columns)
     tracks: dict[tuple[str, str], Track] = {}
     for row, texts in enumerate(cells.rows):
         known = {name: texts[at] for name, at in columns.items()}
@@ -269,6 +271,25 @@ def _level(cells: Cells, row: int, column: int, name: str, shape: str) -> float:
             f"logarithm, got {text[:40]}; use --shape normal"
         )
     return level
+
+
+def _require_counts(cells: Cells, columns: Mapping[str, int]) -> None:
+    """Refuse trials that count on from 1 with each answer: they may be its number."""
+    answers = [row[columns[CORRECT]] for row in cells.rows]
+    if any(not is_missing(text) and _right_or_wrong(cells, text) is None for text in answers):
+        return
+    # Trials are numbered in a track, through all tracks of a participant, or through the table.
+    for names in (PLACE, PLACE[:1], ()):
+        numbers: dict[tuple[str, ...], list[float | None]] = {}
+        for row in cells.rows:
+            place = tuple(row[columns[name]] for name in names if name in columns)
+            numbers.setdefault(place, []).append(cells.number(row[columns[TRIALS]]))
+        rising = all(own == list(range(1, len(own) + 1)) for own in numbers.values())
+        if rising and len(cells.rows) > len(numbers):  # a lone 1 is a count of 1, too
+            raise TableError(
+                f"{cells.where()}: the column {cells.header[columns[TRIALS]]} may number the "
+                "trials or count them: rename it to trials, or leave it out"
+            )
 
 
 def _counts(cells: Cells, known: Mapping[str, str], where: str) -> tuple[int, int]:

@@ -132,6 +132,45 @@ def test_wrong_tables(text: str, message: str) -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["n", "Total"])
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ("P,T,1,1,1", "P,T,2,2,0", "P,U,1,1,1", "P,T,1,3,NA", "P,U,1,2,0", "Q,T,1,1,1"),
+        ("P,T,1,1,yes", "P,U,2,2,no", "P,T,1,3,1.0", "Q,T,1,1,0", "Q,T,2,2,1"),
+        ("P,T,1,1,1", "P,U,2,2,0", "Q,T,1,3,1", "Q,U,1,4,0"),
+    ],
+    ids=["in a track", "of a participant", "in the table"],
+)
+def test_a_column_that_may_number_the_trials_is_not_taken_for_their_count(
+    name: str, rows: tuple[str, ...]
+) -> None:
+    text = "\n".join((f"participant,track,level,{name},correct", *rows))
+    said = (
+        f"^answers.csv, line 1: the column {name} may number the trials or count them: "
+        "rename it to trials, or leave it out$"
+    )
+    with pytest.raises(TableError, match=said):
+        read(text, "answers.csv", "weibull")
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("participant,track,level,trials,correct", ("P,T,1,1,1", "P,T,2,2,0")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "P,T,2,2,2")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "P,T,2,1,0")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "Q,T,2,1,0")),
+        ("participant,track,level,n,correct", ("P,T,1,20,1", "P,T,2,21,0")),
+    ],
+    ids=["trials", "two of two", "a trial each", "a row each", "not from 1"],
+)
+def test_a_column_that_counts_the_trials_is_their_count(header: str, rows: tuple[str, ...]) -> None:
+    tracks = read("\n".join((header, *rows)), "answers.csv", "weibull")
+    counts = [int(row.split(",")[3]) for row in rows]
+    assert [number for track in tracks for number in track.trials] == counts
+
+
 def test_answers_that_cannot_be_fitted_say_whose_they_are() -> None:
     table = pd.DataFrame(
         {"participant": "P01", "track": "T", "level": [1.0, 2.0], "trials": 0, "correct": 0}

@@ -19,6 +19,9 @@ MOST_TRIALS = 1_000_000_000
 PLACE, TRIALS, CORRECT, LEVEL = ("participant", "track"), "trials", "correct", "level"
 LEVEL_VALUE, EXCLUDED = "level_value", "excluded"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
+OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
+"""Columns of all trials that touchbeam recorded, also of those of no track."""
+NO_TRACKS = "the study has no tracks; touchbeam report has its scores"
 RIGHT_OR_WRONG: Mapping[str, int] = {"true": 1, "false": 0, "yes": 1, "no": 0}
 
 COLUMNS = (
@@ -163,6 +166,8 @@ _ALIASES: Mapping[str, tuple[str, ...]] = {
 def _columns(cells: Cells) -> dict[str, int]:
     names = [name.casefold() for name in cells.header]
     recorded = (LEVEL_VALUE, EXCLUDED) if LEVEL_VALUE in names else ()
+    if OF_TRIALS.issubset(names) and not {LEVEL_VALUE, "track"}.intersection(names):
+        raise TableError(f"{cells.source}: {NO_TRACKS}")
     # Of recorded trials it is the number of the level.
     level = () if recorded else (LEVEL,)
     columns: dict[str, int] = {}

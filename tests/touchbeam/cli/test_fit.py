@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import touchbeam
 from tests.analysis.tables.books import book
 from tests.runner.command_line import typed
 
@@ -95,6 +96,24 @@ def test_a_studys_folder_is_fitted_with_its_own_task(
     (compared,) = found["comparisons"]
     assert compared["of"] == "ratio"
     assert compared["ci"][0] < compared["value"] < compared["ci"][1]
+
+
+def test_a_study_without_tracks_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = tmp_path / "study", tmp_path / "out"
+    said = "the study has no tracks; touchbeam report has its scores"
+    assert typed("new", study, "--template", "plate") == 0
+    capsys.readouterr()
+    assert typed("fit", study) == 2  # though it has no sessions that could be read
+    assert capsys.readouterr().err == f"touchbeam: {study}: {said}\n"
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
+    with pytest.raises(ValueError, match=f"^answers: {said}$"):
+        touchbeam.fit(touchbeam.load(study, rehearsals=True).trials)
+    assert typed("export", study, out, "--format", "csv", "--rehearsals") == 0
+    capsys.readouterr()
+    assert typed("fit", out / "trials.csv") == 2
+    assert capsys.readouterr().err == f"touchbeam: {out / 'trials.csv'}: {said}\n"
 
 
 def test_the_dialects_of_import_are_those_of_fit(

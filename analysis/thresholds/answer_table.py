@@ -92,7 +92,8 @@ def tracks_in(cells: Cells, shape: str) -> list[Track]:
             continue
         place = cells.where(row)
         participant, name = (
-            _name(known[of], f"{place}, column {of}") if of in known else of for of in PLACE
+            _name(known[of], f"{place}, column {of}", recorded=recorded) if of in known else of
+            for of in PLACE
         )
         track = tracks.setdefault((participant, name), Track(participant, name))
         if is_missing(known[CORRECT]) or (recorded and not _counts_as_answer(known)):
@@ -258,9 +259,12 @@ def left_out_line(tracks: Iterable[Track]) -> str:
     return f"{rows} {were} left out: catch trials, not answered, or excluded."
 
 
-def _name(cell: str, where: str) -> str:
-    if not (name := cell_name(cell, where)):
-        raise TableError(f"{where}: must have a name, got none; write one in each row")
+def _name(cell: str, where: str, *, recorded: bool) -> str:
+    name = cell_name(cell, where)
+    # A study may call a track none.
+    if not name or (is_missing(name) and not recorded):
+        got = repr(name) if name else "none"
+        raise TableError(f"{where}: must have a name, got {got}; write one in each row")
     return name
 
 

@@ -66,6 +66,11 @@ def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
     ]
 
 
+def test_of_recorded_trials_a_track_may_be_called_as_what_is_missing() -> None:
+    (track,) = read(f"{RECORDED}P01,none,0,1,True,no\n", "trials.csv", "weibull")
+    assert track.track == "none"
+
+
 def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None:
     values, right = [1.0, 2.0, 4.0, 8.0], [10, 13, 18, 20]
     rows = [
@@ -100,6 +105,18 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         ),
         (f"{HEADER}P,T,1,2\n", "line 2: must have 5 cells as the header, got 4"),
         (f"{HEADER}P,T,1,2,1\n,T,1,2,1\n", "line 3, column participant: must have a name, got non"),
+        *(
+            (
+                f"{HEADER}P,T,1,2,1\n{who},{track},1,2,1\n",
+                f"line 3, column {name}: must have a name, got '{got}'; write one in each row$",
+            )
+            for who, track, name, got in (
+                ("NaN", "T", "participant", "NaN"),
+                ("NA", "T", "participant", "NA"),
+                ("-", "T", "participant", "-"),
+                ("P", "n/a", "track", "n/a"),
+            )
+        ),
         (
             f"{HEADER}P,T,1 V,2,1\n",
             "line 2, column level: a level must be a number from -1e100 to 1e100, got '1",

@@ -1,5 +1,6 @@
 """Tables of answers: published data, rows per level and per trial, messages."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 import touchbeam
 from analysis.tables.reading import cells_in
 from analysis.tables.table_cells import TableError
-from analysis.thresholds.answer_table import Track, tracks_in
+from analysis.thresholds.answer_table import Track, left_out_line, tracks_in
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
@@ -56,13 +57,38 @@ def test_a_row_per_trial_and_other_columns() -> None:
 RECORDED = "participant,track,level,level_value,correct,excluded\n"
 
 
+def test_rows_that_are_left_out_are_counted_by_reason() -> None:
+    trials = (
+        f"{RECORDED}P01,T,0,1,True,no\nP01,T,,,,no\nP01,T,,,False,session\nP01,T,1,2,,no\n"
+        "P01,T,1,2,,session\nP01,T,1,2,False,session\nP02,T,0,1,True,no\nP02,T,1,2,NA,no\n"
+    )
+    said = left_out_line(read(trials, "trials.csv", "weibull"))
+    assert said == "6 rows were left out: 3 without an answer, 2 catch trials, 1 excluded."
+    one = read(f"{RECORDED}P,T,0,1,True,no\nP,T,,,,no\n", "trials.csv", "weibull")
+    assert left_out_line(one) == "1 row was left out: 1 catch trial."
+    roles = "participant,track,track_role,level_value,correct,excluded\nP,T,level,1,True,no\n"
+    ended = read(f"{roles}P,T,catch,,,no\nP,T,level,,,no\n", "trials.csv", "weibull")
+    assert left_out_line(ended) == "2 rows were left out: 1 without an answer, 1 catch trial."
+    by_hand = f"{HEADER}P,T,1,2,1\n" + "P,T,2,2,\n" * 11
+    said = left_out_line(read(by_hand, "answers.csv", "weibull"))
+    assert said == "11 rows were left out: 11 without an answer."
+    assert left_out_line(read(f"{HEADER}P,T,1,2,1\n", "answers.csv", "weibull")) == ""
+
+
 def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
     text = (
         f"{RECORDED}P01,T,0,1,True,no\nP01,T,3,8,True,no\nP01,,1,,,no\nP01,T,,,,no\n"
         "P01,T,1,2,,no\nP01,T,1,2,False,session\nP01,T,1,2,False,no\nP02,T,,,,no\n"
     )
     assert read(text, "trials.csv", "weibull") == [
-        Track("P01", "T", [1.0, 8.0, 2.0], [1, 1, 1], [1, 1, 0], left_out=3)
+        Track(
+            "P01",
+            "T",
+            [1.0, 8.0, 2.0],
+            [1, 1, 1],
+            [1, 1, 0],
+            Counter({"catch trials": 1, "without an answer": 1, "excluded": 1}),
+        )
     ]
 
 

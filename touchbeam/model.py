@@ -179,7 +179,7 @@ def fit(
     rows = [
         {"participant": track.participant, "track": track.track}
         | vars(fit)
-        | {"left_out": track.left_out}
+        | {"left_out": track.left_out.total()}
         for track, fit in fits
     ]
     table = pd.DataFrame(rows).drop(columns=["band", "likelihood"])

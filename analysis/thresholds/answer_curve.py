@@ -91,11 +91,17 @@ class LevelAnswers(NamedTuple):
 
     @property
     def limits(self) -> Box:
-        """The ends of midpoint, log width, lapse and guess rate; equal ones if it is known."""
+        """The ends of midpoint, log width, lapse and guess rate; equal ones if it is known.
+
+        Together the rates are at most 1: the curve never falls.
+        """
         return (
             (-MIDPOINTS_BEYOND, 1 + MIDPOINTS_BEYOND),
             (math.log(WIDTHS[0]), math.log(WIDTHS[1])),
-            *((0.0, MOST_RATE) if rate is None else (rate, rate) for rate in self[-2:]),
+            *(
+                (0.0, min(MOST_RATE, 1 - (other or 0))) if rate is None else (rate, rate)
+                for rate, other in ((self.lapse, self.guess), (self.guess, self.lapse))
+            ),
         )
 
 

@@ -1,6 +1,7 @@
 """Tables of answers in tracks: a row per level, or a row per trial."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,8 +18,14 @@ MOST_ROWS = 1_000_000
 MOST_TRIALS = 1_000_000_000
 """Of one row."""
 PLACE, TRIALS, CORRECT, LEVEL = ("participant", "track"), "trials", "correct", "level"
-LEVEL_VALUE, EXCLUDED = "level_value", "excluded"
+LEVEL_VALUE, EXCLUDED, ROLE = "level_value", "excluded", "track_role"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
+OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
+"""Columns of all trials that touchbeam recorded, also of those of no track."""
+NO_TRACKS = "the study has no tracks; touchbeam report has its scores"
+UNANSWERED, CATCH, OUT = "without an answer", "catch trials", "excluded"
+LEFT_OUT: Mapping[str, str] = {UNANSWERED: UNANSWERED, CATCH: "catch trial", OUT: OUT}
+"""Why rows are left out, of several and of one."""
 RIGHT_OR_WRONG: Mapping[str, int] = {"true": 1, "false": 0, "yes": 1, "no": 0}
 
 COLUMNS = (
@@ -39,8 +46,8 @@ COLUMNS = (
 class Track:
     """The answers of one participant in one track, an entry per row of the table.
 
-    `left_out` counts rows without an answer, and recorded trials without a level (catch trials) or
-    excluded.
+    `left_out` counts rows by reason: without an answer, and recorded trials that are catch trials
+    or excluded.
     """
 
     participant: str
@@ -48,13 +55,13 @@ class Track:
     levels: list[float] = field(default_factory=list)
     trials: list[int] = field(default_factory=list)
     correct: list[int] = field(default_factory=list)
-    left_out: int = 0
+    left_out: Counter[str] = field(default_factory=Counter)
 
     def record(self, found: Threshold) -> Json:
         """Return what was found, as `touchbeam fit --json` prints it."""
         told = {"participant": self.participant, "track": self.track, **plain(found)}
         del told["band"], told["likelihood"]  # of a report
-        return {**told, "left_out": self.left_out}
+        return {**told, "left_out": self.left_out.total()}
 
 
 def tracks_in(cells: Cells, shape: str) -> list[Track]:
@@ -79,6 +86,8 @@ def tracks_in(cells: Cells, shape: str) -> list[Track]:
     columns = _columns(cells)
     if not cells.rows:
         raise TableError(f"{cells.source}: must have a row of answers below the header, got none")
+    if TRIALS in columns and cells.header[columns[TRIALS]].casefold() != TRIALS:
+        _require_counts(cells, columns)
     tracks: dict[tuple[str, str], Track] = {}
     for row, texts in enumerate(cells.rows):
         known = {name: texts[at] for name, at in columns.items()}
@@ -87,11 +96,12 @@ def tracks_in(cells: Cells, shape: str) -> list[Track]:
             continue
         place = cells.where(row)
         participant, name = (
-            _name(known[of], f"{place}, column {of}") if of in known else of for of in PLACE
+            _name(known[of], f"{place}, column {of}", recorded=recorded) if of in known else of
+            for of in PLACE
         )
         track = tracks.setdefault((participant, name), Track(participant, name))
-        if is_missing(known[CORRECT]) or (recorded and not _counts_as_answer(known)):
-            track.left_out += 1
+        if why := _why_out(known, recorded=recorded):
+            track.left_out[why] += 1
             continue
         level = LEVEL_VALUE if recorded else LEVEL
         track.levels.append(_level(cells, row, columns[level], level, shape))
@@ -122,9 +132,15 @@ def _require_apart(source: str, tracks: Iterable[Track]) -> None:
                 )
 
 
-def _counts_as_answer(cells: Mapping[str, str]) -> bool:
-    """Return whether a recorded trial is one at a level, answered, and not excluded."""
-    return not is_missing(cells[LEVEL_VALUE]) and cells.get(EXCLUDED, "no") == "no"
+def _why_out(cells: Mapping[str, str], *, recorded: bool) -> str:
+    """Return why a row is left out, one of `LEFT_OUT`; nothing if it is not."""
+    # A trial gets its level with its answer, a catch trial never.
+    without_level = recorded and is_missing(cells[LEVEL_VALUE])
+    if without_level and cells.get(ROLE, "catch") == "catch":
+        return CATCH
+    if without_level or is_missing(cells[CORRECT]):
+        return UNANSWERED
+    return OUT if recorded and cells.get(EXCLUDED, "no") != "no" else ""
 
 
 def fits_of(
@@ -160,7 +176,9 @@ _ALIASES: Mapping[str, tuple[str, ...]] = {
 
 def _columns(cells: Cells) -> dict[str, int]:
     names = [name.casefold() for name in cells.header]
-    recorded = (LEVEL_VALUE, EXCLUDED) if LEVEL_VALUE in names else ()
+    recorded = (LEVEL_VALUE, EXCLUDED, ROLE) if LEVEL_VALUE in names else ()
+    if OF_TRIALS.issubset(names) and not {LEVEL_VALUE, "track"}.intersection(names):
+        raise TableError(f"{cells.source}: {NO_TRACKS}")
     # Of recorded trials it is the number of the level.
     level = () if recorded else (LEVEL,)
     columns: dict[str, int] = {}
@@ -172,7 +190,7 @@ def _columns(cells: Cells) -> dict[str, int]:
             )
         if known in names:
             columns[name] = names.index(known)
-        elif name not in {TRIALS, EXCLUDED, "track"}:
+        elif name not in {TRIALS, EXCLUDED, ROLE, "track"}:
             raise TableError(
                 f"{cells.where()}: must have the column {name}; columns are participant, track, "
                 "level, trials, correct, or without trials for a row per trial"
@@ -244,16 +262,25 @@ def comparison_lines(compared: Sequence[Comparison]) -> Iterator[tuple[str, ...]
 
 
 def left_out_line(tracks: Iterable[Track]) -> str:
-    """Return in words how many rows are not in the fits; nothing if all are."""
-    if not (rows := sum(track.left_out for track in tracks)):
+    """Return in words how many rows are not in the fits, and why; nothing if all are."""
+    counts = sum((track.left_out for track in tracks), Counter[str]())
+    if not (rows := counts.total()):
         return ""
     were = "row was" if rows == 1 else "rows were"
-    return f"{rows} {were} left out: catch trials, not answered, or excluded."
+    told = (
+        f"{counts[why]} {one if counts[why] == 1 else why}"
+        for why, one in LEFT_OUT.items()
+        if counts[why]
+    )
+    return f"{rows} {were} left out: {', '.join(told)}."
 
 
-def _name(cell: str, where: str) -> str:
-    if not (name := cell_name(cell, where)):
-        raise TableError(f"{where}: must have a name, got none; write one in each row")
+def _name(cell: str, where: str, *, recorded: bool) -> str:
+    name = cell_name(cell, where)
+    # A study may call a track none.
+    if not name or (is_missing(name) and not recorded):
+        got = repr(name) if name else "none"
+        raise TableError(f"{where}: must have a name, got {got}; write one in each row")
     return name
 
 
@@ -269,6 +296,25 @@ def _level(cells: Cells, row: int, column: int, name: str, shape: str) -> float:
             f"logarithm, got {text[:40]}; use --shape normal"
         )
     return level
+
+
+def _require_counts(cells: Cells, columns: Mapping[str, int]) -> None:
+    """Refuse trials that count on from 1 with each answer: they may be its number."""
+    answers = [row[columns[CORRECT]] for row in cells.rows]
+    if any(not is_missing(text) and _right_or_wrong(cells, text) is None for text in answers):
+        return
+    # Trials are numbered in a track, through all tracks of a participant, or through the table.
+    for names in (PLACE, PLACE[:1], ()):
+        numbers: dict[tuple[str, ...], list[float | None]] = {}
+        for row in cells.rows:
+            place = tuple(row[columns[name]] for name in names if name in columns)
+            numbers.setdefault(place, []).append(cells.number(row[columns[TRIALS]]))
+        rising = all(own == list(range(1, len(own) + 1)) for own in numbers.values())
+        if rising and len(cells.rows) > len(numbers):  # a lone 1 is a count of 1, too
+            raise TableError(
+                f"{cells.where()}: the column {cells.header[columns[TRIALS]]} may number the "
+                "trials or count them: rename it to trials, or leave it out"
+            )
 
 
 def _counts(cells: Cells, known: Mapping[str, str], where: str) -> tuple[int, int]:

@@ -116,11 +116,16 @@ def curve_share(
 
     Raises:
         BadInput: the share is not above chance and below what lapses leave of 1, the lapse rate
-            does not lie in [0, 0.5), or there is no such task.
+            does not lie in [0, 0.5) or leaves nothing beside chance, or there is no such task.
     """
     chance = guess_rate(task, guess) or 0
     if lapse is not None and not 0 <= lapse < 0.5:
         raise BadInput(f"the lapse rate must lie in [0, 0.5), got {lapse:g}")
+    if chance + (lapse or 0) >= 1:
+        raise BadInput(
+            f"guess rate plus lapse rate must be below 1, got {chance:g} + {lapse:g}: the curve "
+            "would not rise"
+        )
     most = 1 - (lapse or 0)
     if threshold_at is None:
         return 0.5
@@ -204,7 +209,9 @@ def fitted(  # noqa: PLR0913 - what papers state of a fit
     places = found.quantiles(0, LIMITS) * unit + low
     thresholds = places if shape == "normal" else np.exp(places)
     slopes = curve.width / (np.exp(found.quantiles(1, LIMITS)) * unit)
-    low_lapse, lapse_rate, high_lapse = found.quantiles(2, LIMITS).tolist()
+    # The mass of a cell is spread evenly, also beyond the highest rate that there can be.
+    lapses = np.minimum(found.quantiles(2, LIMITS), answers.limits[2][1])
+    low_lapse, lapse_rate, high_lapse = lapses.tolist()
     reason = _beyond(float(places[1]), ends, shape)
     rng = np.random.default_rng(seed)
     drawn = found.draws(DRAWS, rng)[:, :, None]

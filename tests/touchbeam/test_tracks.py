@@ -257,4 +257,4 @@ def test_recorded_trials_are_fitted_at_their_levels_and_not_at_the_numbers_of_th
     assert [one["threshold"] for one in told] == found.threshold.tolist()
     assert [one["left_out"] for one in told] == found.left_out.tolist()
     shown = CliRunner().invoke(app, ["fit", str(out / "trials.csv")]).stdout
-    assert f"{catch.sum()} rows were left out: catch trials, not answered, or excluded." in shown
+    assert f"{catch.sum()} rows were left out: {catch.sum()} catch trials." in shown

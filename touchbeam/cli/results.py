@@ -181,13 +181,17 @@ def _answers_in(
 ) -> "tuple[Cells, StudyFile | None]":
     """Return the cells of a file, or of the trials of a study in a folder, and that study."""
     from analysis.tables.reading import cells_in, frame_cells
-    from analysis.thresholds.answer_table import MOST_BYTES, MOST_ROWS
+    from analysis.thresholds.answer_table import MOST_BYTES, MOST_ROWS, NO_TRACKS
     from runner.study.files import bytes_of
 
     if not table.is_dir():
         content = bytes_of(table, most=MOST_BYTES)
         return cells_in(content, str(table), most=MOST_ROWS, **dialect), None
-    study = read_study(options.study_folder(table), rehearsals=rehearsals)
+    folder = options.study_folder(table)
+    # Before anything is read, which may take long.
+    if not folder.study().track:
+        raise BadInput(f"{table}: {NO_TRACKS}")
+    study = read_study(folder, rehearsals=rehearsals)
     if study.trials.empty:
         how = "" if rehearsals else "; add --rehearsals to include them, if there are any"
         raise BadInput(f"{table}: no trials of sessions here{how}")

@@ -1,5 +1,6 @@
 """Tables of answers: published data, rows per level and per trial, messages."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 import touchbeam
 from analysis.tables.reading import cells_in
 from analysis.tables.table_cells import TableError
-from analysis.thresholds.answer_table import Track, tracks_in
+from analysis.thresholds.answer_table import Track, left_out_line, tracks_in
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
@@ -56,14 +57,44 @@ def test_a_row_per_trial_and_other_columns() -> None:
 RECORDED = "participant,track,level,level_value,correct,excluded\n"
 
 
+def test_rows_that_are_left_out_are_counted_by_reason() -> None:
+    trials = (
+        f"{RECORDED}P01,T,0,1,True,no\nP01,T,,,,no\nP01,T,,,False,session\nP01,T,1,2,,no\n"
+        "P01,T,1,2,,session\nP01,T,1,2,False,session\nP02,T,0,1,True,no\nP02,T,1,2,NA,no\n"
+    )
+    said = left_out_line(read(trials, "trials.csv", "weibull"))
+    assert said == "6 rows were left out: 3 without an answer, 2 catch trials, 1 excluded."
+    one = read(f"{RECORDED}P,T,0,1,True,no\nP,T,,,,no\n", "trials.csv", "weibull")
+    assert left_out_line(one) == "1 row was left out: 1 catch trial."
+    roles = "participant,track,track_role,level_value,correct,excluded\nP,T,level,1,True,no\n"
+    ended = read(f"{roles}P,T,catch,,,no\nP,T,level,,,no\n", "trials.csv", "weibull")
+    assert left_out_line(ended) == "2 rows were left out: 1 without an answer, 1 catch trial."
+    by_hand = f"{HEADER}P,T,1,2,1\n" + "P,T,2,2,\n" * 11
+    said = left_out_line(read(by_hand, "answers.csv", "weibull"))
+    assert said == "11 rows were left out: 11 without an answer."
+    assert left_out_line(read(f"{HEADER}P,T,1,2,1\n", "answers.csv", "weibull")) == ""
+
+
 def test_of_recorded_trials_the_level_is_its_value_and_not_its_number() -> None:
     text = (
         f"{RECORDED}P01,T,0,1,True,no\nP01,T,3,8,True,no\nP01,,1,,,no\nP01,T,,,,no\n"
         "P01,T,1,2,,no\nP01,T,1,2,False,session\nP01,T,1,2,False,no\nP02,T,,,,no\n"
     )
     assert read(text, "trials.csv", "weibull") == [
-        Track("P01", "T", [1.0, 8.0, 2.0], [1, 1, 1], [1, 1, 0], left_out=3)
+        Track(
+            "P01",
+            "T",
+            [1.0, 8.0, 2.0],
+            [1, 1, 1],
+            [1, 1, 0],
+            Counter({"catch trials": 1, "without an answer": 1, "excluded": 1}),
+        )
     ]
+
+
+def test_of_recorded_trials_a_track_may_be_called_as_what_is_missing() -> None:
+    (track,) = read(f"{RECORDED}P01,none,0,1,True,no\n", "trials.csv", "weibull")
+    assert track.track == "none"
 
 
 def test_the_threshold_of_recorded_trials_is_in_the_unit_of_the_levels() -> None:
@@ -100,6 +131,18 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         ),
         (f"{HEADER}P,T,1,2\n", "line 2: must have 5 cells as the header, got 4"),
         (f"{HEADER}P,T,1,2,1\n,T,1,2,1\n", "line 3, column participant: must have a name, got non"),
+        *(
+            (
+                f"{HEADER}P,T,1,2,1\n{who},{track},1,2,1\n",
+                f"line 3, column {name}: must have a name, got '{got}'; write one in each row$",
+            )
+            for who, track, name, got in (
+                ("NaN", "T", "participant", "NaN"),
+                ("NA", "T", "participant", "NA"),
+                ("-", "T", "participant", "-"),
+                ("P", "n/a", "track", "n/a"),
+            )
+        ),
         (
             f"{HEADER}P,T,1 V,2,1\n",
             "line 2, column level: a level must be a number from -1e100 to 1e100, got '1",
@@ -130,6 +173,45 @@ def test_wrong_tables(text: str, message: str) -> None:
         read(text, "answers.csv", "weibull")
     assert str(error.value).startswith("answers.csv")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["n", "Total"])
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ("P,T,1,1,1", "P,T,2,2,0", "P,U,1,1,1", "P,T,1,3,NA", "P,U,1,2,0", "Q,T,1,1,1"),
+        ("P,T,1,1,yes", "P,U,2,2,no", "P,T,1,3,1.0", "Q,T,1,1,0", "Q,T,2,2,1"),
+        ("P,T,1,1,1", "P,U,2,2,0", "Q,T,1,3,1", "Q,U,1,4,0"),
+    ],
+    ids=["in a track", "of a participant", "in the table"],
+)
+def test_a_column_that_may_number_the_trials_is_not_taken_for_their_count(
+    name: str, rows: tuple[str, ...]
+) -> None:
+    text = "\n".join((f"participant,track,level,{name},correct", *rows))
+    said = (
+        f"^answers.csv, line 1: the column {name} may number the trials or count them: "
+        "rename it to trials, or leave it out$"
+    )
+    with pytest.raises(TableError, match=said):
+        read(text, "answers.csv", "weibull")
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("participant,track,level,trials,correct", ("P,T,1,1,1", "P,T,2,2,0")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "P,T,2,2,2")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "P,T,2,1,0")),
+        ("participant,track,level,n,correct", ("P,T,1,1,1", "Q,T,2,1,0")),
+        ("participant,track,level,n,correct", ("P,T,1,20,1", "P,T,2,21,0")),
+    ],
+    ids=["trials", "two of two", "a trial each", "a row each", "not from 1"],
+)
+def test_a_column_that_counts_the_trials_is_their_count(header: str, rows: tuple[str, ...]) -> None:
+    tracks = read("\n".join((header, *rows)), "answers.csv", "weibull")
+    counts = [int(row.split(",")[3]) for row in rows]
+    assert [number for track in tracks for number in track.trials] == counts
 
 
 def test_answers_that_cannot_be_fitted_say_whose_they_are() -> None:
@@ -197,12 +279,24 @@ def test_thresholds_of_many_alternatives_and_of_any_guess_rate_are_found() -> No
         ({"guess": 0.95}, r"the guess rate must lie in \[0, 0.9\] or be free, got 0.95"),
         ({"guess": float("nan")}, "the guess rate must lie .* got nan"),
         ({"guess": 0.5, "threshold_at": 0.4}, "must lie above 0.5, which is chance"),
+        (
+            {"guess": 0.9, "lapse": 0.1},
+            r"^guess rate plus lapse rate must be below 1, got 0.9 \+ 0.1: the curve would not ri",
+        ),
+        ({"guess": 0.8, "lapse": 0.3}, "must be below 1, got 0.8"),
     ],
 )
 def test_wrong_guess_rates(known: dict[str, object], message: str) -> None:
     table = pd.DataFrame({"participant": "P", "track": "T", "level": [1.0, 2], "correct": [0, 1]})
     with pytest.raises(ValueError, match=message):
         touchbeam.fit(table, **known)  # type: ignore[arg-type]
+
+
+def test_lapses_leave_a_curve_above_a_high_guess_rate_that_does_not_fall() -> None:
+    falling = pd.DataFrame({"level": [1.0, 2, 3, 4], "trials": 40, "correct": [40, 36, 30, 20]})
+    found = touchbeam.fit(falling.assign(participant="P", track="T"), guess=0.9)
+    assert 0 < found.lapse.item() < 0.1
+    assert max(found.lapse_ci.item()) <= 0.1 + 1e-12
 
 
 def test_the_interval_of_two_conditions_holds_the_ratio_as_often_as_it_says() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import touchbeam
 from tests.analysis.tables.books import book
 from tests.runner.command_line import typed
 
@@ -97,6 +98,24 @@ def test_a_studys_folder_is_fitted_with_its_own_task(
     assert compared["ci"][0] < compared["value"] < compared["ci"][1]
 
 
+def test_a_study_without_tracks_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = tmp_path / "study", tmp_path / "out"
+    said = "the study has no tracks; touchbeam report has its scores"
+    assert typed("new", study, "--template", "plate") == 0
+    capsys.readouterr()
+    assert typed("fit", study) == 2  # though it has no sessions that could be read
+    assert capsys.readouterr().err == f"touchbeam: {study}: {said}\n"
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
+    with pytest.raises(ValueError, match=f"^answers: {said}$"):
+        touchbeam.fit(touchbeam.load(study, rehearsals=True).trials)
+    assert typed("export", study, out, "--format", "csv", "--rehearsals") == 0
+    capsys.readouterr()
+    assert typed("fit", out / "trials.csv") == 2
+    assert capsys.readouterr().err == f"touchbeam: {out / 'trials.csv'}: {said}\n"
+
+
 def test_the_dialects_of_import_are_those_of_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,6 +131,6 @@ def test_the_dialects_of_import_are_those_of_fit(
     assert typed("fit", tmp_path / "t.csv") == 0
     shown = capsys.readouterr().out
     assert "Tracks compared" in shown
-    assert "1 row was left out" in shown
+    assert "1 row was left out: 1 without an answer." in shown
     assert typed("fit", tmp_path / "t.xlsx") == 0
     assert capsys.readouterr().out.splitlines()[:8] == shown.splitlines()[:8]

@@ -152,6 +152,8 @@ def scores_in(
     told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
     if not told:
         raise TableError(f"{cells.source}: must have a score, got none")
+    if scale is None:
+        _require_no_answers(cells, told)
     called, of_names = _pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
     sessions, of_sessions = _sessions(told)
     groups = _groups(cells, told)
@@ -375,6 +377,16 @@ def _require_no_codes(cells: Cells, entries: Sequence[_Entry]) -> None:
                 f"scores lie from {low:g} to {high:g}: no score (add --missing {code}), or one "
                 "(add --scale with the ends of the scale)"
             )
+
+
+def _require_no_answers(cells: Cells, entries: Sequence[_Entry]) -> None:
+    """Refuse answers beside scores: the lowest score seen need not be the lowest of the scale."""
+    has_answers = any(entry.answer is not None for entry in entries)
+    if has_answers and any(entry.score is not None for entry in entries):
+        raise TableError(
+            f"{cells.source}: an answer counts with its score above the lowest of the scale: add "
+            "--scale LOW HIGH"
+        )
 
 
 def _require_apart(cells: Cells, entries: Sequence[_Entry]) -> None:

@@ -244,6 +244,8 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
          "P1 is in the group y and in x before"),
         ("subject,item,answer,score\nP1,a,up,2\n", {}, "answers must be expected, .* got up; say"),
         ("subject,item,answer,score\nP1,a,up,2\n", {"answers": "up"}, "--answers must be pairs"),
+        ("subject,item,answer,score\nP1,a,same,2\nP1,b,expected,3\n", {},
+         "answer counts with its score above the lowest of the scale: add --scale LOW HIGH"),
         ("subject,a,b\nP1,1,2\n", {"columns": "subject"}, "--columns must be pairs such as"),
         ("subject,a,b\nP1,1,2\n", {"columns": "score=c"}, "no column 'c'; there are subject, a, b"),
         ("subject,item,score,contrast\nP1,a,2,11\n", {},

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from analysis.tables.roles import MEANS, Roles, plain
+from analysis.tables.roles import Roles, plain
+from analysis.tables.summaries import MEANS, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed
 
@@ -119,7 +120,9 @@ def _require_names(cells: Cells) -> None:
 def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
     cells, roles = table.cells, _with_subject(table)
     # A subject may be a number.
-    scores = tuple(at for at in numbers if roles.of.get(at) != "subject")
+    free = [at for at in numbers if roles.of.get(at) != "subject"]
+    sums = _sums(table, roles, free)
+    scores = tuple(at for at in free if at not in sums)
     if not scores:
         raise table.refuse(
             f"no column holds scores, among {table.names(range(len(cells.header)))}; "
@@ -139,6 +142,17 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
         left_out=_left_out(table, used),
     )  # fmt: skip
+
+
+def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> set[int]:
+    """Return the columns that sum up the others; of rows that may do so nothing is asked."""
+    if table.kept_means:
+        return set()
+    subject = roles.column("subject")
+    rows = [row for row in table.cells.rows if subject is None or not may_sum_up(row[subject])]
+    names = [table.cells.header[at] for at in columns]
+    lines = [[row[at] for row in rows] for at in columns]
+    return {columns[place] for place in summing_up(table.cells, names, lines)}
 
 
 def _with_subject(table: _Table) -> Roles:

@@ -98,6 +98,39 @@ def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:
     assert imported(with_means(None, "all-9"), keep_means=True).visits[-1].participant == "all-9"
 
 
+PRINTED = """VP;m;n;o;Ø
+MW;23;28;77;42,7
+SD;26;40;90;52,0
+SE;42;26;81;49,7
+N;11;31;-;21,0
+"""
+
+
+def test_initials_and_letters_are_people_and_conditions_though_means_are_called_so() -> None:
+    people = "".join(line.rpartition(";")[0] + "\n" for line in PRINTED.splitlines())
+    for text in (people, people.replace("VP;m;n;o", "VP;m;n;sum")):
+        scores = imported(text)
+        assert len(scores.visits) == 4
+        assert len(scores.conditions) == 3
+        assert not scores.lines[-1].startswith("Left out")
+    scores = imported("subject,item,score\nSD,a,1\nSD,b,2\nM,a,3\nM,b,5\n")
+    assert len(scores.visits) == 2
+
+
+def test_means_with_a_short_name_are_known_by_their_numbers() -> None:
+    sums = "M;25,5;31,25;82,67;41,33\nSD;12,77;6,18;6,66;14,1\nN;4;4;3;4\n"
+    printed = PRINTED
+    for name in ("MW", "SD", "SE", "N"):
+        printed = printed.replace(f"\n{name};", f"\nA{name};")
+    scores = imported(printed + sums)
+    assert len(scores.visits) == 4
+    assert scores.conditions == ("m", "n", "o")
+    assert scores.lines[-1] == ("Left out: column Ø; 1 row named M; 1 row named SD; 1 row named N.")
+    assert len(imported(printed + sums.replace("25,5", "25,6")).visits) == 7
+    assert len(imported(printed + sums.replace("N;", "X;")).visits) == 7
+    assert imported(printed.replace("52,0", "52,3")).conditions == ("m", "n", "o", "Ø")
+
+
 def test_our_own_table_4_is_read_without_its_means() -> None:
     written = table4_csv(table4(score_table(PUBLISHED)))
     assert np.array_equal(score_table(written).scores, score_table(PUBLISHED).scores)

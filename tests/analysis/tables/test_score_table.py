@@ -277,6 +277,8 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
          "P1 is in the group y and in x before"),
         ("subject,item,answer,score\nP1,a,up,2\n", {}, "answers must be expected, .* got up; say"),
         ("subject,item,answer,score\nP1,a,up,2\n", {"answers": "up"}, "--answers must be pairs"),
+        ("subject,a,b\nP1,1,\u20133\nP2,2,4\nP3,3,5\n", {},
+         "line 2, column b: a score must be a number or blank, got '\u20133'"),
         ("subject,item,answer,score\nP1,a,same,2\nP1,b,expected,3\n", {},
          "answer counts with its score above the lowest of the scale: add --scale LOW HIGH"),
         ("subject,a,b\nP1,1,2\n", {"columns": "subject"}, "--columns must be pairs such as"),
@@ -361,6 +363,12 @@ def test_sessions_groups_answers_and_contrasts() -> None:
     assert (study.groups, study.design.sessions) == (("x", "y"), 2)
     assert (study.rating.minimum, study.rating.maximum, study.rating.known) == (1, 7, True)
     assert study.rating.score_when == "always"
+
+
+def test_a_condition_below_0_with_a_typographic_minus_is_read() -> None:
+    scores = imported("subject,a,b\nP1,1,\u22123\nP2,2,\u22121\nP3,3,\u2212\n")
+    assert [each.score for each in scores.ratings] == [1, -3, 2, -1, 3, None]
+    assert scores.scale == (-3, 3)
 
 
 def test_who_or_what_has_no_score_is_left_out_and_said() -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from analysis.tables.roles import Roles, plain
+from analysis.tables.roles import Roles, is_recorded, plain
 from analysis.tables.summaries import MEANS, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed
@@ -97,6 +97,7 @@ def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
     numbers = [at for at in table.free if table.numeric[at] and not table.is_mean(at)]
     named = roles.columns("condition", "factor")
     if not roles.headings and (roles.column("score") is not None or named):
+        _require_no_heading(table)
         return _long(table, numbers)
     return _wide(table, numbers)
 
@@ -244,6 +245,21 @@ def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> No
 
 
 # A long table.
+
+
+def _require_no_heading(table: _Table) -> None:
+    """Refuse numbers that only their heading calls the condition, if each subject has one row."""
+    roles = table.roles
+    condition, subject = roles.column("condition"), roles.column("subject")
+    if condition is None or subject is None or is_recorded(table.cells):
+        return
+    is_told = bool(roles.told & {condition, roles.column("score")})
+    if table.numeric[condition] and not is_told and _tells_rows_apart(table, subject):
+        name = table.cells.named(condition)
+        raise table.refuse(
+            f"{name} may be the condition or be scored: add --columns condition={name}, or "
+            "condition=heading"
+        )
 
 
 def _long(table: _Table, numbers: Sequence[int]) -> Shape:

@@ -279,6 +279,9 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
         ("subject,item,answer,score\nP1,a,up,2\n", {"answers": "up"}, "--answers must be pairs"),
         ("subject,a,b\nP1,1,\u20133\nP2,2,4\nP3,3,5\n", {},
          "line 2, column b: a score must be a number or blank, got '\u20133'"),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\nP3,4,1\n", {},
+         "texture may be the condition or be scored: add --columns condition=texture, or condition="
+         "heading"),
         ("subject,item,answer,score\nP1,a,same,2\nP1,b,expected,3\n", {},
          "answer counts with its score above the lowest of the scale: add --scale LOW HIGH"),
         ("subject,a,b\nP1,1,2\n", {"columns": "subject"}, "--columns must be pairs such as"),
@@ -371,6 +374,11 @@ def test_a_condition_below_0_with_a_typographic_minus_is_read() -> None:
     assert scores.scale == (-3, 3)
 
 
+def test_numbers_that_name_conditions_are_read_where_subjects_have_several_rows() -> None:
+    scores = imported("subject,texture,score\nP1,40,5\nP1,80,4\nP2,40,3\nP2,80,1\n")
+    assert scores.conditions == ("40", "80")
+
+
 def test_who_or_what_has_no_score_is_left_out_and_said() -> None:
     scores = imported("subject,a,b,c\nP1,,,\nP2,9,10,\nP3,7,10,NA\n")
     assert [visit.participant for visit in scores.visits] == ["P2", "P3"]
@@ -387,6 +395,9 @@ def test_who_or_what_has_no_score_is_left_out_and_said() -> None:
         ("subject,a,b\nP1,1,2\nP1,3,4\n", "repeat=row", (1, 2)),
         ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "score=x", (1, 2)),
         ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "condition=heading,factor=item", (1, 4)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "condition=heading", (2, 2)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "condition=texture", (2, 2)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "score=colour", (2, 2)),
         ("item,score\na,2\nb,4\n", "subject=one", (1, 2)),
         ("who,what,how\nP1,a,2\nP1,b,4\n", "subject=who,condition=what,score=how", (1, 2)),
     ],

@@ -63,14 +63,6 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
         "row",
     ),
 }  # fmt: skip
-MEANS = frozenset(
-    {
-        "average", "comprehensive", "mean", "total", "sum", "median", "sd", "std", "sem", "se",
-        "mittelwert", "durchschnitt", "summe", "gesamt", "moyenne", "media", "stdev", "m", "n",
-        "grandmean", "ø", "mw", "avg",
-    }
-)  # fmt: skip
-"""Names of columns and rows that sum others up."""
 
 
 def plain(name: str) -> str:

@@ -8,8 +8,9 @@ from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
-from analysis.tables.roles import MEANS, is_recorded, plain
+from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
+from analysis.tables.summaries import MEANS, summing_up
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
 from protocol.errors import BadInput, listed
 from protocol.pseudonyms import pseudonym
@@ -149,6 +150,8 @@ def scores_in(
     told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
     if not told:
         raise TableError(f"{cells.source}: must have a score, got none")
+    if scale is None:
+        _require_no_answers(cells, told)
     called, of_names = _pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
     sessions, of_sessions = _sessions(told)
     groups = _groups(cells, told)
@@ -215,7 +218,7 @@ class _Reader:
     def entries(self) -> Iterator[_Entry]:
         rehearsals = self.recorded and self._has_sessions()
         for row, texts in enumerate(self.cells.rows):
-            if why := self._why_out(texts, rehearsals):
+            if why := self._why_out(row, texts, rehearsals):
                 self.rows_left_out[why] += 1
                 continue
             yield from self._of_row(row, texts)
@@ -249,7 +252,7 @@ class _Reader:
                 contrast=self._contrast(texts, row),
             )
 
-    def _why_out(self, texts: Sequence[str], has_sessions: bool) -> str:
+    def _why_out(self, row: int, texts: Sequence[str], has_sessions: bool) -> str:
         """Return why a row holds no rating; '' if it does."""
         if self.recorded:
             known = dict(zip(self.cells.header, texts, strict=True))
@@ -259,11 +262,21 @@ class _Reader:
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"
-        if self.subject is not None and not self.keep_means:
-            name = texts[self.subject]
-            if plain(name) in MEANS and not re.search(r"\d", name):
-                return f"named {name}"
+        if self.subject is not None and row in self._sums:
+            return f"named {texts[self.subject]}"
         return ""
+
+    @cached_property
+    def _sums(self) -> frozenset[int]:
+        """The rows that sum up the others: of a long table those that are called so."""
+        if self.subject is None or self.keep_means:
+            return frozenset()
+        rows = self.cells.rows
+        names = [row[self.subject] for row in rows]
+        if not self.shape.is_wide:
+            return frozenset(at for at, name in enumerate(names) if plain(name) in MEANS)
+        lines = [[row[at] for at in self.shape.scores] for row in rows]
+        return summing_up(self.cells, names, lines)
 
     def _has_sessions(self) -> bool:
         header = list(self.cells.header)
@@ -372,6 +385,16 @@ def _require_no_codes(cells: Cells, entries: Sequence[_Entry]) -> None:
                 f"scores lie from {low:g} to {high:g}: no score (add --missing {code}), or one "
                 "(add --scale with the ends of the scale)"
             )
+
+
+def _require_no_answers(cells: Cells, entries: Sequence[_Entry]) -> None:
+    """Refuse answers beside scores: the lowest score seen need not be the lowest of the scale."""
+    has_answers = any(entry.answer is not None for entry in entries)
+    if has_answers and any(entry.score is not None for entry in entries):
+        raise TableError(
+            f"{cells.source}: an answer counts with its score above the lowest of the scale: add "
+            "--scale LOW HIGH"
+        )
 
 
 def _require_apart(cells: Cells, entries: Sequence[_Entry]) -> None:

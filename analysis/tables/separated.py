@@ -10,8 +10,10 @@ from typing import Literal
 from analysis.cells import csv_fault
 from analysis.tables.table_cells import (
     COMMA_NUMBER,
+    MINUS,
     NUMBER,
     SAMPLE,
+    SIGN,
     Decimal,
     Rows,
     TableError,
@@ -21,8 +23,8 @@ from analysis.tables.table_cells import (
 
 Encoding = Literal["utf-8", "utf-16", "latin-1"]
 
-_POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_POINT_NUMBER = re.compile(rf"{SIGN}\d*\.\d+([eE]{SIGN}\d+)?")
+_THOUSANDS = re.compile(rf"{SIGN}[1-9]\d{{0,2}},\d{{3}}")
 
 SEPARATORS: Mapping[str, str] = {
     ",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces",
@@ -193,8 +195,9 @@ def decimal_mark(rows: Rows, text: str, separator: str, source: str) -> Decimal:
             "comma or the point the decimal mark? Add --decimal comma or --decimal point"
         )
     if all(_THOUSANDS.fullmatch(text) for _, text in by_comma):
+        number = float(cell.replace(",", ".").replace(MINUS, "-"))
         raise TableError(
-            f"{source}, line {line}: {cell!r} may be {float(cell.replace(',', '.')):g} or "
+            f"{source}, line {line}: {cell!r} may be {number:g} or "
             f"{cell.replace(',', '')}; add --decimal comma, or --decimal point and leave the comma "
             "out"
         )

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from analysis.tables.roles import MEANS, Roles, plain
+from analysis.tables.roles import Roles, is_recorded, plain
+from analysis.tables.summaries import MEANS, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed
 
@@ -96,6 +97,7 @@ def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
     numbers = [at for at in table.free if table.numeric[at] and not table.is_mean(at)]
     named = roles.columns("condition", "factor")
     if not roles.headings and (roles.column("score") is not None or named):
+        _require_no_heading(table)
         return _long(table, numbers)
     return _wide(table, numbers)
 
@@ -119,7 +121,9 @@ def _require_names(cells: Cells) -> None:
 def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
     cells, roles = table.cells, _with_subject(table)
     # A subject may be a number.
-    scores = tuple(at for at in numbers if roles.of.get(at) != "subject")
+    free = [at for at in numbers if roles.of.get(at) != "subject"]
+    sums = _sums(table, roles, free)
+    scores = tuple(at for at in free if at not in sums)
     if not scores:
         raise table.refuse(
             f"no column holds scores, among {table.names(range(len(cells.header)))}; "
@@ -139,6 +143,17 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
         left_out=_left_out(table, used),
     )  # fmt: skip
+
+
+def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> set[int]:
+    """Return the columns that sum up the others; of rows that may do so nothing is asked."""
+    if table.kept_means:
+        return set()
+    subject = roles.column("subject")
+    rows = [row for row in table.cells.rows if subject is None or not may_sum_up(row[subject])]
+    names = [table.cells.header[at] for at in columns]
+    lines = [[row[at] for row in rows] for at in columns]
+    return {columns[place] for place in summing_up(table.cells, names, lines)}
 
 
 def _with_subject(table: _Table) -> Roles:
@@ -230,6 +245,21 @@ def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> No
 
 
 # A long table.
+
+
+def _require_no_heading(table: _Table) -> None:
+    """Refuse numbers that only their heading calls the condition, if each subject has one row."""
+    roles = table.roles
+    condition, subject = roles.column("condition"), roles.column("subject")
+    if condition is None or subject is None or is_recorded(table.cells):
+        return
+    is_told = bool(roles.told & {condition, roles.column("score")})
+    if table.numeric[condition] and not is_told and _tells_rows_apart(table, subject):
+        name = table.cells.named(condition)
+        raise table.refuse(
+            f"{name} may be the condition or be scored: add --columns condition={name}, or "
+            "condition=heading"
+        )
 
 
 def _long(table: _Table, numbers: Sequence[int]) -> Shape:

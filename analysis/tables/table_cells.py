@@ -12,11 +12,29 @@ from protocol.study.fields import LONGEST_NAME, require_printable
 
 Decimal = Literal["point", "comma"]
 
+MINUS = "\N{MINUS SIGN}"
+SIGN = f"[+{MINUS}-]?"
 # `float` alone would also take "nan", "inf" and "1_0".
-NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+NUMBER = re.compile(rf"{SIGN}(\d+(\.\d*)?|\.\d+)([eE]{SIGN}\d+)?")
+COMMA_NUMBER = re.compile(rf"{SIGN}\d*,\d+([eE]{SIGN}\d+)?")
 MISSING = frozenset(
-    {"", "na", "n/a", "#n/a", "<na>", "nan", "-", "--", "–", "—", ".", "null", "none", "missing"}
+    {
+        "",
+        "na",
+        "n/a",
+        "#n/a",
+        "<na>",
+        "nan",
+        "-",
+        "--",
+        "–",
+        "—",
+        MINUS,
+        ".",
+        "null",
+        "none",
+        "missing",
+    }
 )
 """What stands for no value, in lower case."""
 
@@ -67,7 +85,7 @@ class Cells:
         """Return the number in a cell; None if it is none."""
         if self.decimal == "comma" and "," in text:
             text = text.replace(",", ".") if COMMA_NUMBER.fullmatch(text) else ""
-        return float(text) if NUMBER.fullmatch(text) else None
+        return float(text.replace(MINUS, "-")) if NUMBER.fullmatch(text) else None
 
 
 def is_missing(text: str) -> bool:

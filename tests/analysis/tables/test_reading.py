@@ -56,6 +56,16 @@ def test_dialects_hold_the_same_cells(content: bytes, understood: tuple[str, ...
     assert cells.understood == understood
 
 
+@pytest.mark.parametrize("text", [PLAIN, GERMAN, BY_TABS])
+def test_a_typographic_minus_is_one(text: str) -> None:
+    for score in ("3", "4"):
+        text = text.replace(score, f"\u2212{score}")
+    cells = read(text)
+    assert values(cells) == [[-3.5, None], [-4.25, 6]]
+    assert cells.is_numeric(1)
+    assert is_missing("\u2212")
+
+
 def test_latin_1_is_read_when_asked_for() -> None:
     text = "Proband;Höhe “x”\nP1;3\n"
     cells = read(text.encode("cp1252"), encoding="latin-1")
@@ -111,6 +121,7 @@ def test_values_of_a_workbook_are_texts() -> None:
         (b"a,b\n1,2\n3\n", "line 3: must have 2 cells as the header, got 1"),
         (b"a,b\n1,2,3\n3,4\n", "line 2: must have 2 cells as the header, got 3"),
         (b"a;b\n1,5;2.5\n", "'1,5' in line 2 and '2.5' in line 2: is the comma or the point"),
+        ("a;b\n\u22121,500;2\n".encode(), "may be -1.5 or \u22121500; add --decimal comma, or"),
         (b"a;b\n1,500;2\n", "'1,500' may be 1.5 or 1500; add --decimal comma, or"),
         (b"a,b;c\nx,y;z\n", "separated by commas or semicolons; save it with tabs"),
         (b'a,"b\n1,2\n', "line 1: a quotation mark is opened and never closed"),

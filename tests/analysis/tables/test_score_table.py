@@ -98,6 +98,39 @@ def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:
     assert imported(with_means(None, "all-9"), keep_means=True).visits[-1].participant == "all-9"
 
 
+PRINTED = """VP;m;n;o;Ø
+MW;23;28;77;42,7
+SD;26;40;90;52,0
+SE;42;26;81;49,7
+N;11;31;-;21,0
+"""
+
+
+def test_initials_and_letters_are_people_and_conditions_though_means_are_called_so() -> None:
+    people = "".join(line.rpartition(";")[0] + "\n" for line in PRINTED.splitlines())
+    for text in (people, people.replace("VP;m;n;o", "VP;m;n;sum")):
+        scores = imported(text)
+        assert len(scores.visits) == 4
+        assert len(scores.conditions) == 3
+        assert not scores.lines[-1].startswith("Left out")
+    scores = imported("subject,item,score\nSD,a,1\nSD,b,2\nM,a,3\nM,b,5\n")
+    assert len(scores.visits) == 2
+
+
+def test_means_with_a_short_name_are_known_by_their_numbers() -> None:
+    sums = "M;25,5;31,25;82,67;41,33\nSD;12,77;6,18;6,66;14,1\nN;4;4;3;4\n"
+    printed = PRINTED
+    for name in ("MW", "SD", "SE", "N"):
+        printed = printed.replace(f"\n{name};", f"\nA{name};")
+    scores = imported(printed + sums)
+    assert len(scores.visits) == 4
+    assert scores.conditions == ("m", "n", "o")
+    assert scores.lines[-1] == ("Left out: column Ø; 1 row named M; 1 row named SD; 1 row named N.")
+    assert len(imported(printed + sums.replace("25,5", "25,6")).visits) == 7
+    assert len(imported(printed + sums.replace("N;", "X;")).visits) == 7
+    assert imported(printed.replace("52,0", "52,3")).conditions == ("m", "n", "o", "Ø")
+
+
 def test_our_own_table_4_is_read_without_its_means() -> None:
     written = table4_csv(table4(score_table(PUBLISHED)))
     assert np.array_equal(score_table(written).scores, score_table(PUBLISHED).scores)
@@ -244,6 +277,13 @@ def test_the_guard_of_an_exported_name_is_taken_off_again() -> None:
          "P1 is in the group y and in x before"),
         ("subject,item,answer,score\nP1,a,up,2\n", {}, "answers must be expected, .* got up; say"),
         ("subject,item,answer,score\nP1,a,up,2\n", {"answers": "up"}, "--answers must be pairs"),
+        ("subject,a,b\nP1,1,\u20133\nP2,2,4\nP3,3,5\n", {},
+         "line 2, column b: a score must be a number or blank, got '\u20133'"),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\nP3,4,1\n", {},
+         "texture may be the condition or be scored: add --columns condition=texture, or condition="
+         "heading"),
+        ("subject,item,answer,score\nP1,a,same,2\nP1,b,expected,3\n", {},
+         "answer counts with its score above the lowest of the scale: add --scale LOW HIGH"),
         ("subject,a,b\nP1,1,2\n", {"columns": "subject"}, "--columns must be pairs such as"),
         ("subject,a,b\nP1,1,2\n", {"columns": "score=c"}, "no column 'c'; there are subject, a, b"),
         ("subject,item,score,contrast\nP1,a,2,11\n", {},
@@ -328,6 +368,17 @@ def test_sessions_groups_answers_and_contrasts() -> None:
     assert study.rating.score_when == "always"
 
 
+def test_a_condition_below_0_with_a_typographic_minus_is_read() -> None:
+    scores = imported("subject,a,b\nP1,1,\u22123\nP2,2,\u22121\nP3,3,\u2212\n")
+    assert [each.score for each in scores.ratings] == [1, -3, 2, -1, 3, None]
+    assert scores.scale == (-3, 3)
+
+
+def test_numbers_that_name_conditions_are_read_where_subjects_have_several_rows() -> None:
+    scores = imported("subject,texture,score\nP1,40,5\nP1,80,4\nP2,40,3\nP2,80,1\n")
+    assert scores.conditions == ("40", "80")
+
+
 def test_who_or_what_has_no_score_is_left_out_and_said() -> None:
     scores = imported("subject,a,b,c\nP1,,,\nP2,9,10,\nP3,7,10,NA\n")
     assert [visit.participant for visit in scores.visits] == ["P2", "P3"]
@@ -344,6 +395,9 @@ def test_who_or_what_has_no_score_is_left_out_and_said() -> None:
         ("subject,a,b\nP1,1,2\nP1,3,4\n", "repeat=row", (1, 2)),
         ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "score=x", (1, 2)),
         ("subject,item,x,y\nP1,a,2,3\nP1,b,4,3\n", "condition=heading,factor=item", (1, 4)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "condition=heading", (2, 2)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "condition=texture", (2, 2)),
+        ("subject,texture,colour\nP1,3,5\nP2,2,4\n", "score=colour", (2, 2)),
         ("item,score\na,2\nb,4\n", "subject=one", (1, 2)),
         ("who,what,how\nP1,a,2\nP1,b,4\n", "subject=who,condition=what,score=how", (1, 2)),
     ],

@@ -88,7 +88,10 @@ def test_our_own_exports_are_understood(study: Path, capsys: pytest.CaptureFixtu
         out = study.parent / kind
         assert typed("export", study, out, "--format", kind) == 0
         capsys.readouterr()
-        assert typed("import", out / name, study.parent / f"again-{kind}") == 0
+        again = study.parent / f"again-{kind}"
+        assert typed("import", out / name, again) == 2
+        assert "above the lowest of the scale: add --scale LOW" in capsys.readouterr().err
+        assert typed("import", out / name, again, "--scale", "1", "7") == 0
         shown = capsys.readouterr().out
         assert "Conditions: 4 (column condition)" in shown
         assert "Repeats: 2" in shown

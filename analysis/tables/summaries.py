@@ -1,0 +1,109 @@
+"""Rows and columns that sum up the others: known by their names, if short by their numbers."""
+
+import re
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+
+from analysis.tables.roles import plain
+from analysis.tables.table_cells import Cells, is_missing
+
+MEANS = frozenset(
+    {
+        "average", "comprehensive", "mean", "total", "median", "mittelwert", "durchschnitt",
+        "summe", "gesamt", "moyenne", "stdev", "grandmean",
+    }
+)  # fmt: skip
+"""Names that nobody has, and no condition."""
+Statistic = Callable[[Sequence[float]], Sequence[float]]
+
+
+def _means(values: Sequence[float]) -> Sequence[float]:
+    return (statistics.fmean(values),)
+
+
+def _deviations(values: Sequence[float]) -> Sequence[float]:
+    """Return the standard deviation as it is estimated, and of these values alone."""
+    if len(values) == 1:
+        return (0.0,)
+    return statistics.stdev(values), statistics.pstdev(values)
+
+
+def _errors(values: Sequence[float]) -> Sequence[float]:
+    return [deviation / len(values) ** 0.5 for deviation in _deviations(values)]
+
+
+def _counts(values: Sequence[float]) -> Sequence[float]:
+    return (float(len(values)),)
+
+
+def _sums(values: Sequence[float]) -> Sequence[float]:
+    return (sum(values),)
+
+
+_SHORT: Mapping[str, Statistic] = {
+    **dict.fromkeys(("m", "mw", "ø", "avg", "media"), _means),
+    **dict.fromkeys(("sd", "std"), _deviations),
+    **dict.fromkeys(("se", "sem"), _errors),
+    "n": _counts,
+    "sum": _sums,
+}
+"""Names that may be initials, or conditions, too: their numbers tell."""
+_LEAST_OTHERS = 3
+_LEAST_MET = 3
+
+
+def may_sum_up(name: str) -> bool:
+    return plain(name) in MEANS or plain(name) in _SHORT
+
+
+def summing_up(
+    cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]
+) -> frozenset[int]:
+    """Return the places of the lines - rows, or columns - that sum up those before them.
+
+    They are called so; those with a short name stand at the end, and what they hold is the
+    statistic of that name, to its printed digits.
+    """
+    if not any(map(may_sum_up, names)):
+        return frozenset()
+    named: set[int] = set()
+    last: dict[int, list[float | None]] = {}
+    others: list[list[float | None]] = []
+    for at, (name, texts) in enumerate(zip(names, lines, strict=True)):
+        numbers = [cells.number(text) for text in texts]
+        statistic = _SHORT.get(plain(name))
+        if plain(name) in MEANS:
+            named.add(at)
+        elif statistic and _is_that(statistic, texts, numbers, others):
+            last[at] = numbers
+        else:
+            others += [*last.values(), numbers]
+            last.clear()
+    return frozenset({*named, *last})
+
+
+def _is_that(
+    statistic: Statistic,
+    texts: Sequence[str],
+    numbers: Sequence[float | None],
+    others: Sequence[Sequence[float | None]],
+) -> bool:
+    """Return whether numbers are the statistic of the others, and not by chance.
+
+    A fraction, where all others are whole, is proof; else it takes three others and three cells.
+    """
+    decimals = [len(mark[1]) for text in texts if (mark := re.search(r"[.,](\d+)$", text))]
+    near = max(0.51 * 10 ** -max(decimals), 1e-6) if decimals else 1e-6
+    telling = 0
+    for at, (text, number) in enumerate(zip(texts, numbers, strict=True)):
+        if number is None and is_missing(text):
+            continue
+        values = [value for other in others if (value := other[at]) is not None]
+        if number is None or not values:
+            return False
+        if all(abs(number - value) > near for value in statistic(values)):
+            return False
+        telling += len(set(values)) > 1
+    whole = all(value is None or value % 1 == 0 for other in others for value in other)
+    proof = whole and any(number is not None and number % 1 for number in numbers)
+    return telling > 0 and (proof or (len(others) >= _LEAST_OTHERS and telling >= _LEAST_MET))

@@ -188,6 +188,7 @@ def scores_in(
         *_shape_lines(cells, shape, imported),
         _scale_line(imported, told),
         _missing_line(imported, told),
+        *_copies(cells, shape),
         *of_sessions,
         *of_names,
         *_left_out_lines(shape, reader, silent),
@@ -576,6 +577,14 @@ def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str
         yield f"Contrasts: {', '.join(given)}."
     elif any(rating.contrast is not None for rating in imported.ratings):
         yield "Contrasts: they differ by row."
+
+
+def _copies(cells: Cells, shape: Shape) -> Iterator[str]:
+    """Yield how many rows of a long table are copies, or a score that was given again."""
+    copies = len(cells.rows) - len(set(map(tuple, cells.rows)))
+    if copies and not shape.is_wide:
+        rows = "1 row is" if copies == 1 else f"{copies} rows are"
+        yield f"{rows} like another one in every cell; each counts as a repeat."
 
 
 def _scale_line(imported: Imported, entries: Sequence[_Entry]) -> str:

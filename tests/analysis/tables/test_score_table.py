@@ -422,6 +422,15 @@ def test_the_papers_names_with_contrasts_of_ones_own_are_no_table_4() -> None:
     assert all(event.ratings for event in events_of(found, "t.csv", "0"))
 
 
+def test_rows_that_are_alike_are_said() -> None:
+    rows = "subject,item,score\nP1,x,3\nP1,y,4\nP1,x,3\nP2,x,5\n"
+    said = "1 row is like another one in every cell; each counts as a repeat."
+    assert said in imported(rows).lines
+    assert not any(
+        "like another" in line for line in imported(rows.replace("P1,x,3\nP2", "P2")).lines
+    )
+
+
 def test_a_blank_contrast_hides_no_other() -> None:
     found = imported("subject,condition,score,contrast\nP1,a,3,0.1\nP2,a,4,\nP1,b,5,0.2\nP2,b,6,.2")
     assert found.contrasts == {"a": 0.1, "b": 0.2}

@@ -26,8 +26,15 @@ from protocol.study.factor import CONDITION, MOST_CONDITIONS, Factor, Group, cel
 from protocol.study.fields import Line, Name, NotNegative, Positive, Record, Whole, setting
 from protocol.study.languages import Code, KnownCode, Language
 from protocol.study.rig_settings import ForceChannel, Rig
-from protocol.study.study_question import ANSWERS, InstructionPage, Question, StudyQuestion, When
-from protocol.study.surface import Surface
+from protocol.study.study_question import (
+    ANSWERS,
+    Filename,
+    InstructionPage,
+    Question,
+    StudyQuestion,
+    When,
+)
+from protocol.study.surface import Surface, TableName
 from protocol.study.touch import Slide, Touch, TouchDefaults
 from protocol.study.track import Track
 
@@ -197,10 +204,10 @@ class Study(Record):
     question: tuple[StudyQuestion, ...] = setting((), max_length=40)
     """Questions of the study's own, in the order of asking."""
     page: tuple[InstructionPage, ...] = setting((), "Pages to read, in their order.", max_length=40)
-    pictures: dict[str, Line] = Field(default_factory=dict)
+    pictures: dict[Filename, Line] = Field(default_factory=dict)
     """Digests of the pictures (SHA-256), by name: `touchbeam` reads the files and adds them to the
     study, so that a changed picture is a changed study."""
-    tables: dict[str, Line] = Field(default_factory=dict)
+    tables: dict[TableName, Line] = Field(default_factory=dict)
     """Digests of tables of friction (SHA-256), by name, likewise."""
     opening: tuple[Opening, ...] = setting((), "Trials that begin every session, not scored.")
     group: tuple[Group, ...] = setting((), max_length=12)

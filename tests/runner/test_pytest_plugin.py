@@ -215,3 +215,16 @@ def test_a_study_with_all_features_can_be_rehearsed() -> None:
     session = rehearse(text, plan(parsed_study(text), 0))
     session.assert_complete()
     assert set(session.answers) == set(range(29))
+
+
+@pytest.mark.parametrize("table", ["pictures", "tables"])
+def test_a_strangers_study_names_no_file_outside_its_folder(tmp_path: Path, table: str) -> None:
+    folder = tmp_path / "deep" / "study"
+    folder.mkdir(parents=True)
+    end = "png" if table == "pictures" else "csv"
+    (tmp_path / f"taken.{end}").write_text("x", encoding="utf-8")
+    text = f'{PAPER}\n[{table}]\n"../../taken.{end}" = "0f"\n'
+    done = pytest_run(folder, text)
+    assert done.returncode != 0
+    assert "in the study's folder, such as" in done.stdout
+    assert typed("check", folder) == 2

@@ -51,7 +51,7 @@ def _data(found: Findings) -> str:
         "The scores were imported from a table."
         if found.published
         else "In each trial participants touched the vibrating surface and scored what they felt, "
-        f"from {found.scale_in_words}, asked “{_asked(found.study)}” Conditions differed in "
+        f"from {found.scale_in_words}, asked “{_asked(found.study)}”. Conditions differed in "
         f"{'the factors' if found.study.factors else 'the touches'}."
         if found.at_once
         else "Each condition changed "

@@ -156,8 +156,7 @@ def _spread(rating: Rated) -> str:
         return f"Gains differ between people: {equal} (.50 before the study); their SD {below}."
     return (
         f"These data do not show that gains differ between people: {equal} ({before}). If gains "
-        f"differ, their SD {below}. Gains that differ by an SD of 1 to 2 points "
-        "are seldom shown to."
+        f"differ, their SD {below}. That gains differ is seldom shown, also where they do."
     )
 
 

@@ -475,9 +475,11 @@ def test_conditions_without_a_question_are_shown_as_rated(
     predicted = {each["condition"]: each["predicted_contrast"] for each in trials if each["level"]}
     assert predicted == pytest.approx(
         {
-            "weak": math.log(0.5 / 0.6),
-            "medium": math.log(0.4 / 0.6),
-            "strong": math.log(0.3 / 0.6),
+            "20 V": math.log(0.55 / 0.6),
+            "40 V": math.log(0.5 / 0.6),
+            "60 V": math.log(0.43 / 0.6),
+            "80 V": math.log(0.36 / 0.6),
+            "100 V": math.log(0.3 / 0.6),
             None: None,
         }
     )

@@ -22,18 +22,19 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     """Yield the preview line by line: the first participant's trials, then the cohort."""
     yield f"Plan of the first of {_many(len(shown.plans), 'participant')} (session 1)"
     yield ""
-    yield from _table(_trial_rows(shown, model))
+    columns = [column for column in zip(*_trial_rows(shown, model), strict=True) if any(column[1:])]
+    yield from _table(zip(*columns, strict=True))
     yield ""
     yield "Peak V: amplitude. Drive: relative to the resonance, or in Hz. 0.98/1: a change between"
     yield "touches; 0>200: a change during a touch."
-    if shown.study.absolute:
-        yield "Pred.: predicted ln(friction / that at 0 V), positive where friction rises;"
-    else:
-        yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
-    yield f"{model.source or f'friction law {model.law}, rung {model.rung}'}."
+    names = {heading for heading, *_ in columns}
+    if "pred." in names:
+        yield from _predicted(shown)
+        yield f"{model.source or f'friction law {model.law}, rung {model.rung}'}."
     if model.rig:
         yield from wrap(f"Rig: {model.rig}.", 80)
-    yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
+    if "finger" in names:
+        yield "Finger: what else changes between touches; x1.5: press 1.5 times as hard."
     yield ""
     yield from _session_lines(shown)
     yield from _question_lines(shown)
@@ -43,6 +44,16 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield ""
     yield from _carryover_lines(shown)
     yield from _group_lines(shown.study)
+
+
+def _predicted(shown: preview.Preview) -> Iterator[str]:
+    """Yield what the predicted numbers are."""
+    if not shown.study.absolute:
+        yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
+        return
+    yield "Pred.: predicted ln(friction / that at 0 V), positive where friction rises;"
+    if any(trial.expected for trial in shown.plans[0].trials):
+        yield "where an answer is expected, its change, positive in the expected direction;"
 
 
 def _many(number: int, one: str, more: str = "") -> str:

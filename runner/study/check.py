@@ -284,12 +284,13 @@ def _surface_record(study: Study, rig: Calibration) -> dict[str, Any]:
 
 
 def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
-    """Yield what is touched, as it was understood, of a study that says so."""
+    """Yield what is touched, as it was understood."""
+    yield ""
     if "surface" not in study.model_fields_set:
+        yield "Surface     the paper's beam; [surface] describes another"
         return
     from device.friction.surfaces import BeamSurface
 
-    yield ""
     if not isinstance(rig.surface, BeamSurface):
         source = {"measured": f"friction from {study.surface.table}"}
         known = source.get(study.surface.kind, "friction as touches state it")

@@ -502,3 +502,36 @@ def test_a_study_of_another_surface_is_warned_of_what_it_leaves_as_for_the_paper
         texts = "give texts.en.welcome, texts.en.stopped, texts.zh.welcome, texts.zh.stopped"
         assert (texts in told) == warned
         assert ("near 24221 Hz, that of the paper's beam" in told) == warned
+
+
+def test_the_preview_explains_what_stands_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, pictures = template("plate"), template_pictures("plate")
+    asks = text.replace(
+        'kind = "baseline"',
+        'kind = "signal"\nquestion = "roughness"\nexpected = "smoother"',
+    ).replace("voltage_v = 0, friction = 0.60", "voltage_v = 100, friction = 0.30")
+    unknown = re.sub(r", friction = [\d.]+", "", text)
+    of_answers = "where an answer is expected, its change, positive in the expected direction;"
+    shown = []
+    for number, written in enumerate((text, asks, unknown)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "study.toml").write_text(written, encoding="utf-8")
+        for name, content in pictures.items():
+            (folder / name).write_bytes(content)
+        assert typed("check", str(folder)) == 0
+        shown.append(capsys.readouterr().out)
+    assert [of_answers in each for each in shown] == [False, True, False]
+    assert ["Pred.:" in each for each in shown] == [True, True, False]
+    headings = [each.splitlines()[2].split() for each in shown]
+    always = ["#", "block", "kind", "condition", "peak", "V", "drive"]
+    assert headings == [[*always, "pred."], [*always, "pred.", "expected"], always]
+
+
+def test_the_papers_beam_is_named_where_no_surface_is_described(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("check", study(tmp_path, "paper")) == 0
+    assert "Surface     the paper's beam; [surface] describes another" in capsys.readouterr().out

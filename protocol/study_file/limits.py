@@ -236,10 +236,13 @@ def _absolute_problems(study: Study) -> Iterator[Problem]:
         where, path = f"condition {rated[0].name}", ("condition", rated[0].written, "question")
         rule, hint = "must be given, as in other conditions", "or leave it out in all of them"
         yield Problem(f"{where}, question", rule, "nothing", hint, path)
+    rule = "must be left out where no condition has a question"
     if study.absolute and study.exclusions.max_false_alarms is not None:
-        rule = "must be left out where no condition has a question"
         value, hint = study.exclusions.max_false_alarms, "a score of a catch trial is no alarm"
         yield Problem.of_key("exclusions.max_false_alarms", rule, f"{value:g}", hint)
+    if study.absolute and "score_when" in study.rating.model_fields_set:
+        when = study.rating.score_when
+        yield Problem.of_key("rating.score_when", rule, repr(when), "each trial is scored")
 
 
 def problems(study: Study, further: Iterable[Problem] = ()) -> list[Problem]:

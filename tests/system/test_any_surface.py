@@ -74,6 +74,8 @@ def test_it_is_reported(study: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert len(laws) == {"beam": 4, "measured": 1, "stated": 1, "given": 0}[study.name]
     source = {"beam": "on its rung beam", "measured": "table friction.csv", "stated": "states of"}
     assert source.get(study.name, "Scores by subject") in text
+    assert ("under each friction law" in text) == (study.name == "beam")
+    assert ("predicted contrast</th>" in page) == (study.name in {"measured", "stated"})
 
 
 def test_its_power_is_simulated(study: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -148,13 +148,16 @@ def _levels_figure(found: Findings) -> Figure:
 def _prediction_table(found: Findings) -> Table:
     laws, means = found.trials.laws, found.trials.response_tests.means
     # The paper's own ranking has ranks, which would look like contrasts here.
-    physical = [score for score in laws if score.law != PAPERS_RANKING]
+    physical = [score for score in laws if score.law in found.shown_laws]
+    several = len(physical) > 1
+    headings = [score.law if several else "predicted contrast" for score in physical]
     return Table(
         name=PREDICTIONS,
-        caption="Mean predicted contrast of each condition under each friction law, from "
-        f"{found.friction_source} ({_SIGN[found.at_once]}), "
+        caption="Mean predicted contrast of each condition"
+        + " under each friction law" * several
+        + f", from {found.friction_source} ({_SIGN[found.at_once]}), "
         f"with the mean {found.measure}.",
-        columns=columns("condition", f"mean {found.measure}", *(score.law for score in physical)),
+        columns=columns("condition", f"mean {found.measure}", *headings),
         rows=[
             [name, number(mean, 2), *(number(score.predicted.get(name), 4) for score in physical)]
             for name, mean in zip(found.loaded.table.conditions, means, strict=True)

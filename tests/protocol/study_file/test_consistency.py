@@ -100,6 +100,11 @@ def test_a_condition_without_a_question_expects_no_answer() -> None:
             r"0\.2; a score of a catch trial is no alarm",
         ),
         (
+            '[rating]\nscore_when = "agrees"',
+            r"rating\.score_when: must be left out where no condition has a question, got "
+            r"'agrees'; each trial is scored",
+        ),
+        (
             "[design]\nrepeats = 2\nopposite_repeats = 1",
             r"design\.opposite_repeats: must be 0 if no condition has an opposite, got 1",
         ),

@@ -36,7 +36,7 @@ class Rater(Person):
 
 
 def plate(low: int, high: int) -> str:
-    """The template's study on another scale: three short touches, and one at 0 V."""
+    """The template's study on another scale: five short touches, and one at 0 V."""
     text = template("plate")
     head, _, rest = text.partition("[[group]]")
     changes = {
@@ -58,9 +58,9 @@ def plate(low: int, high: int) -> str:
 @pytest.mark.parametrize(
     ("low", "high", "scores", "control"),
     [
-        (1, 7, (2, 7, 1, 4), "mouse"),
-        (-3, 3, (-3, 0, 2, -1), "keyboard"),
-        (0, 100, (7, 100, 42, 0), "mouse"),
+        (1, 7, (2, 7, 1, 4, 3, 6), "mouse"),
+        (-3, 3, (-3, 0, 2, -1, 1, 3), "keyboard"),
+        (0, 100, (7, 100, 42, 0, 50, 99), "mouse"),
     ],
 )
 def test_each_score_of_a_scale_can_be_given(

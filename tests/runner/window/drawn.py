@@ -7,6 +7,7 @@ prints how many lines were drawn and which of them are wider than was estimated.
 
 import json
 import os
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +28,7 @@ from runner.screens import (
     Screen,
     Welcome,
     ask_change,
+    ask_rating,
     ask_score,
     ask_track,
     lead_in,
@@ -151,8 +153,13 @@ def main(language: str, folder: Path | None) -> None:
         ask_score(Rating(minimum=0, maximum=100)),
     )
     wide = [line for screen in screens for line in too_wide(canvas, screen, wording)]
-    for name, screen, view in pictures(study) if folder else []:
-        canvas.draw(page(screen, view, wording))
+    plate = parsed_study(re.sub("(?m)^(path_in_)?picture *=.*$", "", template("plate")))
+    rated, of_plate = ask_rating(plate.rating), study_wording(plate, language)
+    wide += too_wide(canvas, rated, of_plate)
+    shown = [(*each, wording) for each in pictures(study)]
+    shown.append(("rating", rated, PageState(chosen="5", progress=(3, 22)), of_plate))
+    for name, screen, view, words in shown if folder else []:
+        canvas.draw(page(screen, view, words))
         canvas.flip()
         picture = ImageGrab.grab(xdisplay=os.environ["DISPLAY"])
         assert folder is not None
@@ -161,7 +168,7 @@ def main(language: str, folder: Path | None) -> None:
         keep(picture, folder / f"{name}-{language}-{picture.width}.png")
     canvas.close()
     imported = [name for name in sys.modules if name.startswith("scipy.interpolate.")]
-    print(json.dumps({"screens": len(screens), "too_wide": wide, "needless": imported}))
+    print(json.dumps({"screens": len(screens) + 1, "too_wide": wide, "needless": imported}))
 
 
 if __name__ == "__main__":

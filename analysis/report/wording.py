@@ -144,10 +144,12 @@ def _friedman_line(test: Friedman | NotEstimable) -> str:
         if isinstance(test.p_exact, NotEstimable)
         else f"exact permutation {p_equals(test.p_exact)}"
     )
+    ends = test.kendall_w_interval
+    w = beside(ends) if not isinstance(ends, NotEstimable) else f" (no interval: {ends.reason})"
     return (
         f"Friedman's test of equal conditions: χ²({test.df}) = {test.chi2:.4f}, "
         f"{p_equals(test.p)} ({exact}); Kendall's W = {test.kendall_w:.3f}"
-        f"{beside(test.kendall_w_interval)}, corrected for ties."
+        f"{w}, corrected for ties."
     )
 
 

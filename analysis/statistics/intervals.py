@@ -15,14 +15,17 @@ DESIGN: Final = (
     "9 subjects, 5 conditions, whole scores on a scale of 11, subjects' SD 0.7, residual SD "
     "1, condition means from 6 to 8, 10,000 simulated studies"
 )
+KENDALLS_W: Final = "Kendall's W"
 COVERAGE: Final[Mapping[str, float]] = {
-    "Kendall's W": 0.959,
+    KENDALLS_W: 0.959,
     "rank-biserial r": 0.965,
     "mean difference": 0.949,
 }
 """Share of intervals that cover the truth under `DESIGN`, measured by tests/soak."""
 NO_WIDTH = 1e-9
 """Half of an interval that only rounding keeps from nothing: it would claim to be certain."""
+TOLD_AS_AN_END = 0.005
+"""Two digits tell what is as near to 0 or 1 as this as 0 or 1."""
 
 
 def mean_interval(values: FloatArray) -> Interval | NotEstimable:
@@ -55,7 +58,10 @@ def concordance_interval(ranks: FloatArray) -> Interval | NotEstimable:
     """Return the interval of Kendall's W, by jackknife over subjects.
 
     W = (1 + (n - 1) r) / n, where r is the mean rank correlation of two subjects, which does not
-    depend on n. t with n - 1 degrees of freedom applies to the Fisher transform of r.
+    depend on n. t with n - 1 degrees of freedom applies to the Fisher transform of r. Where the
+    subjects left after one is left out all rank alike, the transform of 1 has no end, and the
+    interval none within 0 to 1; t with 2 degrees of freedom reaches nearly as far. Such an interval
+    is not told.
 
     Parameters:
         ranks: shape (subjects, conditions), about their mean.
@@ -73,4 +79,8 @@ def concordance_interval(ranks: FloatArray) -> Interval | NotEstimable:
     if half <= NO_WIDTH:
         return NotEstimable("without any one subject it is the same, so that no spread is known")
     low, high = (1 + (n - 1) * np.tanh(np.array([middle - half, middle + half]))) / n
+    if low < TOLD_AS_AN_END and high > 1 - TOLD_AS_AN_END:
+        return NotEstimable(
+            "it would reach from 0 to 1, since subjects are few or all but one rank alike"
+        )
     return float(max(0.0, low)), float(high)

@@ -11,9 +11,11 @@ from analysis.report import blocks, estimates_json, figure_data
 from analysis.report.findings import Findings
 from analysis.report.results import NO_FINDING
 from analysis.report.wording import beside, number, of_all, omnibus_line, p_equals, sentence
-from analysis.statistics.intervals import COVERAGE, DESIGN
+from analysis.statistics.intervals import COVERAGE, DESIGN, KENDALLS_W
+from analysis.statistics.omnibus import Friedman
 from analysis.statistics.signed_rank import PairwiseTest, SignedRank, least_holm_p
 from analysis.statistics.slope import Slope
+from analysis.statistics.summary import ConditionTests
 from protocol.errors import listed
 from protocol.registration.registration import OMNIBUS
 
@@ -30,12 +32,7 @@ def tests(found: Findings) -> blocks.Section:
             omnibus_line(of),
             _pairs_line(of.pairwise, counts=found.questions.holds(OMNIBUS)),
             _pairwise_table(of.pairwise) if of.pairwise else None,
-            "Share of 95% intervals that covered the truth in simulations, whose design is not "
-            f"this study's ({DESIGN}): "
-            f"{', '.join(f'{name} {share:.3f}' for name, share in COVERAGE.items())}."
-            f"{_ZEROS * (found.measure == 'response')}"
-            if of.pairwise
-            else None,
+            _coverage_line(of, found.measure) if of.pairwise else None,
             *([slope_line(slope), _level_line(found)] if found.is_predicted else []),
             scores_figure(found),
             _people_figure(found),
@@ -54,6 +51,20 @@ _COMPARED = {
     "response": f"Conditions are compared by each participant's mean response. {IN_WORDS}.",
     "score": "Conditions are compared by each subject's scores.",
 }
+
+
+def _coverage_line(of: ConditionTests, measure: str) -> str:
+    """Return how often intervals of the kinds that stand here covered the truth."""
+    has_w = isinstance(of.friedman, Friedman) and not isinstance(
+        of.friedman.kendall_w_interval, NotEstimable
+    )
+    shares = [
+        f"{name} {share:.3f}" for name, share in COVERAGE.items() if has_w or name != KENDALLS_W
+    ]
+    return (
+        "Share of 95% intervals that covered the truth in simulations, whose design is not this "
+        f"study's ({DESIGN}): {', '.join(shares)}.{_ZEROS * (measure == 'response')}"
+    )
 
 
 def slope_line(slope: Slope | NotEstimable) -> str:

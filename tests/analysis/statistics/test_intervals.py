@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from analysis.estimates import FloatArray, NotEstimable, ScoreTable
-from analysis.report.report import report_html
+from analysis.report.report import report_html, report_json
 from analysis.statistics.intervals import (
     concordance_interval,
     mean_interval,
@@ -56,6 +56,35 @@ def test_subjects_who_all_agree_have_no_interval_in_place_of_one_without_width()
     assert isinstance(concordance_interval(np.tile([-1.0, 0.0, 1.0], (3, 1))), NotEstimable)
     page = report_html(made(alike))
     assert "−2.00 (no interval)" in page
+
+
+ALIKE = [[1.0, 2.0, 3.0]] * 7
+FEW = [[1.0, 2.0, 3.0], [2.0, 3.0, 5.0], [1.0, 3.0, 2.0]]
+ONE_DIFFERS = [*ALIKE, [2.0, 1.0, 3.0]]
+TWO_DIFFER = [*ONE_DIFFERS, [1.0, 3.0, 2.0]]
+
+
+@pytest.mark.parametrize("scores", [FEW, ONE_DIFFERS])
+def test_an_interval_of_concordance_that_covers_every_value_is_not_told(
+    scores: list[list[float]],
+) -> None:
+    ends = concordance_interval(np.array([stats.rankdata(row) - 2 for row in scores]))
+    assert isinstance(ends, NotEstimable)
+    assert "it would reach from 0 to 1" in ends.reason
+    numbers, page = report_json(made(scores)), report_html(made(scores))
+    assert numbers["kendall_w_interval"] is None
+    assert numbers["kendall_w_interval_reason"] == ends.reason
+    assert f"(no interval: {ends.reason})" in page
+    assert "rank-biserial r 0.965" in page
+    assert "W 0.959" not in page, "it vouches for no interval that is not there"
+
+
+def test_an_interval_of_concordance_with_an_end_is_told() -> None:
+    numbers, page = report_json(made(TWO_DIFFER)), report_html(made(TWO_DIFFER))
+    low, high = numbers["kendall_w_interval"]
+    assert 0 <= low < numbers["kendall_w"] < high < 0.995
+    assert f" [{low:.2f},\N{NO-BREAK SPACE}{high:.2f}], corrected for ties" in page
+    assert "W 0.959" in page
 
 
 def test_too_few_subjects_have_no_interval() -> None:

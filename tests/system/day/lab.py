@@ -27,6 +27,7 @@ from device.study_limits import device_limits
 from protocol.errors import BadInput
 from protocol.study.participant_texts import study_wording
 from protocol.study.study import Study
+from protocol.study.study_question import QUESTIONS
 from protocol.study.touch import Touch
 from runner import signals
 from runner.clock import Clock
@@ -421,14 +422,27 @@ class Lab:
         if tag == "answered" and self.person is not None:
             answer = json.loads(payload)
             change, score = answer["change"], answer["score"]
-            if self.watch.study.absolute and answer["condition"] is not None:
-                rated = change is None and score is not None
-                require(2, rated, f"{session} {answer['index']}: {change} with the score {score}")
+            self._require_asked(session, answer["index"], change, score)
             own = [each["answer"] for each in answer.get("questions", ())]
             said = [str(each) for each in (change, score, *own) if each is not None]
             given = [text for text, _ in self.person.given]
             require(2, said == given, f"{session} {answer['index']}: stored {said}, said {given}")
             self.answers[session, answer["index"]] = (change, score)
+
+    def _require_asked(
+        self, session: str, index: int, change: str | None, score: int | None
+    ) -> None:
+        """A trial asks for a change, and for a score, where the study does; for no other."""
+        trial, rule = self.watch.planned[session][index], self.watch.study.rating.score_when
+        scored = trial.condition is not None
+        if scored and trial.question is not None:
+            noticed = change not in {question.same for question in QUESTIONS.values()}
+            scored = trial.kind != "catch" and (
+                rule == "always" or (noticed if rule == "noticed" else change == trial.expected)
+            )
+        asked = trial.question is not None or trial.kind == "track"
+        holds = (change is not None, score is not None) == (asked, scored)
+        require(9, holds, f"{session} {index} ({trial.kind}): {change} with the score {score}")
 
     def _forget_renewed(self, session: str, tag: str, payload: str) -> None:
         """Practice that is begun again no longer has the answers that were given."""

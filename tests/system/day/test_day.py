@@ -13,6 +13,7 @@ import pytest
 
 from device.guardian import Pulse
 from device.rig import Rig
+from protocol.study.rules import Rating
 from protocol.study.touch import Touch
 from runner.journal.names import STUDY_CHAIN
 from runner.session.trial import _Stimulus
@@ -51,6 +52,16 @@ def test_days_find_a_program_that_does_not_look_at_the_gap_before_a_sign_of_life
     # A second check finds most of them, too: the touch then ends over a second late.
     monkeypatch.setattr(_Stimulus, "require_as_long_as_planned", lambda _: None)
     with pytest.raises(AssertionError, match="a touch counts that stood still"):
+        day(seed)
+
+
+@pytest.mark.parametrize(("seed", "rule"), [(0, "noticed"), (10, "agrees")])
+def test_days_find_a_session_that_asks_for_other_scores_than_the_study(
+    monkeypatch: pytest.MonkeyPatch, seed: int, rule: str
+) -> None:
+    assert day(seed).lab.watch.study.rating.score_when == rule
+    monkeypatch.setattr(Rating, "asks_score", lambda *_, agrees, noticed: not (agrees or noticed))
+    with pytest.raises(AssertionError, match=r"invariant 9 .*with the score"):
         day(seed)
 
 

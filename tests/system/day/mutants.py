@@ -22,9 +22,7 @@ SOURCES = (
     "device/drivers/board.py",
     "device/drivers/limits.py",
     "runner/journal/store.py",
-    "runner/journal/store.py",
     "runner/journal/database.py",
-    "runner/journal/store.py",
     "runner/journal/amendments.py",
 )
 SEED = 2026

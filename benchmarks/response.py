@@ -2,7 +2,8 @@
 
 `python -m benchmarks.response` prints the tables of docs/mathematics/response.md: the power of the
 how-to's factorial study; the share of reports with a false claim of any kind, in worlds in which
-nothing or little is true; and what a slope per person would claim in place of the permuted one.
+nothing or little is true; what a study that scores what is felt at once claims, with its own null
+worlds and the default people; and what a slope per person would claim in place of the permuted one.
 Each study goes through its plan, virtual people, the tests of the report and its one correction
 over all questions, as `touchbeam power` simulates it.
 """
@@ -15,10 +16,12 @@ from pathlib import Path
 
 import numpy as np
 from scipy.special import stdtr
+from scipy.stats import friedmanchisquare
 
 from analysis.estimates import LEVEL, FloatArray, IntArray
 from analysis.power.designs import Design, designed
 from analysis.power.null_cohorts import (
+    ALIKE,
     DIFFERING,
     NOTICING,
     NUMB,
@@ -76,6 +79,16 @@ def _factorial(*, whole: bool) -> Study:
     return designed(study if whole else alone, Design(participants=12, repeats=1))
 
 
+def _plate(size: int) -> Study:
+    """Return the template that scores what is felt at once, from 1 to 7, with groups of a size."""
+    # Nobody sees the plate's picture.
+    lines = template("plate").splitlines()
+    text = "\n".join(line for line in lines if "path_in_picture" not in line)
+    study = parsed_study(text.replace('picture = "plate.png"', 'picture = "none"'))
+    groups = tuple(group.model_copy(update={"size": size}) for group in study.group)
+    return study.model_copy(update={"group": groups})
+
+
 STUDIES: dict[str, Callable[[], tuple[Study, int]]] = {
     "plain": lambda: (_paper(9), 9),
     "factorial": lambda: (_factorial(whole=False), 12),
@@ -84,8 +97,11 @@ STUDIES: dict[str, Callable[[], tuple[Study, int]]] = {
     "the how-to's": lambda: (_factorial(whole=True), 12),
     "20 people x 4": lambda: (_paper(20, repeats=4), 20),
     "three groups": lambda: (_paper(24, young=8, middle=8, old=8), 24),
+    "absolute, 6 a group": lambda: (_plate(6), 12),
+    "absolute, 10 a group": lambda: (_plate(10), 20),
 }
 """Each study with its number of people."""
+IN_ABSOLUTE = ("absolute, 6 a group", "absolute, 10 a group")
 IN_NULLS = ("plain", "factorial", "grouped", "two sessions", "the how-to's")
 
 
@@ -137,6 +153,12 @@ NULLS = {
     DIFFERING.name: _world(DIFFERING),
     NOTICING.name: _world(NOTICING),
 }
+ABSOLUTE = {
+    "nobody feels anything": _world(ALIKE),
+    "conditions differ, gain 0": _world(DIFFERING),
+    "the default people": World(population=DEFAULT, true=frozenset({"conditions", "slope"})),
+}
+"""Worlds of a study that asks for no change: who scores what is felt notices nothing."""
 ALONE = {
     # The prediction is wrong, and every pair differs.
     "the conditions, all of them": World(
@@ -171,11 +193,15 @@ ALL_NOTICED = replace(NULLS[DIFFERING.name], population=_people(_SURE))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reports:
-    """The reports of many cohorts: p as in `Records`, and that of a t test of people's slopes."""
+    """The reports of many cohorts: p as in `Records`, and those of two peers.
+
+    They are a t test of people's slopes, and scipy's Friedman test, whose p is that of chi-square.
+    """
 
     asked: Asked
     p: FloatArray
     t_of_slopes: FloatArray
+    scipys: FloatArray
     complete: IntArray
     """People with a score under each condition."""
 
@@ -204,7 +230,7 @@ def reports(name: str, world: World, cohorts: int) -> Reports:
     study, participants = STUDIES[name]()
     simulation = Simulation(study=study, population=world.population)
     asked = asked_by(study)
-    records, t_of_slopes, complete = [], [], []
+    records, t_of_slopes, scipys, complete = [], [], [], []
     for first in range(0, cohorts, AT_ONCE):
         keys = [f"{SEED}/{number}" for number in range(first, min(first + AT_ONCE, cohorts))]
         sessions = simulation.sessions(participants, *keys)
@@ -214,12 +240,14 @@ def reports(name: str, world: World, cohorts: int) -> Reports:
         tables, everybody = simulation.tables(participants, sessions)
         records += [record_of_tables(asked, *table) for table in zip(*tables, strict=True)]
         t_of_slopes += [_t_of_slopes(asked, responses) for responses in tables.responses]
+        scipys += [_scipys_friedman(responses) for responses in tables.responses]
         scores = mean_table(simulation.planned, everybody, everybody.score)
         complete += (~np.isnan(scores)).all(axis=1).reshape(-1, participants).sum(axis=1).tolist()
     return Reports(
         asked=asked,
         p=Records.of(asked, records).p,
         t_of_slopes=np.array(t_of_slopes),
+        scipys=np.array(scipys),
         complete=np.array(complete),
     )
 
@@ -232,6 +260,11 @@ def _t_of_slopes(asked: Asked, responses: FloatArray) -> float:
     return float(2 * stdtr(len(slopes) - 1, -abs(t)))
 
 
+def _scipys_friedman(responses: FloatArray) -> float:
+    """Return the p of scipy's Friedman test of the people who answered every condition."""
+    return float(friedmanchisquare(*responses[~np.isnan(responses).any(axis=1)].T).pvalue)
+
+
 # Tables.
 
 
@@ -239,9 +272,11 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cohorts", type=int, default=COHORTS, help="of each study in each world")
-    cohorts = parser.parse_args().cohorts
-    for table in (_power(HOW_TO), _nulls(cohorts), _slopes(cohorts), _alone(cohorts)):
-        print(*table, "", sep="\n", flush=True)
+    parser.add_argument("--tables", nargs="*", choices=TABLES, help="all without it")
+    options = parser.parse_args()
+    cohorts = options.cohorts
+    for name in options.tables or TABLES:
+        print(*TABLES[name](HOW_TO if name == "power" else cohorts), "", sep="\n", flush=True)
 
 
 def _power(cohorts: int) -> Iterator[str]:
@@ -262,6 +297,20 @@ def _nulls(cohorts: int) -> Iterator[str]:
     for name in IN_NULLS:
         rows = [reports(name, world, cohorts).false(world) for world in NULLS.values()]
         yield f"| {name} | {' | '.join(_worst(*row) for row in rows)} |"
+
+
+def _absolute(cohorts: int) -> Iterator[str]:
+    """Yield what a study that scores what is felt at once claims, and how often falsely."""
+    heads = (OMNIBUS, "of scipy's p", "claimed", FOLLOWS, "claimed", "any false claim")
+    yield f"| absolute, {cohorts} cohorts | {' | '.join(heads)} |"
+    yield "|---|" + "---|" * len(heads)
+    for label, world in ABSOLUTE.items():
+        for name in IN_ABSOLUTE:
+            made = reports(name, world, cohorts)
+            omnibus = (made.rejects(OMNIBUS), share(made.scipys < LEVEL), made.supports(OMNIBUS))
+            follows = (made.rejects(FOLLOWS), made.supports(FOLLOWS))
+            shares = [*map(_told, (*omnibus, *follows)), _worst(*made.false(world))]
+            yield f"| {label}; {name} | {' | '.join(shares)} |"
 
 
 def _slopes(cohorts: int) -> Iterator[str]:
@@ -297,6 +346,15 @@ def _worst(anything: Measured, each: Mapping[str, Measured]) -> str:
         return "nothing that could be claimed is false"
     name = max(each, key=lambda it: each[it].value)
     return f"{_told(anything)} ({name}: {each[name].value:.3f})"
+
+
+TABLES = {
+    "power": _power,
+    "nulls": _nulls,
+    "absolute": _absolute,
+    "slopes": _slopes,
+    "alone": _alone,
+}
 
 
 if __name__ == "__main__":

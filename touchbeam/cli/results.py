@@ -130,6 +130,13 @@ def fit(
         Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
     guess: options.GuessOption = None,
+    columns: Annotated[
+        str | None,
+        options.columns_option(
+            "What columns are: subject=, condition=, level=, trials=, answer=, ignore=. "
+            "[default: by their names]"
+        ),
+    ] = None,
     rehearsals: options.RehearsalsOption = False,
     sheet: options.SheetOption = None,
     encoding: options.EncodingOption = None,
@@ -145,6 +152,7 @@ def fit(
     from analysis.estimates import plain
     from analysis.thresholds.answer_table import (
         COLUMNS,
+        columns_line,
         comparison_lines,
         comparisons,
         fits_of,
@@ -156,7 +164,7 @@ def fit(
 
     dialect = {"sheet": sheet, "encoding": encoding, "decimal": decimal}
     cells, of_study = _answers_in(table, dialect, rehearsals=rehearsals)
-    tracks = tracks_in(cells, shape)
+    tracks = tracks_in(cells, shape, columns)
     task = task or _only_task(of_study, tracks, str(table))
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, str(table), **asked, guess=guess)
@@ -172,7 +180,7 @@ def fit(
     output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(fitted), [""] * len(COLUMNS)])
     if compared:
         output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
-    if line := left_out_line(tracks):
+    for line in filter(None, (columns_line(cells, columns), left_out_line(tracks))):
         output.say(line)
 
 

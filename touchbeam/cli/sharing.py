@@ -27,11 +27,9 @@ def import_scores(
     ] = None,
     columns: Annotated[
         str | None,
-        Option(
-            metavar="ROLE=NAME,…",
-            help="What columns are: subject=, condition=, factor=, score=, answer=, repeat=, "
-            "session=, group=, contrast=, ignore=. [default: by their names]",
-            callback=options.text,
+        options.columns_option(
+            "What columns are: subject=, condition=, factor=, score=, answer=, repeat=, session=, "
+            "group=, contrast=, ignore=. [default: by their names]"
         ),
     ] = None,
     answers: Annotated[

@@ -61,6 +61,12 @@ def with_means(column: str | None, row: str | None) -> str:
     return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)
 
 
+@pytest.mark.parametrize("name", ["受试者", "被试编号", "姓名", "被験者", "Versuchsperson"])
+def test_subjects_by_other_names(name: str) -> None:
+    found = imported(f"{name},a,b\nP01,1,2\nP02,3,4\n")
+    assert [visit.participant for visit in found.visits] == ["P01", "P02"]
+
+
 @pytest.mark.parametrize(
     ("column", "row", "left_out"),
     [

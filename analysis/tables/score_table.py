@@ -8,12 +8,12 @@ from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
+from analysis.tables.pseudonyms import pseudonyms
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
 from analysis.tables.summaries import MEANS, summing_up
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
-from protocol.errors import BadInput, listed
-from protocol.pseudonyms import pseudonym
+from protocol.errors import listed
 
 EXPECTED, CONTRARY, SAME = ANSWERS = ("expected", "contrary", "same")
 MOST_SUBJECTS = 100_000
@@ -152,7 +152,7 @@ def scores_in(
         raise TableError(f"{cells.source}: must have a score, got none")
     if scale is None:
         _require_no_answers(cells, told)
-    called, of_names = _pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
+    called, of_names = pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
     sessions, of_sessions = _sessions(told)
     groups = _groups(cells, told)
     conditions = _in_order(told)
@@ -426,42 +426,6 @@ def _silent(entries: Sequence[_Entry]) -> set[str | tuple[str, ...]]:
         by_name[entry.subject] |= given
         by_name[entry.condition,] |= given
     return {name for name, given in by_name.items() if not given}
-
-
-_NUMBERED = re.compile(r"([A-Za-z]{0,16})[ ._#/:-]*([0-9]{1,12})")
-
-
-def _pseudonyms(subjects: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Return what each subject is called, and what to say of it.
-
-    Words with a number keep it. Others may be names of persons, or initials, which are not stored.
-    """
-    if all(map(_is_pseudonym, subjects)):
-        return {name: name for name in subjects}, []
-    joined: dict[str, str] = {}
-    for name in subjects:
-        number = _NUMBERED.fullmatch(name)
-        short = name if _is_pseudonym(name) or not number else "".join(number.groups())
-        if _is_pseudonym(short):
-            joined[name] = short
-    if len({it.casefold() for it in joined.values()}) == len(subjects):
-        one = next(name for name in subjects if joined[name] != name)
-        return joined, [f"Names of subjects were shortened: {one} is {joined[one]}."]
-    width = max(2, len(str(len(subjects))))
-    numbered = {name: f"S{number:0{width}d}" for number, name in enumerate(subjects, start=1)}
-    first, last = numbered[subjects[0]], numbered[subjects[-1]]
-    return numbered, [
-        f"Subjects are called {first} to {last}, in the order of the table: their names there may "
-        "be those of persons, or initials, which are not stored."
-    ]
-
-
-def _is_pseudonym(name: str) -> bool:
-    try:
-        pseudonym(name)
-    except BadInput:
-        return False
-    return True
 
 
 _SESSION = re.compile(r"(?:ses|session)?[-_ ]?0*([1-9]\d{0,3})(?:\.0)?", re.IGNORECASE)

@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Any, Literal
 
 from analysis.estimates import Interval, Json, plain
+from analysis.tables.pseudonyms import pseudonyms
 from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
 from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
@@ -134,6 +135,15 @@ def _require_apart(source: str, tracks: Iterable[Track]) -> None:
                     f"{source}: {name[-1]!r} and {first[-1]!r} may be one or two; write one alike "
                     "everywhere, or call two apart"
                 )
+
+
+def call_by_pseudonyms(tracks: Iterable[Track]) -> list[str]:
+    """Call participants as an imported study would, and return what to say of it."""
+    tracks = list(tracks)
+    called, said = pseudonyms(list(dict.fromkeys(track.participant for track in tracks)))
+    for track in tracks:
+        track.participant = called[track.participant]
+    return said
 
 
 def _why_out(cells: Mapping[str, str], *, recorded: bool) -> str:

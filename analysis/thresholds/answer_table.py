@@ -13,7 +13,7 @@ from analysis.tables.pseudonyms import pseudonyms
 from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
 from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
-from analysis.thresholds.psychometric import NOTHING, Threshold, curve_share, fitted
+from analysis.thresholds.psychometric import BELOW_CHANCE, NOTHING, Threshold, curve_share, fitted
 from protocol.errors import BadInput, listed
 
 MOST_BYTES = 2**26
@@ -335,6 +335,13 @@ def left_out_line(tracks: Iterable[Track]) -> str:
         if counts[why]
     )
     return f"{rows} {were} left out: {', '.join(told)}."
+
+
+def yes_or_no_line(fits: Iterable[tuple[Track, Threshold]]) -> str:
+    """Return what to do where answers look like yes and no; nothing if none do."""
+    many = sum(BELOW_CHANCE in fit.flags for _, fit in fits)
+    said = 'Far below chance at low levels: if the answers are yes and no, add --task "yes or no".'
+    return said * bool(many)
 
 
 def _name(cell: str, where: str, *, recorded: bool) -> str:

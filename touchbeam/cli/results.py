@@ -160,6 +160,7 @@ def fit(
         left_out_line,
         lines_of,
         tracks_in,
+        yes_or_no_line,
     )
     from analysis.thresholds.psychometric import guess_rate
 
@@ -184,7 +185,8 @@ def fit(
     output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(fitted), [""] * len(COLUMNS)])
     if compared:
         output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
-    for line in filter(None, (columns_line(cells, columns), left_out_line(tracks))):
+    lines = columns_line(cells, columns), left_out_line(tracks), yes_or_no_line(fitted)
+    for line in filter(None, lines):
         output.say(line)
 
 

@@ -55,6 +55,19 @@ def test_names_of_persons_are_printed_and_no_part_of_the_json(
     assert shown.err == ""
 
 
+def test_yes_and_no_that_are_fitted_as_two_intervals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "t.csv"
+    rows = (f"P1,{level},20,{yes}" for level, yes in ((1, 0), (2, 3), (3, 9), (4, 17), (5, 20)))
+    table.write_text("\n".join(("subject,volts,n,yes", *rows)))
+    said = 'if the answers are yes and no, add --task "yes or no".'
+    assert typed("fit", table) == 0
+    assert said in capsys.readouterr().out
+    assert typed("fit", table, "--task", "yes or no") == 0
+    assert said not in capsys.readouterr().out
+
+
 def test_what_cannot_be_estimated_is_null(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

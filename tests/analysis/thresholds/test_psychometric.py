@@ -146,6 +146,20 @@ def test_answers_near_chance_or_that_do_not_rise_are_not_taken_for_yes_and_no() 
     assert flag in fitted([1, 2, 3, 4, 5], trials, [0, 2, 9, 17, 20], task="3AFC").flags
 
 
+@pytest.mark.parametrize("guess", [0.25, 0.4])
+def test_a_free_guess_rate_is_found_where_there_are_enough_answers(guess: float) -> None:
+    """Of few the prior, psignifit's Beta(1, 10), draws it towards 0."""
+    rng = np.random.default_rng(3)
+    levels = np.array([0.3, 0.5, 0.7, 1, 1.5, 2, 3, 4, 6, 8])
+    share = guess + (0.98 - guess) * -np.expm1(-np.log(2) * (levels / 3) ** 3)
+    many, few = (
+        [fitted(levels, [n] * 10, rng.binomial(n, share), guess="free").guess for _ in range(6)]
+        for n in (1000, 20)
+    )
+    assert np.mean(many) == pytest.approx(guess, abs=0.02)
+    assert np.mean(few) < np.mean(many) - 0.01
+
+
 def test_without_a_range_of_levels_nothing_is_estimated_but_with_one_something_is() -> None:
     alone = fitted([2.0], [4], [3])
     assert np.isnan([alone.threshold, *alone.threshold_ci, alone.slope, alone.lapse]).all()

@@ -33,7 +33,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
         "judge", "user", "userid", "pid", "sid", "id", "code", "subjectcode", "subjectnumber",
         "subjectno", "subjectnr", "participantnumber", "participantno", "participantnr", "initials",
         "initialen", "kürzel", "受试者", "受试者编号", "被试", "被试编号", "受試者", "被試",
-        "被験者", "参加者", "编号", "姓名", "name", "nr", "no", "number", "nummer",
+        "被験者", "参加者", "编号", "姓名", "prolificpid", "responseid", "name",
+        "nr", "no", "number", "nummer",
     ),
     "condition": (
         "condition", "conditions", "cond", "stimulus", "stimuli", "stim", "stimulusid", "texture",

@@ -120,7 +120,6 @@ def scores_in(
     *,
     scale: Scale | None = None,
     answers: str | None = None,
-    missing: str | None = None,
     keep_means: bool = False,
 ) -> Imported:
     """Return the scores in a table of that shape.
@@ -130,14 +129,13 @@ def scores_in(
         shape: which of its columns hold what.
         scale: the lowest and the highest score that could be given, if it is known.
         answers: what words in the column of answers mean: `smoother=expected,rougher=contrary`.
-        missing: further words for no value, by commas.
         keep_means: whether rows named as means are subjects.
 
     Raises:
         TableError: a cell breaks its rule, or could mean two things.
     """
     _require_scale(cells, scale)
-    reader = _Reader(cells, shape, scale, _meanings(answers), _words(missing), keep_means)
+    reader = _Reader(cells, shape, scale, _meanings(answers), keep_means)
     entries = list(islice(reader.entries(), MOST_SCORES + 1))
     if len(entries) > MOST_SCORES:
         raise TableError(
@@ -205,11 +203,10 @@ class _Reader:
         shape: Shape,
         scale: Scale | None,
         meanings: Mapping[str, str],
-        missing: frozenset[str],
         keep_means: bool,
     ) -> None:
         self.cells, self.shape, self.scale = cells, shape, scale
-        self.meanings, self.missing, self.keep_means = meanings, missing, keep_means
+        self.meanings, self.keep_means = meanings, keep_means
         self.rows_left_out: Counter[str] = Counter()
         columns = {role: shape.roles.column(role) for role in ("subject", "session", "group")}
         self.subject, self.session, self.group = columns.values()
@@ -285,10 +282,7 @@ class _Reader:
         return at is not None and any(row[at] != "rehearsal" for row in self.cells.rows)
 
     def _value(self, text: str) -> str:
-        return "" if self._is_missing(text) else text
-
-    def _is_missing(self, text: str) -> bool:
-        return is_missing(text) or text.casefold() in self.missing
+        return "" if is_missing(text) else text
 
     def _subject(self, texts: Sequence[str], row: int) -> str:
         if self.subject is None:
@@ -303,10 +297,11 @@ class _Reader:
         return name if column is None else self._value(name)
 
     def _score(self, text: str, row: int, column: int) -> float | None:
-        if self._is_missing(text):
+        if is_missing(text):
             return None
         where, number = self.cells.where(row, column), self.cells.number(text)
         if number is None:
+            self.cells.require_no_formula(row, column)
             raise TableError(
                 f"{where}: a score must be a number or blank, got {text[:40]!r}; if it stands for "
                 "a missing score, add --missing with it"
@@ -317,7 +312,7 @@ class _Reader:
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:
-        if self.contrast is None or self._is_missing(texts[self.contrast]):
+        if self.contrast is None or is_missing(texts[self.contrast]):
             return None
         number = self.cells.number(texts[self.contrast])
         if number is None or abs(number) > 10:
@@ -328,7 +323,7 @@ class _Reader:
         return number
 
     def _answer(self, texts: Sequence[str], row: int) -> str | None:
-        if self.answer is None or self._is_missing(texts[self.answer]):
+        if self.answer is None or is_missing(texts[self.answer]):
             return None
         word = texts[self.answer].casefold()
         if self.recorded and word in {"true", "false"}:
@@ -337,7 +332,7 @@ class _Reader:
             return EXPECTED if word == "true" else contrary
         if (meaning := self.meanings.get(word)) is None:
             words = {row[self.answer] for row in self.cells.rows}
-            given = {word for word in words if not self._is_missing(word)}
+            given = {word for word in words if not is_missing(word)}
             unknown = sorted(word for word in given if word.casefold() not in self.meanings)
             raise TableError(
                 f"{self.cells.where(row, self.answer)}: answers must be {', '.join(ANSWERS)}, got "
@@ -359,10 +354,6 @@ def _meanings(answers: str | None) -> Mapping[str, str]:
             )
         known[word] = meaning
     return known
-
-
-def _words(missing: str | None) -> frozenset[str]:
-    return frozenset(word.strip().casefold() for word in (missing or "").split(",") if word.strip())
 
 
 def _require_scale(cells: Cells, scale: Scale | None) -> None:

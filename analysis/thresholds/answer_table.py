@@ -357,6 +357,7 @@ def _level(cells: Cells, row: int, column: int, shape: str) -> float:
     text, where = cells.rows[row][column], cells.where(row, column)
     level = cells.number(text)
     if level is None or abs(level) > 1e100:
+        cells.require_no_formula(row, column)
         rule = "a level must be a number from -1e100 to 1e100"
         raise TableError(f"{where}: {rule}, got {text[:40]!r}")
     if shape == "weibull" and level < 0:
@@ -417,6 +418,7 @@ def _count(cells: Cells, row: int, column: int) -> int:
     value = cells.number(text)
     # Spreadsheets and pandas may write a whole number with a point.
     if value is None or not 0 <= value <= MOST_TRIALS or value % 1:
+        cells.require_no_formula(row, column)
         raise TableError(
             f"{cells.where(row, column)}: must be a whole number from 0 to {MOST_TRIALS}, got "
             f"{text[:40]!r}"

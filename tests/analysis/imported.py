@@ -15,11 +15,12 @@ def imported(
     columns: str | None = None,
     *,
     source: str = "scores.csv",
+    missing: str | None = None,
     keep_means: bool = False,
     **known: object,
 ) -> Imported:
     content = text.encode() if isinstance(text, str) else text
-    cells = cells_in(content, source, most=MOST_ROWS)
+    cells = cells_in(content, source, most=MOST_ROWS).without(missing)
     shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
     scores = scores_in(cells, shape, keep_means=keep_means, **known)  # type: ignore[arg-type]
     if not keep_means:

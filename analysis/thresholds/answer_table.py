@@ -9,12 +9,12 @@ from itertools import combinations
 from typing import Any, Literal
 
 from analysis.estimates import Interval, Json, plain
-from analysis.tables.pseudonyms import pseudonyms
 from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
 from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
 from analysis.thresholds.psychometric import BELOW_CHANCE, NOTHING, Threshold, curve_share, fitted
 from protocol.errors import BadInput, listed
+from protocol.pseudonyms import pseudonyms
 
 MOST_BYTES = 2**26
 MOST_ROWS = 1_000_000

@@ -4,9 +4,10 @@ import numpy as np
 
 from analysis.estimates import ScoreTable
 from analysis.tables.means import require_no_means
+from analysis.tables.ratings import Imported
 from analysis.tables.reading import cells_in
 from analysis.tables.roles import roles_in
-from analysis.tables.score_table import MOST_ROWS, Imported, scores_in
+from analysis.tables.score_table import MOST_ROWS, scores_in
 from analysis.tables.shape import shape_of
 
 

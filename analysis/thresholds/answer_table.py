@@ -394,6 +394,7 @@ def _counts(cells: Cells, row: int, columns: Mapping[str, int]) -> tuple[int, in
     text, where = cells.rows[row][at], cells.where(row, at)
     if "trials" not in columns:
         if (answer := _right_or_wrong(cells, text)) is None:
+            cells.require_no_formula(row, at)
             raise TableError(
                 f"{where}: must be 1 or 0 in a row per trial, got {text[:40]!r}; add the column "
                 "trials if it is a count"

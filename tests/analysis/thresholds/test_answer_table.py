@@ -238,6 +238,8 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         (f"{HEADER}P,T,1,2.5,1\n", "column trials: must be a whole number from 0 to 10+, got '2.5"),
         (f"{HEADER}P,T,1,1e99,1\n", "column trials: must be a whole number from 0 to 10+, got '1e"),
         (f"{HEADER}P,T,1,2,=1\n", "line 2, column correct: is a formula, '=1'; save the table"),
+        ("ID,volts,resp\nP,1,=A1+1\n", "line 2, column resp: is a formula, '=A1"),
+        ("ID,volts,resp\nP,1,maybe\n", "line 2, column resp: must be 1 or 0 in a row per trial"),
         (f"{HEADER}P,T,1,2,x\n", "column correct: must be a whole number from 0 to 10+, got 'x'"),
         (
             "participant,track,level,correct\nP,T,1,7\n",

@@ -147,6 +147,7 @@ def fit(
     threshold_at: float | None = None,
     lapse: float | None = None,
     guess: "Guess" = None,
+    columns: str | None = None,
 ) -> "pd.DataFrame":
     """Return a row per participant and track with threshold, slope and lapse rate.
 
@@ -163,6 +164,7 @@ def fit(
         threshold_at: the share correct that defines the threshold; else the curve's midpoint.
         lapse: the lapse rate if it is known, and in yes-no the share of false alarms.
         guess: the guess rate if it is not the task's; `free` to estimate it.
+        columns: what columns are that have other names, as `subject=ID,level=volts`.
 
     Raises:
         ValueError: a column or a cell is wrong; line 2 is the first row.
@@ -173,7 +175,7 @@ def fit(
     from analysis.thresholds.answer_table import comparisons, fits_of, tracks_in
 
     source = "answers"
-    tracks = tracks_in(frame_cells(answers, source), shape)
+    tracks = tracks_in(frame_cells(answers, source), shape, columns)
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = list(fits_of(tracks, source, **asked, guess=guess))
     rows = [

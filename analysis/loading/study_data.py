@@ -301,6 +301,7 @@ def scale_of_scores(study: Study, kinds: Sequence[str]) -> Rating:
     return PAPERS_SCALE if study.is_papers else PAPERS_SCALE.model_copy(update={"bands": ()})
 
 
+NO_SCORE = "no score in the table"
 Value = TypeVar("Value")
 
 
@@ -480,6 +481,8 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         how = "add --rehearsals (in Python rehearsals=True) to include them"
         raise NothingToReport(f"nothing but rehearsals here; {how}" if rehearsal.any() else none)
     sessions = sessions.assign(participant=sessions["subject"])
+    silent = _silent(sessions, found.answered)
+    sessions = sessions[~sessions["participant"].isin(silent)]
     names = sessions[["participant", "session"]]
     answered = found.answered.join(names.assign(group=sessions["group"]), "session_id", "inner")
     lock = study_lock(found.decisions, sessions)
@@ -538,6 +541,10 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         left_out=(
             *(out for out in found.exclusions if out.trial is None),
             *trials_left_out,
+            *(
+                Exclusion(participant=who, by="import", why="no score in the table")
+                for who in silent
+            ),
             *by_rule,
         ),
         incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),
@@ -556,6 +563,18 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         unnoticing=unnoticing,
         groups=dict(sessions[["participant", "group"]].dropna().itertuples(index=False, name=None)),
     )
+
+
+def _silent(sessions: pd.DataFrame, answered: pd.DataFrame) -> list[str]:
+    """Return the subjects without any score or answer in the tables that were imported.
+
+    `touchbeam import` leaves them out; earlier versions stored them, and empty rows would take the
+    place of Friedman's test. Where nobody has a score there is nothing else to report.
+    """
+    known = answered.join(sessions["participant"], on="session_id", how="inner")
+    given = known["score"].notna() | known["agrees"].notna() | known["trial_kind"].ne("published")
+    by_subject = given.groupby(known["participant"], sort=False).any()
+    return list(by_subject.index[~by_subject]) if by_subject.any() else []
 
 
 def _has_older_rules(sessions: pd.DataFrame, lock: StudyLock | None) -> bool:

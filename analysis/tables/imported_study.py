@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from statistics import fmean
 
-from analysis.tables.score_table import EXPECTED, Imported, Visit
+from analysis.tables.ratings import EXPECTED, Imported, Visit
 from protocol.journal.events import ScoresImported
 from protocol.journal.records import ImportedRating
 from protocol.study.rules import PAPERS_SCALE

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.estimates import FloatArray
-from analysis.tables.score_table import Imported
+from analysis.tables.ratings import Imported
 from analysis.tables.shape import Shape
 from analysis.tables.table_cells import Cells, TableError
 

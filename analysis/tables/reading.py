@@ -1,5 +1,6 @@
 """The cells of any table, from the bytes of a file: separated text, or a workbook (.xlsx)."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +10,17 @@ from analysis.tables import separated
 from analysis.tables.separated import Encoding
 from analysis.tables.table_cells import SAMPLE, Cells, Decimal, Rows, TableError, title_rows
 
+_IMPORT_ID = re.compile(r"""\{\s*["']ImportId["']\s*:\s*["']([^"']*)["'].*\}""")
+"""A cell of the third header row of an export of Qualtrics."""
+_OF_QUALTRICS = frozenset(
+    {
+        "startDate", "endDate", "status", "ipAddress", "progress", "duration", "finished",
+        "recordedDate", "recipientLastName", "recipientFirstName", "recipientEmail",
+        "externalDataReference", "locationLatitude", "locationLongitude", "distributionChannel",
+        "userLanguage",
+    }
+)  # fmt: skip
+"""Columns that every export of Qualtrics has, by their ImportId."""
 _ZIP, _OLD_EXCEL = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
@@ -79,6 +91,8 @@ def _cells(
         raise TableError(
             f"{source}: must have at most {most[0]} {most[1]}, got more; divide the table"
         )
+    of_qualtrics = _of_qualtrics(below)
+    below = below[2:] if of_qualtrics is not None else below
     width = _width(header)
     longer = word == "line" and all(len(row) == len(header) + 1 for _, row in below)
     if longer and any(row[-1] for _, row in below):
@@ -91,10 +105,13 @@ def _cells(
                 f"got {len(row)}"
             )
     padded = [row + [""] * (wide - len(row)) for row in (header, *(row for _, row in below))]
-    used = [at for at in range(wide) if any(row[at] for row in padded)]
+    own = of_qualtrics or ()
+    used = [at for at in range(wide) if at not in own and any(row[at] for row in padded)]
     is_whole = used == list(range(len(padded[0])))
     kept = padded if is_whole else [[row[at] for at in used] for row in padded]
     said = [f"{titles} title line{'s' * (titles > 1)} above the header"] * bool(titles)
+    if of_qualtrics is not None:
+        said += ["two further header rows and the own columns of Qualtrics left out"]
     return Cells(
         source=source,
         header=kept[0],
@@ -104,6 +121,18 @@ def _cells(
         understood=(*understood, *said),
         line_word=word,
     )
+
+
+def _of_qualtrics(below: Rows) -> set[int] | None:
+    """Return the columns that are Qualtrics's own; None if the table is no export of it.
+
+    Below the names of columns it has a row of the questions, and one of `{"ImportId":"QID1"}`.
+    """
+    ids = [_IMPORT_ID.fullmatch(cell) for cell in below[1][1] if cell] if len(below) > 1 else []
+    if not (ids and all(ids)):
+        return None
+    own = enumerate(map(_IMPORT_ID.fullmatch, below[1][1]))
+    return {at for at, known in own if known and known[1] in _OF_QUALTRICS}
 
 
 def _width(row: Sequence[str]) -> int:

@@ -1,7 +1,7 @@
 """What the columns of a table are: told with `--columns`, or known by their names."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from analysis.tables.table_cells import Cells, TableError
@@ -23,7 +23,7 @@ ROLES: Mapping[str, str] = {
 SEVERAL = frozenset({"factor", "repeat", "ignore"})
 """Roles that several columns may have; of `condition` and `score` a wide table has none."""
 
-_NAMES: Mapping[str, tuple[str, ...]] = {
+NAMES: Mapping[str, tuple[str, ...]] = {
     # In each the better name comes first: of "name" and "id" one may be both.
     "subject": (
         "subject", "participant", "participantid", "subjectid", "subjects", "participants", "subj",
@@ -32,17 +32,19 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
         "soggetto", "observer", "respondent", "respondentid", "rater", "assessor", "panelist",
         "judge", "user", "userid", "pid", "sid", "id", "code", "subjectcode", "subjectnumber",
         "subjectno", "subjectnr", "participantnumber", "participantno", "participantnr", "initials",
-        "initialen", "kürzel", "name", "nr", "no", "number", "nummer",
+        "initialen", "kürzel", "受试者", "受试者编号", "被试", "被试编号", "受試者", "被試",
+        "被験者", "参加者", "编号", "姓名", "prolificpid", "responseid", "name",
+        "nr", "no", "number", "nummer",
     ),
     "condition": (
         "condition", "conditions", "cond", "stimulus", "stimuli", "stim", "stimulusid", "texture",
         "material", "surface", "sample", "treatment", "bedingung", "reiz", "item", "product",
-        "conditionname", "stimulusname", "trialtype",
+        "conditionname", "stimulusname", "trialtype", "条件", "刺激", "材料",
     ),
     "score": (
         "score", "rating", "ratings", "scores", "bewertung", "urteil", "einschätzung", "vas",
         "magnitude", "estimate", "ratingvalue", "puntuación", "punteggio", "likert",
-        "sliderresponse", "response", "value", "wert", "answer", "antwort",
+        "sliderresponse", "response", "value", "wert", "answer", "antwort", "评分", "得分",
     ),
     "answer": ("answer", "antwort", "judgement", "judgment", "response", "réponse"),
     "repeat": (
@@ -63,6 +65,7 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
         "row",
     ),
 }  # fmt: skip
+"""What tables call such columns, as `plain` has it."""
 
 
 def plain(name: str) -> str:
@@ -110,7 +113,7 @@ def roles_in(cells: Cells, columns: str | None) -> Roles:
         TableError: `columns` names what there is not, or two columns are equally well the
             condition, the score, the session or the group.
     """
-    of, words = _told_roles(cells, columns or "")
+    of, words = told_roles(cells, columns or "", ROLES, _WORDS)
     told, second = frozenset(of), list[int]()
     if is_recorded(cells):
         of = {
@@ -120,16 +123,19 @@ def roles_in(cells: Cells, columns: str | None) -> Roles:
         return Roles(of={**dict.fromkeys(rest, "ignore"), **of}, told=told)
     # Where headings are the conditions, a name is no role of a score.
     settled = {*words, *of.values(), *(("condition", "score") if "condition" in words else ())}
-    for role, names in _NAMES.items():
+    for role, names in NAMES.items():
         if role in settled and role not in SEVERAL:
             continue
-        ranked = _ranked(cells, role, names, of)
+        ranked = ranked_columns(cells, names, of)
+        if role in {"score", "answer"}:  # a response may be either
+            ranked = [at for at in ranked if cells.is_numeric(at) is (role == "score")]
         if role in SEVERAL:
             of |= dict.fromkeys(ranked, role)
         elif ranked:
             of[ranked[0]] = role
             second = ranked[1:] if role == "subject" else second
-            _require_one(cells, role, ranked)
+            if role in {"condition", "score", "session", "group"}:
+                require_one(cells, role, ranked, "ignore=NAME or factor=NAME")
     return Roles(
         of=of,
         told=told,
@@ -153,14 +159,26 @@ def is_recorded(cells: Cells) -> bool:
     return {"participant", "trial_index", "trial_kind", "score"} <= set(cells.header)
 
 
-def _told_roles(cells: Cells, columns: str) -> tuple[dict[int, str], dict[str, str]]:
-    """Return the roles of `--columns` by column, and those that a word gives."""
+def told_roles(
+    cells: Cells, columns: str, roles: Collection[str], words: Mapping[str, Collection[str]]
+) -> tuple[dict[int, str], dict[str, str]]:
+    """Return the roles of `--columns` by column, and those that a word gives.
+
+    Args:
+        cells: of the table.
+        columns: pairs such as `subject=ID,level=volts`.
+        roles: those that there are.
+        words: what a role may be instead of a column, as `subject=one`.
+
+    Raises:
+        TableError: a pair is none, or names what there is not.
+    """
     of: dict[int, str] = {}
-    words: dict[str, str] = {}
-    for role, name in _told(columns):
+    given: dict[str, str] = {}
+    for role, name in _told(columns, roles):
         at = column_named(cells, name)
-        if at is None and name in _WORDS.get(role, ()):
-            words[role] = name
+        if at is None and name in words.get(role, ()):
+            given[role] = name
         elif at is None:
             known = listed(map(cells.named, range(len(cells.header))))
             raise TableError(f"{cells.source}: --columns: no column {name!r}; there are {known}")
@@ -168,36 +186,36 @@ def _told_roles(cells: Cells, columns: str) -> tuple[dict[int, str], dict[str, s
             raise TableError(f"{cells.source}: --columns: {role}={name} is said twice")
         else:
             of[at] = role
-    return of, words
+    return of, given
 
 
-def _ranked(cells: Cells, role: str, known: Sequence[str], of: Mapping[int, str]) -> list[int]:
-    """Return the columns without a role whose names say this one, the best name first."""
+def ranked_columns(cells: Cells, known: Sequence[str], taken: Collection[int]) -> list[int]:
+    """Return the columns that are not taken and have one of the known names, the best first."""
     names = enumerate(map(plain, cells.header))
-    ranked = sorted((known.index(name), at) for at, name in names if name in known and at not in of)
-    columns = [at for _, at in ranked]
-    if role in {"score", "answer"}:  # a response may be either
-        return [at for at in columns if cells.is_numeric(at) is (role == "score")]
-    return columns
+    ranked = sorted(
+        (known.index(name), at) for at, name in names if name in known and at not in taken
+    )
+    return [at for _, at in ranked]
 
 
-def _require_one(cells: Cells, role: str, columns: Sequence[int]) -> None:
-    if len(columns) > 1 and role in {"condition", "score", "session", "group"}:
+def require_one(cells: Cells, role: str, columns: Sequence[int], others: str) -> None:
+    """Refuse several columns that may have a role; `others` is what to say of the other ones."""
+    if len(columns) > 1:
         raise TableError(
             f"{cells.source}: each of {listed(map(cells.named, columns))} may be the {role}; add "
-            f"--columns {role}=NAME, and ignore=NAME or factor=NAME for the others"
+            f"--columns {role}=NAME, and {others} for the others"
         )
 
 
-def _told(columns: str) -> Iterator[tuple[str, str]]:
+def _told(columns: str, roles: Collection[str]) -> Iterator[tuple[str, str]]:
     """Yield role and name of each part of `--columns`; a name may hold commas."""
     parts = re.split(r"\s*,\s*(?=\w+\s*=)", columns.strip()) if columns.strip() else []
     for part in parts:
         role, separator, name = (text.strip() for text in part.partition("="))
-        if role not in ROLES or not separator or not name:
+        if role not in roles or not separator or not name:
             raise TableError(
-                f"--columns must be pairs such as subject=ID,score=rating, of {listed(ROLES)}, "
-                f"got {part!r}"
+                f"--columns must be pairs such as subject=ID,condition=material, of "
+                f"{listed(roles)}, got {part!r}"
             )
         yield role, name
 

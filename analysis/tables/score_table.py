@@ -1,21 +1,32 @@
-"""Scores in a table of any shape, as a journal keeps them, and in words what was understood."""
+"""Scores in a table of any shape, as a journal keeps them."""
 
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
+from analysis.tables.ratings import (
+    ANSWERS,
+    CONTRARY,
+    EXPECTED,
+    SAME,
+    Entry,
+    Imported,
+    Rating,
+    Scale,
+    Visit,
+)
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
 from analysis.tables.summaries import MEANS, summing_up
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
-from protocol.errors import BadInput, listed
-from protocol.pseudonyms import pseudonym
+from analysis.tables.understood import left_out_lines, understood
+from protocol.errors import listed
+from protocol.pseudonyms import pseudonyms
 
-EXPECTED, CONTRARY, SAME = ANSWERS = ("expected", "contrary", "same")
 MOST_SUBJECTS = 100_000
 MOST_CONDITIONS = 100
 MOST_ROWS = 1_000_000
@@ -26,92 +37,6 @@ LARGEST = 1_000
 """Of a score, and of an end of a scale, on either side of 0."""
 _CODES = frozenset({99, 999, 9999, 88, 888, 77, 777, -1, -9, -99, -999, -9999})
 """Numbers that often stand for no score."""
-_MOST_NAMED = 12
-"""Columns that are left out, named before the others are counted."""
-Scale = tuple[int, int]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Rating:
-    """A score, an answer to the question whether something changed as expected, or both."""
-
-    condition: str
-    score: float | None
-    answer: str | None = None
-    contrast: float | None = None
-
-    @property
-    def says_nothing(self) -> bool:
-        return self.score is None and self.answer is None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Visit:
-    """A subject's ratings in one session, in the order of the table."""
-
-    participant: str
-    session: int
-    group: str | None
-    ratings: tuple[Rating, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Imported:
-    """The scores of a table.
-
-    - `cells`: what each factor has in a condition, by condition; empty without factors.
-    - `scale`: its ends, of scores that nobody described those that hold all (`scale_known`).
-    - `lines`: what was understood, for people.
-    """
-
-    visits: tuple[Visit, ...]
-    conditions: tuple[str, ...]
-    scale: Scale
-    scale_known: bool
-    cells: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    groups: tuple[str, ...] = ()
-    lines: tuple[str, ...] = ()
-
-    @cached_property
-    def ratings(self) -> list[Rating]:
-        return [rating for visit in self.visits for rating in visit.ratings]
-
-    @property
-    def contrasts(self) -> dict[str, float]:
-        """The contrast of each condition that has a single one."""
-        told: dict[str, set[float]] = defaultdict(set)
-        for rating in self.ratings:
-            if rating.contrast is not None:
-                told[rating.condition].add(rating.contrast)
-        return {name: values.pop() for name, values in told.items() if len(values) == 1}
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether each subject has one score a condition, and nothing else."""
-        return not (self.groups or self.cells) and all(
-            visit.session == 1
-            and len({each.condition for each in visit.ratings}) == len(visit.ratings)
-            and all(each.answer is None and each.contrast is None for each in visit.ratings)
-            for visit in self.visits
-        )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Entry:
-    """A rating as it stands in the table: its row, the texts that say whose it is, and itself."""
-
-    row: int
-    subject: str
-    session: str
-    group: str
-    parts: tuple[str, ...]
-    score: float | None
-    answer: str | None
-    contrast: float | None
-
-    @property
-    def condition(self) -> str:
-        return ", ".join(self.parts)
 
 
 def scores_in(
@@ -120,7 +45,6 @@ def scores_in(
     *,
     scale: Scale | None = None,
     answers: str | None = None,
-    missing: str | None = None,
     keep_means: bool = False,
 ) -> Imported:
     """Return the scores in a table of that shape.
@@ -130,14 +54,13 @@ def scores_in(
         shape: which of its columns hold what.
         scale: the lowest and the highest score that could be given, if it is known.
         answers: what words in the column of answers mean: `smoother=expected,rougher=contrary`.
-        missing: further words for no value, by commas.
         keep_means: whether rows named as means are subjects.
 
     Raises:
         TableError: a cell breaks its rule, or could mean two things.
     """
     _require_scale(cells, scale)
-    reader = _Reader(cells, shape, scale, _meanings(answers), _words(missing), keep_means)
+    reader = _Reader(cells, shape, scale, _meanings(answers), keep_means)
     entries = list(islice(reader.entries(), MOST_SCORES + 1))
     if len(entries) > MOST_SCORES:
         raise TableError(
@@ -152,7 +75,7 @@ def scores_in(
         raise TableError(f"{cells.source}: must have a score, got none")
     if scale is None:
         _require_no_answers(cells, told)
-    called, of_names = _pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
+    called, of_names = pseudonyms(list(dict.fromkeys(entry.subject for entry in told)))
     sessions, of_sessions = _sessions(told)
     groups = _groups(cells, told)
     conditions = _in_order(told)
@@ -184,16 +107,13 @@ def scores_in(
         cells=_crossed(named, told) if len(named) > 1 else {},
         groups=tuple(dict.fromkeys(groups.values())),
     )
-    lines = [
-        *_shape_lines(cells, shape, imported),
-        _scale_line(imported, told),
-        _missing_line(imported, told),
-        *_copies(cells, shape),
+    lines = (
+        *understood(cells, shape, imported, told),
         *of_sessions,
         *of_names,
-        *_left_out_lines(shape, reader, silent),
-    ]
-    return replace(imported, lines=tuple(lines))
+        *left_out_lines(shape, reader.rows_left_out, silent),
+    )
+    return replace(imported, lines=lines)
 
 
 class _Reader:
@@ -205,18 +125,17 @@ class _Reader:
         shape: Shape,
         scale: Scale | None,
         meanings: Mapping[str, str],
-        missing: frozenset[str],
         keep_means: bool,
     ) -> None:
         self.cells, self.shape, self.scale = cells, shape, scale
-        self.meanings, self.missing, self.keep_means = meanings, missing, keep_means
+        self.meanings, self.keep_means = meanings, keep_means
         self.rows_left_out: Counter[str] = Counter()
         columns = {role: shape.roles.column(role) for role in ("subject", "session", "group")}
         self.subject, self.session, self.group = columns.values()
         self.answer, self.contrast = map(shape.roles.column, ("answer", "contrast"))
         self.recorded = is_recorded(cells)
 
-    def entries(self) -> Iterator[_Entry]:
+    def entries(self) -> Iterator[Entry]:
         rehearsals = self.recorded and self._has_sessions()
         for row, texts in enumerate(self.cells.rows):
             if why := self._why_out(row, texts, rehearsals):
@@ -224,7 +143,7 @@ class _Reader:
                 continue
             yield from self._of_row(row, texts)
 
-    def _of_row(self, row: int, texts: Sequence[str]) -> Iterator[_Entry]:
+    def _of_row(self, row: int, texts: Sequence[str]) -> Iterator[Entry]:
         scores = {at: self._score(texts[at], row, at) for at in self.shape.scores}
         answer = self._answer(texts, row)
         if not (subject := self._subject(texts, row)):
@@ -242,7 +161,7 @@ class _Reader:
                     self.rows_left_out["without a condition and a score"] += 1
                     continue
                 raise TableError(f"{self.cells.where(row)}: every condition must have a name")
-            yield _Entry(
+            yield Entry(
                 row=row,
                 subject=subject,
                 session="1" if self.session is None else self._value(texts[self.session]),
@@ -285,10 +204,7 @@ class _Reader:
         return at is not None and any(row[at] != "rehearsal" for row in self.cells.rows)
 
     def _value(self, text: str) -> str:
-        return "" if self._is_missing(text) else text
-
-    def _is_missing(self, text: str) -> bool:
-        return is_missing(text) or text.casefold() in self.missing
+        return "" if is_missing(text) else text
 
     def _subject(self, texts: Sequence[str], row: int) -> str:
         if self.subject is None:
@@ -303,10 +219,11 @@ class _Reader:
         return name if column is None else self._value(name)
 
     def _score(self, text: str, row: int, column: int) -> float | None:
-        if self._is_missing(text):
+        if is_missing(text):
             return None
         where, number = self.cells.where(row, column), self.cells.number(text)
         if number is None:
+            self.cells.require_no_formula(row, column)
             raise TableError(
                 f"{where}: a score must be a number or blank, got {text[:40]!r}; if it stands for "
                 "a missing score, add --missing with it"
@@ -317,7 +234,7 @@ class _Reader:
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:
-        if self.contrast is None or self._is_missing(texts[self.contrast]):
+        if self.contrast is None or is_missing(texts[self.contrast]):
             return None
         number = self.cells.number(texts[self.contrast])
         if number is None or abs(number) > 10:
@@ -328,7 +245,7 @@ class _Reader:
         return number
 
     def _answer(self, texts: Sequence[str], row: int) -> str | None:
-        if self.answer is None or self._is_missing(texts[self.answer]):
+        if self.answer is None or is_missing(texts[self.answer]):
             return None
         word = texts[self.answer].casefold()
         if self.recorded and word in {"true", "false"}:
@@ -337,7 +254,7 @@ class _Reader:
             return EXPECTED if word == "true" else contrary
         if (meaning := self.meanings.get(word)) is None:
             words = {row[self.answer] for row in self.cells.rows}
-            given = {word for word in words if not self._is_missing(word)}
+            given = {word for word in words if not is_missing(word)}
             unknown = sorted(word for word in given if word.casefold() not in self.meanings)
             raise TableError(
                 f"{self.cells.where(row, self.answer)}: answers must be {', '.join(ANSWERS)}, got "
@@ -361,10 +278,6 @@ def _meanings(answers: str | None) -> Mapping[str, str]:
     return known
 
 
-def _words(missing: str | None) -> frozenset[str]:
-    return frozenset(word.strip().casefold() for word in (missing or "").split(",") if word.strip())
-
-
 def _require_scale(cells: Cells, scale: Scale | None) -> None:
     if scale is not None and not -LARGEST <= scale[0] < scale[1] <= LARGEST:
         raise TableError(
@@ -373,7 +286,7 @@ def _require_scale(cells: Cells, scale: Scale | None) -> None:
         )
 
 
-def _require_no_codes(cells: Cells, entries: Sequence[_Entry]) -> None:
+def _require_no_codes(cells: Cells, entries: Sequence[Entry]) -> None:
     """Refuse a number far from all others that often stands for no score."""
     scores = Counter(entry.score for entry in entries if entry.score is not None)
     for code in sorted(_CODES & scores.keys(), key=abs, reverse=True):
@@ -388,7 +301,7 @@ def _require_no_codes(cells: Cells, entries: Sequence[_Entry]) -> None:
             )
 
 
-def _require_no_answers(cells: Cells, entries: Sequence[_Entry]) -> None:
+def _require_no_answers(cells: Cells, entries: Sequence[Entry]) -> None:
     """Refuse answers beside scores: the lowest score seen need not be the lowest of the scale."""
     has_answers = any(entry.answer is not None for entry in entries)
     if has_answers and any(entry.score is not None for entry in entries):
@@ -398,7 +311,7 @@ def _require_no_answers(cells: Cells, entries: Sequence[_Entry]) -> None:
         )
 
 
-def _require_apart(cells: Cells, entries: Sequence[_Entry]) -> None:
+def _require_apart(cells: Cells, entries: Sequence[Entry]) -> None:
     """Refuse names that people and spreadsheets take for one."""
     kinds = {
         "subjects": [(entry.subject, entry.row) for entry in entries],
@@ -418,7 +331,7 @@ def _require_apart(cells: Cells, entries: Sequence[_Entry]) -> None:
                 )
 
 
-def _silent(entries: Sequence[_Entry]) -> set[str | tuple[str, ...]]:
+def _silent(entries: Sequence[Entry]) -> set[str | tuple[str, ...]]:
     """Return the subjects without any rating, and as tuples of one the conditions."""
     by_name: dict[str | tuple[str, ...], bool] = defaultdict(bool)
     for entry in entries:
@@ -428,46 +341,10 @@ def _silent(entries: Sequence[_Entry]) -> set[str | tuple[str, ...]]:
     return {name for name, given in by_name.items() if not given}
 
 
-_NUMBERED = re.compile(r"([A-Za-z]{0,16})[ ._#/:-]*([0-9]{1,12})")
-
-
-def _pseudonyms(subjects: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Return what each subject is called, and what to say of it.
-
-    Words with a number keep it. Others may be names of persons, or initials, which are not stored.
-    """
-    if all(map(_is_pseudonym, subjects)):
-        return {name: name for name in subjects}, []
-    joined: dict[str, str] = {}
-    for name in subjects:
-        number = _NUMBERED.fullmatch(name)
-        short = name if _is_pseudonym(name) or not number else "".join(number.groups())
-        if _is_pseudonym(short):
-            joined[name] = short
-    if len({it.casefold() for it in joined.values()}) == len(subjects):
-        one = next(name for name in subjects if joined[name] != name)
-        return joined, [f"Names of subjects were shortened: {one} is {joined[one]}."]
-    width = max(2, len(str(len(subjects))))
-    numbered = {name: f"S{number:0{width}d}" for number, name in enumerate(subjects, start=1)}
-    first, last = numbered[subjects[0]], numbered[subjects[-1]]
-    return numbered, [
-        f"Subjects are called {first} to {last}, in the order of the table: their names there may "
-        "be those of persons, or initials, which are not stored."
-    ]
-
-
-def _is_pseudonym(name: str) -> bool:
-    try:
-        pseudonym(name)
-    except BadInput:
-        return False
-    return True
-
-
 _SESSION = re.compile(r"(?:ses|session)?[-_ ]?0*([1-9]\d{0,3})(?:\.0)?", re.IGNORECASE)
 
 
-def _sessions(entries: Sequence[_Entry]) -> tuple[dict[str, int], list[str]]:
+def _sessions(entries: Sequence[Entry]) -> tuple[dict[str, int], list[str]]:
     """Return the number of each session, and what to say of it: words count as they come."""
     names = list(dict.fromkeys(entry.session for entry in entries))
     numbers = ((name, _SESSION.fullmatch(name)) for name in names)
@@ -481,7 +358,7 @@ def _sessions(entries: Sequence[_Entry]) -> tuple[dict[str, int], list[str]]:
     return counted, [f"Sessions are numbered as they come: {said}."]
 
 
-def _groups(cells: Cells, entries: Sequence[_Entry]) -> dict[str, str]:
+def _groups(cells: Cells, entries: Sequence[Entry]) -> dict[str, str]:
     """Return the group of each subject who has one, if there are several groups."""
     groups: dict[str, str] = {}
     for entry in entries:
@@ -514,7 +391,7 @@ def _factors(cells: Cells, shape: Shape) -> list[str]:
     return ["condition"] * shape.is_wide + [cells.named(at) for at in shape.parts]
 
 
-def _in_order(entries: Sequence[_Entry]) -> tuple[str, ...]:
+def _in_order(entries: Sequence[Entry]) -> tuple[str, ...]:
     """Return the conditions as they come; of factors that are crossed the last varies fastest."""
     by_name = {entry.condition: entry.parts for entry in entries}
     many = len(next(iter(by_name.values())))
@@ -529,104 +406,13 @@ def _in_order(entries: Sequence[_Entry]) -> tuple[str, ...]:
     return tuple(sorted(by_name, key=order))
 
 
-def _crossed(names: Sequence[str], entries: Iterable[_Entry]) -> dict[str, dict[str, str]]:
+def _crossed(names: Sequence[str], entries: Iterable[Entry]) -> dict[str, dict[str, str]]:
     return {entry.condition: dict(zip(names, entry.parts, strict=True)) for entry in entries}
 
 
-def _scale(entries: Sequence[_Entry], scale: Scale | None) -> tuple[Scale, bool]:
+def _scale(entries: Sequence[Entry], scale: Scale | None) -> tuple[Scale, bool]:
     if scale is not None:
         return scale, True
     scores = [entry.score for entry in entries if entry.score is not None] or [0.0]
     low, high = floor(min(scores)), ceil(max(scores))
     return (low, max(high, low + 1)), False
-
-
-# What was understood, in words.
-
-
-def _shape_lines(cells: Cells, shape: Shape, imported: Imported) -> Iterator[str]:
-    what = "wide, a column per condition" if shape.is_wide else "long, a row per score"
-    yield f"{cells.source}: {what}; {', '.join(cells.understood)}."
-    people = {visit.participant for visit in imported.visits}
-    subject = shape.roles.column("subject")
-    whose = f" (column {cells.named(subject)})" if subject is not None else ""
-    columns = listed(cells.named(at) for at in shape.parts)
-    of = f" (column{'s' * (len(shape.parts) > 1)} {columns})" if shape.parts else ""
-    yield (
-        f"Subjects: {len(people)}{whose}. "
-        f"Conditions: {len(imported.conditions)}{of}: {listed(imported.conditions)}."
-    )
-    if (score := shape.roles.column("score")) is not None:
-        yield f"Scores: column {cells.named(score)}."
-    counts = Counter(
-        (visit.participant, visit.session, each.condition)
-        for visit in imported.visits
-        for each in visit.ratings
-    )
-    if max(counts.values()) > 1:
-        least, most = min(counts.values()), max(counts.values())
-        times = f"{most}" if least == most else f"{least} to {most}"
-        yield f"Repeats: {times} of each subject and condition."
-    sessions = {visit.session for visit in imported.visits}
-    if len(sessions) > 1:
-        yield f"Sessions: {listed(map(str, sorted(sessions)))}."
-    if imported.groups:
-        yield f"Groups: {listed(imported.groups)}."
-    if contrasts := imported.contrasts:
-        given = (f"{name} {contrast:g}" for name, contrast in contrasts.items())
-        yield f"Contrasts: {', '.join(given)}."
-    elif any(rating.contrast is not None for rating in imported.ratings):
-        yield "Contrasts: they differ by row."
-
-
-def _copies(cells: Cells, shape: Shape) -> Iterator[str]:
-    """Yield how many rows of a long table are copies, or a score that was given again."""
-    copies = len(cells.rows) - len(set(map(tuple, cells.rows)))
-    if copies and not shape.is_wide:
-        rows = "1 row is" if copies == 1 else f"{copies} rows are"
-        yield f"{rows} like another one in every cell; each counts as a repeat."
-
-
-def _scale_line(imported: Imported, entries: Sequence[_Entry]) -> str:
-    scores = [entry.score for entry in entries if entry.score is not None]
-    seen = f"scores from {min(scores):g} to {max(scores):g}" if scores else "no scores"
-    low, high = imported.scale
-    if imported.scale_known:
-        return f"Scale: {low} to {high}; {seen}."
-    return f"Scale: not known (--scale LOW HIGH says it); {seen}."
-
-
-def _missing_line(imported: Imported, entries: Sequence[_Entry]) -> str:
-    blank = sum(entry.score is None and entry.answer in {None, EXPECTED} for entry in entries)
-    people = {visit.participant for visit in imported.visits}
-    met = {
-        (visit.participant, each.condition) for visit in imported.visits for each in visit.ratings
-    }
-    absent = len(people) * len(imported.conditions) - len(met)
-    answers = Counter(entry.answer for entry in entries if entry.answer)
-    told = [f"{blank} score{'s' * (blank > 1)} blank"] * bool(blank)
-    unanswered = sum(entry.answer is None and entry.score is not None for entry in entries)
-    if any(entry.answer for entry in entries) and unanswered:
-        told += [f"{unanswered} without an answer, which do not count"]
-    told += [f"{absent} of a subject and condition without a row"] * bool(absent)
-    said = f"Missing: {', '.join(told) or 'none'}."
-    if answers:
-        counts = (f"{answers[it]} {it}" for it in ANSWERS if answers[it])
-        said += f" Answers: {', '.join(counts)}."
-    return said
-
-
-def _left_out_lines(
-    shape: Shape, reader: _Reader, silent: set[str | tuple[str, ...]]
-) -> Iterator[str]:
-    many, named = len(shape.left_out), listed(shape.left_out[:_MOST_NAMED])
-    more = f" and {many - _MOST_NAMED} more" if many > _MOST_NAMED else ""
-    told = [f"column{'s' * (many > 1)} {named}{more}"] * bool(many)
-    told += [f"{many} row{'s' * (many > 1)} {why}" for why, many in reader.rows_left_out.items()]
-    subjects = sorted(name for name in silent if isinstance(name, str))
-    conditions = sorted(name[0] for name in silent if isinstance(name, tuple))
-    for kind, names in (("subject", subjects), ("condition", conditions)):
-        if names:
-            told.append(f"{kind}{'s' * (len(names) > 1)} without any score: {listed(names)}")
-    if told:
-        yield f"Left out: {'; '.join(told)}."

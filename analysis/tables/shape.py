@@ -18,6 +18,9 @@ from protocol.errors import listed
 _MOST_LEVELS = 30
 """Different values of a column that may tell conditions apart: a study has no more conditions."""
 
+_FEW_TEXTS = 5
+"""Different texts in a column of numbers that may all stand for no score."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
@@ -122,6 +125,7 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
     cells, roles = table.cells, _with_subject(table)
     # A subject may be a number.
     free = [at for at in numbers if roles.of.get(at) != "subject"]
+    _require_no_mixed(table, roles)
     sums = _sums(table, roles, free)
     scores = tuple(at for at in free if at not in sums)
     if not scores:
@@ -143,6 +147,27 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
         left_out=_left_out(table, used),
     )  # fmt: skip
+
+
+def _require_no_mixed(table: _Table, roles: Roles) -> None:
+    """Refuse a column of texts and a few numbers, and one of formulas: each may be a condition."""
+    cells = table.cells
+    for at in table.free:
+        if table.numeric[at] or roles.of.get(at) == "subject" or table.is_mean(at):
+            continue
+        for row in range(len(cells.rows)):
+            cells.require_no_formula(row, at)
+        given = [cell for cell in table.values(at) if not is_missing(cell)]
+        texts = list(dict.fromkeys(cell for cell in given if cells.number(cell) is None))
+        numbers = sum(cells.number(cell) is not None for cell in given)
+        if numbers:
+            name = cells.named(at)
+            few = len(texts) <= _FEW_TEXTS and not any("," in text for text in texts)
+            other = f"add --missing '{','.join(texts)}'" if few else "correct or blank the others"
+            raise table.refuse(
+                f"{numbers} of {len(given)} cells in {name} are numbers: scores ({other}), or no "
+                f"condition (add --columns ignore={name})"
+            )
 
 
 def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> set[int]:

@@ -3,7 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from analysis.cells import unguarded
@@ -17,6 +17,7 @@ SIGN = f"[+{MINUS}-]?"
 # `float` alone would also take "nan", "inf" and "1_0".
 NUMBER = re.compile(rf"{SIGN}(\d+(\.\d*)?|\.\d+)([eE]{SIGN}\d+)?")
 COMMA_NUMBER = re.compile(rf"{SIGN}\d*,\d+([eE]{SIGN}\d+)?")
+FORMULA = re.compile(r"=[^)]*[(\d].*")
 MISSING = frozenset(
     {
         "",
@@ -80,6 +81,20 @@ class Cells:
         given = [row[column] for row in self.rows if not is_missing(row[column])]
         numbers = sum(self.number(cell) is not None for cell in given)
         return bool(given) and 2 * numbers >= len(given)
+
+    def without(self, words: str | None) -> "Cells":
+        """Return the cells with blanks for further words, by commas, that stand for no value."""
+        missing = {word.strip().casefold() for word in (words or "").split(",")}
+        rows = ([cell * (cell.casefold() not in missing) for cell in row] for row in self.rows)
+        return replace(self, rows=list(rows)) if words else self
+
+    def require_no_formula(self, row: int, column: int) -> None:
+        """Refuse a formula where a number should stand."""
+        if FORMULA.fullmatch(text := self.rows[row][column]):
+            raise TableError(
+                f"{self.where(row, column)}: is a formula, {text[:40]!r}; save the table with the "
+                "values of its formulas"
+            )
 
     def number(self, text: str) -> float | None:
         """Return the number in a cell; None if it is none."""

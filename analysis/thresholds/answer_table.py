@@ -9,16 +9,23 @@ from itertools import combinations
 from typing import Any, Literal
 
 from analysis.estimates import Interval, Json, plain
+from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
+from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
-from analysis.thresholds.psychometric import NOTHING, Threshold, curve_share, fitted
-from protocol.errors import BadInput
+from analysis.thresholds.psychometric import BELOW_CHANCE, NOTHING, Threshold, curve_share, fitted
+from protocol.errors import BadInput, listed
+from protocol.pseudonyms import pseudonyms
 
 MOST_BYTES = 2**26
 MOST_ROWS = 1_000_000
 MOST_TRIALS = 1_000_000_000
 """Of one row."""
-PLACE, TRIALS, CORRECT, LEVEL = ("participant", "track"), "trials", "correct", "level"
-LEVEL_VALUE, EXCLUDED, ROLE = "level_value", "excluded", "track_role"
+PLACE = ("subject", "condition")
+ROLES = (*PLACE, "level", "trials", "answer", "ignore")
+"""What a column may be, as `--columns` says it."""
+_OWN: Mapping[str, str] = {"subject": "participant", "condition": "track", "answer": "correct"}
+"""Names of columns that are not those of their roles."""
+LEVEL_VALUE = "level_value"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
 OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
 """Columns of all trials that touchbeam recorded, also of those of no track."""
@@ -64,13 +71,13 @@ class Track:
         return {**told, "left_out": self.left_out.total()}
 
 
-def tracks_in(cells: Cells, shape: str) -> list[Track]:
+def tracks_in(cells: Cells, shape: str, told: str | None = None) -> list[Track]:
     """Return the tracks of a table in the order in which they begin.
 
-    The columns participant, track, level, trials and correct may stand in any order, with others
-    between them, which are left out. Without the column track all rows are of one track, and
-    without trials a row is one trial, and correct is 1 or 0. In yes-no correct counts "yes". Rows
-    without an answer are left out, and counted.
+    The columns participant, track, level, trials and correct, or what else tables call them, may
+    stand in any order, with others between them, which are left out. Without the column track all
+    rows are of one track, and without trials a row is one trial, and correct is 1 or 0. In yes-no
+    correct counts "yes". Rows without an answer are left out, and counted.
 
     Trials that touchbeam recorded have the column level_value, which is taken for the level. Those
     of no track, without a level or an answer, or excluded are left out.
@@ -78,34 +85,32 @@ def tracks_in(cells: Cells, shape: str) -> list[Track]:
     Args:
         cells: of the table.
         shape: of the curve that will be fitted: a Weibull curve has no levels below 0.
+        told: what columns are, such as `subject=ID,level=volts`, before their names say it.
 
     Raises:
-        TableError: a column is missing or stands twice, or a cell breaks its rule; the message
-            gives line, column, value and rule.
+        TableError: a column is missing, stands twice or could be two things, or a cell breaks its
+            rule; the message gives line, column, value and rule.
     """
-    columns = _columns(cells)
+    columns, recorded = _columns(cells, told)
     if not cells.rows:
         raise TableError(f"{cells.source}: must have a row of answers below the header, got none")
-    if TRIALS in columns and cells.header[columns[TRIALS]].casefold() != TRIALS:
-        _require_counts(cells, columns)
     tracks: dict[tuple[str, str], Track] = {}
     for row, texts in enumerate(cells.rows):
-        known = {name: texts[at] for name, at in columns.items()}
-        recorded = LEVEL_VALUE in columns
-        if recorded and not known.get("track"):
+        known = {role: texts[at] for role, at in columns.items()}
+        if recorded and not known.get("condition"):
             continue
-        place = cells.where(row)
         participant, name = (
-            _name(known[of], f"{place}, column {of}", recorded=recorded) if of in known else of
-            for of in PLACE
+            _name(known[role], cells.where(row, columns[role]), recorded=recorded)
+            if role in known
+            else absent
+            for role, absent in (("subject", "1"), ("condition", "track"))
         )
         track = tracks.setdefault((participant, name), Track(participant, name))
         if why := _why_out(known, recorded=recorded):
             track.left_out[why] += 1
             continue
-        level = LEVEL_VALUE if recorded else LEVEL
-        track.levels.append(_level(cells, row, columns[level], level, shape))
-        trials, correct = _counts(cells, known, place)
+        track.levels.append(_level(cells, row, columns["level"], shape))
+        trials, correct = _counts(cells, row, columns)
         track.trials.append(trials)
         track.correct.append(correct)
     answered = [track for track in tracks.values() if track.levels]
@@ -132,15 +137,24 @@ def _require_apart(source: str, tracks: Iterable[Track]) -> None:
                 )
 
 
+def call_by_pseudonyms(tracks: Iterable[Track]) -> list[str]:
+    """Call participants as an imported study would, and return what to say of it."""
+    tracks = list(tracks)
+    called, said = pseudonyms(list(dict.fromkeys(track.participant for track in tracks)))
+    for track in tracks:
+        track.participant = called[track.participant]
+    return said
+
+
 def _why_out(cells: Mapping[str, str], *, recorded: bool) -> str:
     """Return why a row is left out, one of `LEFT_OUT`; nothing if it is not."""
     # A trial gets its level with its answer, a catch trial never.
-    without_level = recorded and is_missing(cells[LEVEL_VALUE])
-    if without_level and cells.get(ROLE, "catch") == "catch":
+    without_level = recorded and is_missing(cells["level"])
+    if without_level and cells.get("track_role", "catch") == "catch":
         return CATCH
-    if without_level or is_missing(cells[CORRECT]):
+    if without_level or is_missing(cells["answer"]):
         return UNANSWERED
-    return OUT if recorded and cells.get(EXCLUDED, "no") != "no" else ""
+    return OUT if recorded and cells.get("excluded", "no") != "no" else ""
 
 
 def fits_of(
@@ -162,40 +176,88 @@ def fits_of(
             raise BadInput(f"{source}, {whose}: {error}") from None
 
 
-_ALIASES: Mapping[str, tuple[str, ...]] = {
-    "participant": (
-        "participant", "subject", "participant_id", "subj", "observer", "proband", "vp",
+_NAMES: Mapping[str, tuple[str, ...]] = {
+    "subject": ("participant", *NAMES["subject"]),
+    "level": (
+        "level", "levels", "intensity", "stimuluslevel", "stimulusintensity", "stimulusstrength",
+        "stimlevel", "voltage", "voltagev", "volts", "volt", "amplitude", "amplitudev", "contrast",
+        "intensität", "reizstärke", "stufe", "spannung", "spannungv", "电压",
+        "刺激强度", "stimulus", "stimuli", "stim", "reiz", "刺激",
     ),
-    "track": ("track", "condition"),
-    LEVEL: (LEVEL, "intensity", "stimulus"),
-    TRIALS: (TRIALS, "n", "total"),
-    CORRECT: (CORRECT, "response", "answer", "yes", "k", "hit"),
+    "condition": ("track", *NAMES["condition"]),
+    "answer": (
+        "correct", "iscorrect", "ncorrect", "numcorrect", "numbercorrect", "acc", "accuracy",
+        "richtig", "korrekt", "keyrespcorr", "response", "resp", *NAMES["answer"], "yes", "ja",
+        "k", "hit", "hits",
+    ),
+    "trials": ("trials", "n", "total", "ntrials", "numtrials", "numberoftrials", "trialcount"),
 }  # fmt: skip
-"""Other names of columns, the best first."""
+"""What tables call such columns, the best name first. A stimulus is a level if it is a number."""
+_RECORDED: Mapping[str, tuple[str, ...]] = {
+    "subject": ("participant",), "level": ("levelvalue",), "condition": ("track",),
+    "answer": ("correct",), "excluded": ("excluded",), "track_role": ("trackrole",),
+}  # fmt: skip
+"""Columns of trials that touchbeam recorded."""
 
 
-def _columns(cells: Cells) -> dict[str, int]:
+def _columns(cells: Cells, told: str | None) -> tuple[dict[str, int], bool]:
+    """Return the column of each role that has one, and whether touchbeam recorded the trials."""
     names = [name.casefold() for name in cells.header]
-    recorded = (LEVEL_VALUE, EXCLUDED, ROLE) if LEVEL_VALUE in names else ()
-    if OF_TRIALS.issubset(names) and not {LEVEL_VALUE, "track"}.intersection(names):
+    recorded = LEVEL_VALUE in names
+    if OF_TRIALS.issubset(names) and not recorded and "track" not in names:
         raise TableError(f"{cells.source}: {NO_TRACKS}")
-    # Of recorded trials it is the number of the level.
-    level = () if recorded else (LEVEL,)
-    columns: dict[str, int] = {}
-    for name in (*PLACE, *level, CORRECT, TRIALS, *recorded):
-        known = next((it for it in _ALIASES.get(name, (name,)) if it in names), name)
-        if names.count(known) > 1:
-            raise TableError(
-                f"{cells.where()}: the column {known} must stand once; rename the others"
-            )
-        if known in names:
-            columns[name] = names.index(known)
-        elif name not in {TRIALS, EXCLUDED, ROLE, "track"}:
-            raise TableError(
-                f"{cells.where()}: must have the column {name}; columns are participant, track, "
-                "level, trials, correct, or without trials for a row per trial"
-            )
-    return columns
+    of, words = told_roles(cells, told or "", ROLES, {"subject": ("one",)})
+    columns = {role: at for at, role in of.items() if role != "ignore"}
+    for role, known in (_RECORDED if recorded else _NAMES).items():
+        if role in columns or role in words:
+            continue
+        ranked = ranked_columns(cells, known, {*of, *columns.values()})
+        if role == "level":
+            stimuli = NAMES["condition"]
+            ranked = [
+                at
+                for at in ranked
+                if cells.is_numeric(at) or plain_name(cells.header[at]) not in stimuli
+            ]
+        if ranked:
+            columns[role] = ranked[0]
+            _require_clear(cells, role, ranked)
+        elif role in {"subject", "level", "answer"}:
+            raise TableError(_lacking(cells, role))
+    named = columns.get("trials") if "trials" not in of.values() else None
+    if named is not None and names[named] != "trials":
+        _require_counts(cells, columns)
+    return columns, recorded
+
+
+def _lacking(cells: Cells, role: str) -> str:
+    """Return what to say of a table without a column of a role."""
+    among = listed(map(cells.named, range(len(cells.header))))
+    one = ", or subject=one if there was one" * (role == "subject")
+    return (
+        f"{cells.where()}: must have the column {_OWN.get(role, role)}, got {among}; add --columns "
+        f"{role}=NAME{one}"
+    )
+
+
+def _require_clear(cells: Cells, role: str, ranked: Sequence[int]) -> None:
+    """Refuse a name that stands twice, or two names of which neither is the better one."""
+    best = plain_name(cells.header[ranked[0]])
+    if sum(plain_name(cells.header[at]) == best for at in ranked) > 1:
+        raise TableError(
+            f"{cells.where()}: the column {cells.header[ranked[0]]} must stand once; rename the "
+            "others"
+        )
+    if role in {"condition", "level"} and best not in {role, _OWN.get(role)}:
+        require_one(cells, role, ranked, "ignore=NAME")
+
+
+def columns_line(cells: Cells, told: str | None) -> str:
+    """Return in words which columns were taken, if any has a name of its own; else nothing."""
+    columns, recorded = _columns(cells, told)
+    own = ((cells.named(at), _OWN.get(role, role)) for role, at in columns.items())
+    other = [f"{name} is {as_own}" for name, as_own in own if name.casefold() != as_own]
+    return "" if recorded or not other else f"Columns: {listed(other)}."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,6 +337,13 @@ def left_out_line(tracks: Iterable[Track]) -> str:
     return f"{rows} {were} left out: {', '.join(told)}."
 
 
+def yes_or_no_line(fits: Iterable[tuple[Track, Threshold]]) -> str:
+    """Return what to do where answers look like yes and no; nothing if none do."""
+    many = sum(BELOW_CHANCE in fit.flags for _, fit in fits)
+    said = 'Far below chance at low levels: if the answers are yes and no, add --task "yes or no".'
+    return said * bool(many)
+
+
 def _name(cell: str, where: str, *, recorded: bool) -> str:
     name = cell_name(cell, where)
     # A study may call a track none.
@@ -284,10 +353,11 @@ def _name(cell: str, where: str, *, recorded: bool) -> str:
     return name
 
 
-def _level(cells: Cells, row: int, column: int, name: str, shape: str) -> float:
-    text, where = cells.rows[row][column], f"{cells.where(row)}, column {name}"
+def _level(cells: Cells, row: int, column: int, shape: str) -> float:
+    text, where = cells.rows[row][column], cells.where(row, column)
     level = cells.number(text)
     if level is None or abs(level) > 1e100:
+        cells.require_no_formula(row, column)
         rule = "a level must be a number from -1e100 to 1e100"
         raise TableError(f"{where}: {rule}, got {text[:40]!r}")
     if shape == "weibull" and level < 0:
@@ -300,7 +370,7 @@ def _level(cells: Cells, row: int, column: int, name: str, shape: str) -> float:
 
 def _require_counts(cells: Cells, columns: Mapping[str, int]) -> None:
     """Refuse trials that count on from 1 with each answer: they may be its number."""
-    answers = [row[columns[CORRECT]] for row in cells.rows]
+    answers = [row[columns["answer"]] for row in cells.rows]
     if any(not is_missing(text) and _right_or_wrong(cells, text) is None for text in answers):
         return
     # Trials are numbered in a track, through all tracks of a participant, or through the table.
@@ -308,31 +378,31 @@ def _require_counts(cells: Cells, columns: Mapping[str, int]) -> None:
         numbers: dict[tuple[str, ...], list[float | None]] = {}
         for row in cells.rows:
             place = tuple(row[columns[name]] for name in names if name in columns)
-            numbers.setdefault(place, []).append(cells.number(row[columns[TRIALS]]))
+            numbers.setdefault(place, []).append(cells.number(row[columns["trials"]]))
         rising = all(own == list(range(1, len(own) + 1)) for own in numbers.values())
         if rising and len(cells.rows) > len(numbers):  # a lone 1 is a count of 1, too
+            name = cells.header[columns["trials"]]
             raise TableError(
-                f"{cells.where()}: the column {cells.header[columns[TRIALS]]} may number the "
-                "trials or count them: rename it to trials, or leave it out"
+                f"{cells.where()}: the column {name} may number the trials or "
+                f"count them: add --columns trials={name}, or ignore={name}"
             )
 
 
-def _counts(cells: Cells, known: Mapping[str, str], where: str) -> tuple[int, int]:
+def _counts(cells: Cells, row: int, columns: Mapping[str, int]) -> tuple[int, int]:
     """Return the trials and the correct ones of a row."""
-    if TRIALS not in known:
-        if (answer := _right_or_wrong(cells, known[CORRECT])) is None:
+    at = columns["answer"]
+    text, where = cells.rows[row][at], cells.where(row, at)
+    if "trials" not in columns:
+        if (answer := _right_or_wrong(cells, text)) is None:
+            cells.require_no_formula(row, at)
             raise TableError(
-                f"{where}, column {CORRECT}: must be 1 or 0 in a row per trial, got "
-                f"{known[CORRECT][:40]!r}; add the column trials if it is a count"
+                f"{where}: must be 1 or 0 in a row per trial, got {text[:40]!r}; add the column "
+                "trials if it is a count"
             )
         return 1, answer
-    trials, correct = (
-        _count(cells, known[name], f"{where}, column {name}") for name in (TRIALS, CORRECT)
-    )
+    trials, correct = (_count(cells, row, columns[role]) for role in ("trials", "answer"))
     if correct > trials:
-        raise TableError(
-            f"{where}, column {CORRECT}: must be at most the {trials} trials, got {correct}"
-        )
+        raise TableError(f"{where}: must be at most the {trials} trials, got {correct}")
     return trials, correct
 
 
@@ -344,12 +414,15 @@ def _right_or_wrong(cells: Cells, text: str) -> int | None:
     return int(number) if number in {0.0, 1.0} else None
 
 
-def _count(cells: Cells, text: str, where: str) -> int:
+def _count(cells: Cells, row: int, column: int) -> int:
+    text = cells.rows[row][column]
     value = cells.number(text)
     # Spreadsheets and pandas may write a whole number with a point.
     if value is None or not 0 <= value <= MOST_TRIALS or value % 1:
+        cells.require_no_formula(row, column)
         raise TableError(
-            f"{where}: must be a whole number from 0 to {MOST_TRIALS}, got {text[:40]!r}"
+            f"{cells.where(row, column)}: must be a whole number from 0 to {MOST_TRIALS}, got "
+            f"{text[:40]!r}"
         )
     return int(value)
 

@@ -23,6 +23,9 @@ ENOUGH_LEVELS = 3
 POOR_FIT = 0.025
 WORSE = 0.025
 """p of a binomial test, one-sided, that there are fewer right answers than by chance."""
+FAR_BELOW = 0.001
+"""p of such tests of the lowest levels, over all numbers of them: yes and no is answered so."""
+BELOW_CHANCE = "below chance at low levels"
 RISES = 1.645
 """z of a trend that is expected to rise: one-sided 5%."""
 LIMITS = np.array([LOWER, 0.5, UPPER])
@@ -326,18 +329,30 @@ def _flags(
 ) -> tuple[str, ...]:
     """Return in a few words each what speaks against believing the estimate."""
     right, total = int(answers.correct.sum()), int(answers.trials.sum())
+    trend = _trend(answers)
     found = {
         f"worse than chance: {right} of {total} right": chance > 0
         and bdtr(right, total, chance) < WORSE,
         "all right: the threshold may be lower than any level": right == total,
         "all wrong: the threshold may be higher than any level": not right,
+        BELOW_CHANCE: trend >= RISES and _is_below(answers, chance),
         "too few levels": asked.size < ENOUGH_LEVELS,
-        "does not rise with the level": _trend(answers) < RISES,
+        "does not rise with the level": trend < RISES,
         "interval beyond the levels": reason is None
         and not asked[0] <= thresholds[0] <= thresholds[2] <= asked[-1],
         "poor fit": p < POOR_FIT,
     }
     return tuple(name for name, holds in found.items() if holds)
+
+
+def _is_below(answers: LevelAnswers, chance: float) -> bool:
+    """Return whether answers are far below chance at the lowest levels, and above at the highest.
+
+    The lowest are as many as speak most against chance (Bonferroni).
+    """
+    right, trials = answers.correct, answers.trials
+    p = bdtr(np.cumsum(right), np.cumsum(trials).astype(np.int64), chance).min()
+    return bool(p * right.size < FAR_BELOW and right[-1] > chance * trials[-1])
 
 
 def _trend(answers: LevelAnswers) -> float:

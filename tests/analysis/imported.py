@@ -4,9 +4,10 @@ import numpy as np
 
 from analysis.estimates import ScoreTable
 from analysis.tables.means import require_no_means
+from analysis.tables.ratings import Imported
 from analysis.tables.reading import cells_in
 from analysis.tables.roles import roles_in
-from analysis.tables.score_table import MOST_ROWS, Imported, scores_in
+from analysis.tables.score_table import MOST_ROWS, scores_in
 from analysis.tables.shape import shape_of
 
 
@@ -15,11 +16,12 @@ def imported(
     columns: str | None = None,
     *,
     source: str = "scores.csv",
+    missing: str | None = None,
     keep_means: bool = False,
     **known: object,
 ) -> Imported:
     content = text.encode() if isinstance(text, str) else text
-    cells = cells_in(content, source, most=MOST_ROWS)
+    cells = cells_in(content, source, most=MOST_ROWS).without(missing)
     shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
     scores = scores_in(cells, shape, keep_means=keep_means, **known)  # type: ignore[arg-type]
     if not keep_means:

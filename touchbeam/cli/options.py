@@ -247,6 +247,11 @@ OfRehearsalOption = Annotated[
 ]
 
 
+def columns_option(told: str) -> Any:
+    """Return the option that says what the columns of a table are."""
+    return typer.Option("--columns", metavar="ROLE=NAME,…", help=told, callback=text)
+
+
 SheetOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="A sheet of a workbook.", callback=text)
 ]

@@ -130,6 +130,13 @@ def fit(
         Option(metavar="RATE", help="The lapse rate, if it is known. [default: estimated]"),
     ] = None,
     guess: options.GuessOption = None,
+    columns: Annotated[
+        str | None,
+        options.columns_option(
+            "What columns are: subject=, condition=, level=, trials=, answer=, ignore=. "
+            "[default: by their names]"
+        ),
+    ] = None,
     rehearsals: options.RehearsalsOption = False,
     sheet: options.SheetOption = None,
     encoding: options.EncodingOption = None,
@@ -145,22 +152,28 @@ def fit(
     from analysis.estimates import plain
     from analysis.thresholds.answer_table import (
         COLUMNS,
+        call_by_pseudonyms,
+        columns_line,
         comparison_lines,
         comparisons,
         fits_of,
         left_out_line,
         lines_of,
         tracks_in,
+        yes_or_no_line,
     )
     from analysis.thresholds.psychometric import guess_rate
 
     dialect = {"sheet": sheet, "encoding": encoding, "decimal": decimal}
     cells, of_study = _answers_in(table, dialect, rehearsals=rehearsals)
-    tracks = tracks_in(cells, shape)
+    tracks = tracks_in(cells, shape, columns)
     task = task or _only_task(of_study, tracks, str(table))
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, str(table), **asked, guess=guess)
     fitted = list(output.followed("tracks", fits, len(tracks), alone=as_json))
+    if as_json:  # which goes on to others
+        for line in call_by_pseudonyms(tracks):
+            output.complain(line)
     compared = list(comparisons(fitted, shape))
     if as_json:
         records = [track.record(threshold) for track, threshold in fitted]
@@ -172,7 +185,8 @@ def fit(
     output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(fitted), [""] * len(COLUMNS)])
     if compared:
         output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
-    if line := left_out_line(tracks):
+    lines = columns_line(cells, columns), left_out_line(tracks), yes_or_no_line(fitted)
+    for line in filter(None, lines):
         output.say(line)
 
 

@@ -27,11 +27,9 @@ def import_scores(
     ] = None,
     columns: Annotated[
         str | None,
-        Option(
-            metavar="ROLE=NAME,…",
-            help="What columns are: subject=, condition=, factor=, score=, answer=, repeat=, "
-            "session=, group=, contrast=, ignore=. [default: by their names]",
-            callback=options.text,
+        options.columns_option(
+            "What columns are: subject=, condition=, factor=, score=, answer=, repeat=, session=, "
+            "group=, contrast=, ignore=. [default: by their names]"
         ),
     ] = None,
     answers: Annotated[
@@ -80,11 +78,9 @@ def import_scores(
         raise BadInput(f"{table}: must be a table of scores, a CSV file or .xlsx, got a folder")
     content = bytes_of(table, most=MOST_BYTES)
     dialect: dict[str, Any] = {"encoding": encoding, "decimal": decimal, "sheet": sheet}
-    cells = cells_in(content, str(table), most=MOST_ROWS, **dialect)
+    cells = cells_in(content, str(table), most=MOST_ROWS, **dialect).without(missing)
     shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
-    imported = scores_in(
-        cells, shape, scale=scale, answers=answers, missing=missing, keep_means=keep_means
-    )
+    imported = scores_in(cells, shape, scale=scale, answers=answers, keep_means=keep_means)
     if not keep_means:
         require_no_means(cells, shape, imported)
     folder = options.study_folder(study)

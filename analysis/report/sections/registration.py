@@ -255,7 +255,7 @@ def conduct(found: Findings, lock: StudyLock) -> Conduct:
     """Return how the study was conducted and is reported here."""
     origin, registered = found.origin, lock.registration.rung
     # What the rules of the study file take out was registered with that file.
-    left_out = [entry for entry in found.loaded.left_out if entry.by != "rule"]
+    left_out = [entry for entry in found.loaded.left_out if entry.by == "operator"]
     return Conduct(
         sessions=lock.sessions,
         amendments=lock.amendments,

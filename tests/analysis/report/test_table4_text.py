@@ -2,11 +2,18 @@
 
 import numpy as np
 
+from analysis.estimates import ScoreTable
 from analysis.report.table4_text import escaped, table4_csv, table4_lines, table4_tex
 from analysis.statistics.summary import table4
-from tests.analysis.reports import SCORES, imported
+from tests.analysis.reports import NAMES, SCORES, imported
 
-HOLED = table4(imported([[5, 7.5, np.nan], [np.nan] * 3]).table)
+HOLED = table4(
+    ScoreTable(
+        subjects=("P00", "P01"),
+        conditions=tuple(NAMES),
+        scores=np.array([[5, 7.5, np.nan], [np.nan] * 3]),
+    )
+)
 
 
 def test_a_missing_score_is_marked_by_its_cause_and_a_missing_mean_is_not() -> None:

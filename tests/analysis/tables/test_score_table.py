@@ -12,7 +12,8 @@ from analysis.statistics.omnibus import Friedman, friedman
 from analysis.statistics.summary import table4
 from analysis.tables.imported_study import described, events_of, is_papers
 from analysis.tables.means import mean_column
-from analysis.tables.score_table import MOST_CONDITIONS, MOST_SUBJECTS, Imported
+from analysis.tables.ratings import Imported
+from analysis.tables.score_table import MOST_CONDITIONS, MOST_SUBJECTS
 from analysis.tables.table_cells import TableError
 from protocol.journal.events import ScoresImported
 from protocol.study_file.loading import parsed_study, template
@@ -59,6 +60,69 @@ def with_means(column: str | None, row: str | None) -> str:
     named = [[*lines[0][:-1], column or ""], *lines[1:-1], [row or "", *lines[-1][1:]]]
     wanted = named if row else named[:-1]
     return "".join(",".join(line if column else line[:-1]) + "\n" for line in wanted)
+
+
+MIXED = "subject,rough,fine\nP1,5,4\nP2,n.b.,3\nP3,n.b.,2\nP4,n.b.,2\n"
+
+
+def test_a_condition_of_more_texts_than_numbers_is_not_left_out_silently() -> None:
+    said = (
+        r"^scores.csv: 1 of 4 cells in rough are numbers: scores \(add --missing 'n.b.'\), or no "
+        r"condition \(add --columns ignore=rough\)$"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(MIXED)
+    assert imported(MIXED, missing="n.b.").conditions == ("rough", "fine")
+    assert imported(MIXED, "ignore=rough").conditions == ("fine",)
+    remarks = "subject,a,said\nP1,1,late\nP2,2,\nP3,3,NA\n"
+    assert "Left out: column said." in imported(remarks).lines
+    many = "subject,a,b\n" + "".join(f"P{row},1,word {row}\n" for row in range(6)) + "P6,1,7\n"
+    with pytest.raises(TableError, match=r"1 of 7 cells in b are numbers: scores \(correct or bl"):
+        imported(many)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("subject,a,b\nP1,1,2\nP2,=SUM(A1:A3),3\n", r"line 3, column a: is a formula, '=SUM\(A1"),
+        ("subject,a,b\nP1,1,=B2*2\nP2,3,=B3*2\n", r"line 2, column b: is a formula, '=B2\*2'"),
+        ("subject,item,score\nP1,a,1\nP1,b,=C2+1\n", r"line 3, column score: is a formula, '=C"),
+    ],
+)
+def test_a_formula_is_called_so(text: str, place: str) -> None:
+    with pytest.raises(TableError, match=f"{place}.*; save the table with the values of its form"):
+        imported(text)
+    assert imported("subject,a,mood\nP1,1,=)\nP2,2,\n").conditions == ("a",)
+
+
+QUALTRICS = """StartDate,Progress,Duration (in seconds),ResponseId,LocationLatitude,Q1_1,Q1_2
+Start Date,Progress,Duration (in seconds),Response ID,Location Latitude,"How rough, please? - A",B
+"{""ImportId"":""startDate"",""timeZone"":""Europe/Berlin""}","{""ImportId"":""progress""}",\
+"{""ImportId"":""duration""}","{""ImportId"":""_recordId""}","{""ImportId"":""locationLatitude""}",\
+"{""ImportId"":""QID1_1""}","{""ImportId"":""QID1_2""}"
+2024-01-02 10:00:00,100,63,R_3nab,52.1,5,2
+2024-01-02 11:00:00,100,71,R_x5Qq,,6,1
+"""
+
+
+def test_the_three_header_rows_of_qualtrics_are_read() -> None:
+    for text in (QUALTRICS, QUALTRICS.replace('""', "'")):
+        found = imported(text)
+        assert found.conditions == ("Q1_1", "Q1_2")
+        assert [each.score for each in found.ratings] == [5, 2, 6, 1]
+        assert found.lines[0] == (
+            "scores.csv: wide, a column per condition; commas, two further header rows and the own "
+            "columns of Qualtrics left out."
+        )
+    plain = "ResponseId,Q1_1\nResponse ID,A\nR_3nab1,5\n"
+    with pytest.raises(TableError, match="line 2, column Q1_1: a score must be a number"):
+        imported(plain)
+
+
+@pytest.mark.parametrize("name", ["受试者", "被试编号", "姓名", "被験者", "Versuchsperson"])
+def test_subjects_by_other_names(name: str) -> None:
+    found = imported(f"{name},a,b\nP01,1,2\nP02,3,4\n")
+    assert [visit.participant for visit in found.visits] == ["P01", "P02"]
 
 
 @pytest.mark.parametrize(

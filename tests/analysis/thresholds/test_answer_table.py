@@ -11,7 +11,7 @@ import pytest
 import touchbeam
 from analysis.tables.reading import cells_in
 from analysis.tables.table_cells import TableError
-from analysis.thresholds.answer_table import Track, left_out_line, tracks_in
+from analysis.thresholds.answer_table import Track, columns_line, left_out_line, tracks_in
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
@@ -19,8 +19,8 @@ than 8.5 cm/s? Dallmann, Ernst and Moscatelli, Journal of Neurophysiology 114, 2
 HEADER = "participant,track,level,trials,correct\n"
 
 
-def read(text: str, source: str, shape: str) -> list[Track]:
-    return tracks_in(cells_in(text.encode(), source, most=1000), shape)
+def read(text: str, source: str, shape: str, columns: str | None = None) -> list[Track]:
+    return tracks_in(cells_in(text.encode(), source, most=1000), shape, columns)
 
 
 def means(found: pd.DataFrame) -> list[float]:
@@ -52,6 +52,76 @@ def test_a_row_per_trial_and_other_columns() -> None:
         Track("P01", "T", [2.5, 1.0, 1.0], [1, 1, 1], [1, 0, 1]),
         Track("P01", "U", [10.0], [1], [0]),
     ]
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "said"),
+    [
+        ("participant,track,level,trials,correct", None, ""),
+        (
+            "Versuchsperson,Bedingung,Spannung (V),N,richtig",
+            None,
+            "Columns: Versuchsperson is participant, Spannung (V) is level, Bedingung is track, "
+            "richtig is correct, N is trials.",
+        ),
+        (
+            "姓名,Material,voltage_v,trials,Response",
+            None,
+            "Columns: 姓名 is participant, voltage_v is level, Material is track, "
+            "Response is correct.",
+        ),
+        (
+            "受试者,stim,amplitude,trials,hits",
+            None,
+            "Columns: 受试者 is participant, amplitude is level, stim is track, hits is correct.",
+        ),
+        (
+            "Subject ID,surface,Stimulus,trials,yes",
+            None,
+            "Columns: Subject ID is participant, Stimulus is level, surface is track, "
+            "yes is correct.",
+        ),
+        (
+            "who,place,dose,runs,felt",
+            "subject=WHO, condition=place,level=#3,trials=runs,answer=felt",
+            "Columns: who is participant, place is track, dose is level, runs is trials, "
+            "felt is correct.",
+        ),
+    ],
+)
+def test_columns_by_other_names(header: str, columns: str | None, said: str) -> None:
+    text = f"{header}\nP01,T,2.5,20,12\nP01,T,5,20,19\n"
+    assert read(text, "answers.csv", "weibull", columns) == [
+        Track("P01", "T", [2.5, 5.0], [20, 20], [12, 19])
+    ]
+    assert columns_line(cells_in(text.encode(), "answers.csv", most=9), columns) == said
+
+
+def test_all_answers_may_be_those_of_one() -> None:
+    (track,) = read("level,yes\n1,0\n2,1\n", "answers.csv", "weibull", "subject=one")
+    assert (track.participant, track.track) == ("1", "track")
+    table = pd.DataFrame({"who": "P1", "volts": [1.0, 2, 4], "trials": 20, "correct": [9, 15, 20]})
+    found = touchbeam.fit(table, columns="subject=who,level=volts")
+    own = touchbeam.fit(table.rename(columns={"who": "participant", "volts": "level"}))
+    assert found.equals(own)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (
+            "subject",
+            "^--columns must be pairs such as subject=ID,condition=material, of subject",
+        ),
+        ("score=level", "of subject, condition, level, trials, answer, ignore, got 'score=level'$"),
+        ("level=volts", "--columns: no column 'volts'; there are participant, track, level, trial"),
+        ("level=level,level=trials", "--columns: level=trials is said twice"),
+        ("ignore=level", "must have the column level, got participant, track, level, trials, corr"),
+    ],
+)
+def test_wrong_roles(columns: str, message: str) -> None:
+    with pytest.raises(TableError, match=message):
+        read(f"{HEADER}P,T,1,2,1\n", "answers.csv", "weibull", columns)
 
 
 RECORDED = "participant,track,level,level_value,correct,excluded\n"
@@ -122,7 +192,19 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
     [
         ("", "must have a header"),
         (HEADER, "must have a row of answers below the header, got none"),
-        ("participant,track,level\nP,T,1\n", "line 1: must have the column correct; columns are"),
+        (
+            "participant,track,level\nP,T,1\n",
+            "line 1: must have the column correct, got participant, track, level; add --columns an",
+        ),
+        (
+            "track,level,correct\nT,1,0\n",
+            "must have the column participant, got .*; add --columns subject=NAME, or subject=one",
+        ),
+        (
+            "subject,Volt,Reiz,correct\nP,1,2,1\n",
+            "each of Volt, Reiz may be the level; add --columns level=NAME, and ignore=NAME for th",
+        ),
+        ("id,id,level,correct\nP,P,1,1\n", "line 1: the column id must stand once; rename the"),
         (f"{HEADER}P01,T,1,2,1\np01,T,1,2,1\n", "'p01' and 'P01' may be one or two; write"),
         (f"{HEADER}P01,T,1,2,1\nP01,t,1,2,1\n", "'t' and 'T' may be one or two; write"),
         (
@@ -155,7 +237,10 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         (f"{HEADER}P,T,1,2,3\n", "line 2, column correct: must be at most the 2 trials, got 3"),
         (f"{HEADER}P,T,1,2.5,1\n", "column trials: must be a whole number from 0 to 10+, got '2.5"),
         (f"{HEADER}P,T,1,1e99,1\n", "column trials: must be a whole number from 0 to 10+, got '1e"),
-        (f"{HEADER}P,T,1,2,=1\n", "column correct: must be a whole number from 0 to 10+, got '=1'"),
+        (f"{HEADER}P,T,1,2,=1\n", "line 2, column correct: is a formula, '=1'; save the table"),
+        ("ID,volts,resp\nP,1,=A1+1\n", "line 2, column resp: is a formula, '=A1"),
+        ("ID,volts,resp\nP,1,maybe\n", "line 2, column resp: must be 1 or 0 in a row per trial"),
+        (f"{HEADER}P,T,1,2,x\n", "column correct: must be a whole number from 0 to 10+, got 'x'"),
         (
             "participant,track,level,correct\nP,T,1,7\n",
             "line 2, column correct: must be 1 or 0 in a row per trial, got '7'; add the column tr",
@@ -191,10 +276,14 @@ def test_a_column_that_may_number_the_trials_is_not_taken_for_their_count(
     text = "\n".join((f"participant,track,level,{name},correct", *rows))
     said = (
         f"^answers.csv, line 1: the column {name} may number the trials or count them: "
-        "rename it to trials, or leave it out$"
+        f"add --columns trials={name}, or ignore={name}$"
     )
     with pytest.raises(TableError, match=said):
         read(text, "answers.csv", "weibull")
+    (track, *_) = read(text, "answers.csv", "weibull", f"ignore={name}")
+    assert set(track.trials) == {1}
+    cells = cells_in(text.encode(), "answers.csv", most=1000)
+    assert columns_line(cells, f"trials={name}") == f"Columns: {name} is trials."
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,7 @@ def poor_fits() -> dict[str, Threshold]:
         "too few levels": fitted([1, 2], [20, 20], [10, 19]),
         "does not rise with the level": fitted(levels, trials, [12, 9, 11, 8, 10]),
         "worse than chance: 35 of 100 right": fitted(levels, trials, [10, 9, 7, 6, 3]),
+        "below chance at low levels": fitted(levels, trials, [0, 3, 9, 17, 20]),
         "interval beyond the levels": fitted(levels, trials, [10, 11, 10, 12, 17]),
         "poor fit": fitted(levels, trials, [19, 8, 20, 9, 20], task="yes or no"),
     }
@@ -134,6 +135,29 @@ def poor_fits() -> dict[str, Threshold]:
 @pytest.mark.parametrize(("flag", "found"), poor_fits().items())
 def test_flags(flag: str, found: Threshold) -> None:
     assert flag in found.flags
+
+
+def test_answers_near_chance_or_that_do_not_rise_are_not_taken_for_yes_and_no() -> None:
+    flag, levels, trials = "below chance at low levels", [1, 2, 3, 4, 5], [20] * 5
+    assert flag not in fitted(levels, trials, [6, 9, 12, 17, 20]).flags
+    assert flag not in fitted(levels, trials, [2, 3, 3, 2, 3]).flags
+    assert flag not in fitted(levels, trials, [0, 1, 3, 5, 8]).flags
+    assert flag not in fitted(levels, trials, [0, 3, 9, 17, 20], task="yes or no").flags
+    assert flag in fitted([1, 2, 3, 4, 5], trials, [0, 2, 9, 17, 20], task="3AFC").flags
+
+
+@pytest.mark.parametrize("guess", [0.25, 0.4])
+def test_a_free_guess_rate_is_found_where_there_are_enough_answers(guess: float) -> None:
+    """Of few the prior, psignifit's Beta(1, 10), draws it towards 0."""
+    rng = np.random.default_rng(3)
+    levels = np.array([0.3, 0.5, 0.7, 1, 1.5, 2, 3, 4, 6, 8])
+    share = guess + (0.98 - guess) * -np.expm1(-np.log(2) * (levels / 3) ** 3)
+    many, few = (
+        [fitted(levels, [n] * 10, rng.binomial(n, share), guess="free").guess for _ in range(6)]
+        for n in (1000, 20)
+    )
+    assert np.mean(many) == pytest.approx(guess, abs=0.02)
+    assert np.mean(few) < np.mean(many) - 0.01
 
 
 def test_without_a_range_of_levels_nothing_is_estimated_but_with_one_something_is() -> None:

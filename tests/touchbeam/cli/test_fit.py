@@ -28,6 +28,46 @@ def test_the_json_of_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out)["tracks"] == tracks
 
 
+def test_names_of_persons_are_printed_and_no_part_of_the_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"{name},{track},{level},20,{right}"
+        for name in ("Ann", "Ben")
+        for track in ("dry", "wet")
+        for level, right in ((1, 10), (2, 13), (4, 18), (8, 20))
+    ]
+    table = tmp_path / "t.csv"
+    table.write_text("\n".join(("Name,track,level,trials,correct", *rows)))
+    assert typed("fit", table, "--json") == 0
+    shown = capsys.readouterr()
+    found = json.loads(shown.out)
+    assert {track["participant"] for track in found["tracks"]} == {"S01", "S02"}
+    assert [each["participant"] for each in found["comparisons"]] == ["S01", "S02"]
+    assert "Ann" not in shown.out
+    assert "Subjects are called S01 to S02, in the order of the table" in shown.err
+    assert typed("fit", table) == 0
+    assert "Ann" in capsys.readouterr().out
+    table.write_text(table.read_text().replace("Ann", "P01").replace("Ben", "P02"))
+    assert typed("fit", table, "--json") == 0
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["tracks"][0]["participant"] == "P01"
+    assert shown.err == ""
+
+
+def test_yes_and_no_that_are_fitted_as_two_intervals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "t.csv"
+    rows = (f"P1,{level},20,{yes}" for level, yes in ((1, 0), (2, 3), (3, 9), (4, 17), (5, 20)))
+    table.write_text("\n".join(("subject,volts,n,yes", *rows)))
+    said = 'if the answers are yes and no, add --task "yes or no".'
+    assert typed("fit", table) == 0
+    assert said in capsys.readouterr().out
+    assert typed("fit", table, "--task", "yes or no") == 0
+    assert said not in capsys.readouterr().out
+
+
 def test_what_cannot_be_estimated_is_null(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

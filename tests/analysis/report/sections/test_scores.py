@@ -1,18 +1,55 @@
 """Table 4 on the page and as data: missing scores, and the link of each cell."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from analysis.loading.study_data import load_study_data
 from analysis.report.report import report, report_files, report_html, report_json
+from analysis.report.sections.session_checks import left_out_lines
+from protocol.journal.events import Answered
 from protocol.study.study import Study
-from tests.analysis.reports import ORIGIN, SCORES, ReadPage, made, plain_report, study_report
+from tests.analysis.chains import chain
+from tests.analysis.reports import (
+    ORIGIN,
+    PAPER,
+    SCORES,
+    ReadPage,
+    made,
+    plain_report,
+    session_events,
+    study_report,
+)
 
 
-def test_a_subject_without_scores_has_a_row() -> None:
-    numbers = report_json(made([[np.nan] * 3, *SCORES[1:2]]))
+def test_a_subject_whose_answers_were_not_scored_has_a_row() -> None:
+    sessions = [session_events(PAPER, slot, np.random.default_rng(slot)) for slot in range(3)]
+    sessions[0] = [
+        replace(it, agrees=False, score=None) if isinstance(it, Answered) else it
+        for it in sessions[0]
+    ]
+    found = load_study_data(map(chain, sessions), rehearsals=False)
+    numbers = report_json(report("a", found, PAPER, ORIGIN))
     assert numbers["table4"]["rows"][0]["comprehensive"] is None
+    assert numbers["table4"]["unscored_subjects"] == ["P01"]
+
+
+def test_a_subject_of_an_imported_table_without_scores_is_left_out_and_named() -> None:
+    """Earlier versions stored such a subject, whose row would rule Friedman's test out."""
+    found, known = made([*SCORES, [np.nan] * 3]), made()
+    numbers, of_known = map(report_json, (found, known))
+    assert "chi2" in of_known["friedman"]
+    assert [numbers[name] for name in ("table4", "friedman", "kendall_w")] == [
+        of_known[name] for name in ("table4", "friedman", "kendall_w")
+    ]
+    (out,) = numbers["exclusions"]
+    assert (out["by"], out["why"]) == ("import", "no score in the table")
+    assert left_out_lines(found.loaded) == [
+        f"Left out: {out['participant']} (import): no score in the table"
+    ]
+    assert left_out_lines(known.loaded) == []
 
 
 def test_directions_and_mean_responses_stand_below_the_table_and_are_those_of_the_trials() -> None:

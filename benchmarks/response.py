@@ -42,11 +42,14 @@ from analysis.power.study_records import (
     record_of_tables,
 )
 from analysis.simulation import Simulation, mean_table
+from device.friction.calibration import Calibration
+from device.people import person
 from device.people.person import DEFAULT, Population
 from protocol.registration.registration import FOLLOWS, OMNIBUS, effect_of
 from protocol.study.factor import Group
 from protocol.study.study import Study
 from protocol.study_file.loading import parsed_study, template
+from runner.study.surface import surface_of
 
 SEED = 45
 COHORTS = 360
@@ -228,8 +231,10 @@ class Reports:
 def reports(name: str, world: World, cohorts: int) -> Reports:
     """Return the reports of the first cohorts of a study in a world."""
     study, participants = STUDIES[name]()
-    simulation = Simulation(study=study, population=world.population)
-    asked = asked_by(study)
+    surface = surface_of(Path(), study)
+    touched = person.World(surface=surface)
+    simulation = Simulation(study=study, population=world.population, world=touched)
+    asked = asked_by(study, Calibration.of(surface))
     records, t_of_slopes, scipys, complete = [], [], [], []
     for first in range(0, cohorts, AT_ONCE):
         keys = [f"{SEED}/{number}" for number in range(first, min(first + AT_ONCE, cohorts))]

@@ -14,7 +14,6 @@ from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
 from analysis.thresholds.psychometric import BELOW_CHANCE, NOTHING, Threshold, curve_share, fitted
 from protocol.errors import BadInput, listed
-from protocol.pseudonyms import pseudonyms
 
 MOST_BYTES = 2**26
 MOST_ROWS = 1_000_000
@@ -135,15 +134,6 @@ def _require_apart(source: str, tracks: Iterable[Track]) -> None:
                     f"{source}: {name[-1]!r} and {first[-1]!r} may be one or two; write one alike "
                     "everywhere, or call two apart"
                 )
-
-
-def call_by_pseudonyms(tracks: Iterable[Track]) -> list[str]:
-    """Call participants as an imported study would, and return what to say of it."""
-    tracks = list(tracks)
-    called, said = pseudonyms(list(dict.fromkeys(track.participant for track in tracks)))
-    for track in tracks:
-        track.participant = called[track.participant]
-    return said
 
 
 def _why_out(cells: Mapping[str, str], *, recorded: bool) -> str:

@@ -152,7 +152,6 @@ def fit(
     from analysis.estimates import plain
     from analysis.thresholds.answer_table import (
         COLUMNS,
-        call_by_pseudonyms,
         columns_line,
         comparison_lines,
         comparisons,
@@ -171,9 +170,6 @@ def fit(
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, str(table), **asked, guess=guess)
     fitted = list(output.followed("tracks", fits, len(tracks), alone=as_json))
-    if as_json:  # which goes on to others
-        for line in call_by_pseudonyms(tracks):
-            output.complain(line)
     compared = list(comparisons(fitted, shape))
     if as_json:
         records = [track.record(threshold) for track, threshold in fitted]

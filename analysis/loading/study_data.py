@@ -541,10 +541,7 @@ def study_data(found: Sessions, *, rehearsals: bool, rules: Exclusions | None = 
         left_out=(
             *(out for out in found.exclusions if out.trial is None),
             *trials_left_out,
-            *(
-                Exclusion(participant=who, by="import", why="no score in the table")
-                for who in silent
-            ),
+            *(Exclusion(participant=who, by="import", why=NO_SCORE) for who in silent),
             *by_rule,
         ),
         incidents=tuple(it for it in found.incidents if (it.participant, it.session) in kept),

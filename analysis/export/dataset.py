@@ -159,7 +159,7 @@ class Dataset:
 
     @property
     def published(self) -> bool:
-        """Whether all scores come from published tables: nobody was asked, nothing was touched."""
+        """Whether all scores were imported from tables: nobody was asked here, nothing touched."""
         return self.kinds == ("published",)
 
     @cached_property
@@ -252,21 +252,20 @@ class Dataset:
             for condition in self.study.condition
         }
         if self.published:
-            return dict.fromkeys(self.conditions, "a condition of the published table")
+            return dict.fromkeys(self.conditions, "a condition of the imported table")
         return {name: asked.get(name, "a parameter that changes") for name in self.conditions}
 
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
         conditions = listed(self.conditions)
-        # The files that published scores come from, with their digests.
+        # The files that imported scores come from, with their digests.
         imported = "; ".join(self.sessions["imported_from"].dropna().unique())
         tracks = listed(track.name for track in self.study.track)
         scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:
             return (
-                f"Published scores, {scale}, of subjects under the conditions {conditions}, "
-                f"imported from {imported}. No session was run: how the scores were given is not "
-                "known."
+                f"Scores, {scale}, of subjects under the conditions {conditions}, imported from "
+                f"{imported}. No session was run: how the scores were given is not known."
             )
         others = imported and f" Sessions of the kind `published` are imported from {imported}."
         asked = (

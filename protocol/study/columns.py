@@ -77,7 +77,7 @@ _SESSION = (
         levels={
             "participant": "a person on a real device",
             "rehearsal": "a dry run: simulated device, virtual answers, or declared a rehearsal",
-            "published": "scores imported from a published table",
+            "published": "scores imported from a table",
         },
     ),
     _session("session_completed", "Whether the session came to its end.", levels=YES_NO),
@@ -96,7 +96,7 @@ _PLAN = (
             "practice": "not analysed",
             "trial": "a condition; its effect or, without a question, what is felt is scored",
             "catch": "at 0 V: nothing changes",
-            "published": "a score of a published table, of which nothing else is known",
+            "published": "an imported score; how it was given is not known",
         },
     ),
     _plan("condition", "The parameter that changes."),

@@ -110,7 +110,7 @@ def _without_model(found: Findings) -> str:
 
 
 def _design(found: Findings) -> str:
-    """Return what each participant did, in a sentence; nothing of published scores."""
+    """Return what each participant did, in a sentence; nothing of imported scores."""
     design, study = found.study.design, found.study
     if found.published:
         return ""
@@ -345,6 +345,8 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     )
 
 
+_KINDS = {"published": "imported"}
+"""Of scores, by their name in the journal, where the page has another."""
 _LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
 
 
@@ -352,7 +354,11 @@ def provenance(found: Findings) -> Section:
     """Return the facts needed to reproduce the report."""
     facts = _facts(found)
     return Section(
-        title="Provenance", blocks=[Definitions(entries=facts)], data={"provenance": facts}
+        title="Provenance",
+        blocks=[
+            Definitions(entries={**facts, "scores": _KINDS.get(facts["scores"], facts["scores"])})
+        ],
+        data={"provenance": facts},
     )
 
 

@@ -55,7 +55,7 @@ def _directions_table(found: Findings) -> blocks.Table | str:
     directions = found.trials.directions
     if found.measure == "score":
         if found.published:
-            return "These scores come without answers, so that each is a response as it stands."
+            return "These scores come without answers: conditions are compared by the scores alone."
         return "Nobody was asked what changed: what was felt was scored at once."
     if not directions:
         return "No change that was expected was answered."
@@ -251,7 +251,7 @@ def trials(found: Findings) -> blocks.Section:
     return blocks.Section(
         title="Trials",
         blocks=[
-            f"All analysed trials, with their contrasts from {found.friction_source}."
+            f"All analysed trials, with their contrasts from {found.friction_source}{_TOUCH}"
             if found.is_predicted
             else "All analysed trials.",
             blocks.TableGroup(name="trial-tables", tables=_subject_tables(found)),
@@ -260,6 +260,10 @@ def trials(found: Findings) -> blocks.Section:
     )
 
 
+_TOUCH = (
+    ". Touch: whether the contrast is that of the touch as planned, with force or place as "
+    "measured, or of a standard touch, where nothing is known of it."
+)
 _OF_ANSWERS = frozenset({"answer", "as expected", "response"})
 
 
@@ -289,7 +293,9 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
         *blocks.columns("as expected", "score", "response", *predicted, "touch"),
     ]
     # Where nobody is asked what changed a score is the only answer.
-    left_out = _OF_ANSWERS if found.at_once else frozenset()
+    left_out = _OF_ANSWERS if found.measure == "score" else frozenset()
+    if not found.is_predicted or found.study.imported:
+        left_out |= {"touch"}
     shown = [place for place, column in enumerate(header) if column.name not in left_out]
     return [
         blocks.Table(
@@ -326,11 +332,13 @@ def _rows(
 
 
 def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
-    kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    is_imported = record["kind"] == "published"
+    kind = "imported" if is_imported else record["kind"]
+    kind += ", opposite" * bool(record["opposite"])
     is_catch = record["kind"] == "catch"
     # The source of the touch for which the contrast is predicted.
     touch = "measured" if record["touch_measured"] else "as planned"
-    if kind == "published":
+    if is_imported:
         touch = "standard"
     return [
         record["condition"] or record.get("track") or MISSING,

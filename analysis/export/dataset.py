@@ -21,7 +21,13 @@ from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column
-from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
+from protocol.study.participant_texts import (
+    language,
+    rating_question,
+    scale_in_words,
+    study_codes,
+    study_wording,
+)
 from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
@@ -224,10 +230,14 @@ class Dataset:
         return scale_of_scores(self.study, self.kinds)
 
     def meaning(self, column: Column) -> str:
-        """Return what `column` holds; scores lie on this study's scale."""
+        """Return what `column` holds; scores lie on this study's scale, and answer its question."""
         if column.name != "score":
             return column.description
-        return column.description.format(scale=scale_in_words(self.study, self.rating))
+        scale = column.description.format(scale=scale_in_words(self.study, self.rating))
+        # Nobody knows what was asked for imported scores, and tracks alone ask for none.
+        if self.published or not self.study.condition:
+            return scale
+        return f"{scale} Asked: “{rating_question(self.study)}”."
 
     def levels(self, column: Column) -> Mapping[str, str]:
         """Return what the words in `column` stand for; this study may have words of its own."""

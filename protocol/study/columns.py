@@ -232,7 +232,10 @@ _TOUCHES = (
 _SETTING = (
     Column("resonance_hz", "Resonance of the rig as measured before the trial.", "Hz"),
     Column(
-        "resonance_tip_m_per_v", "Amplitude of the beam's tip at the resonance, per volt.", "m/V"
+        "resonance_tip_m_per_v",
+        "Amplitude at the resonance, per volt: of a beam's tip, on another surface of the place "
+        "where the device measures it.",
+        "m/V",
     ),
     _session("device", "What the device said it is."),
     _session("skin_state", "Skin of the participant, as the operator noted it."),

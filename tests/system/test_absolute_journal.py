@@ -60,6 +60,8 @@ def test_its_numbers_have_not_moved(study: Path) -> None:
         assert len(now) == len(kept)
         for one, other in zip(now, kept, strict=True):
             assert one == (pytest.approx(other, relative) if isinstance(other, float) else other)
+    page = (study / "report" / "report.html").read_text(encoding="utf-8")
+    assert "differed in the touches (amplitudes: 20 V, 40 V, 60 V, 80 V, 100 V)." in page
     assert (told["sensitivity_model"], told["noticing"]["reason"]) == (
         "rating",
         "nobody was asked what changed",
@@ -69,6 +71,10 @@ def test_its_numbers_have_not_moved(study: Path) -> None:
 def test_it_is_verified_and_its_scores_are_exported(study: Path, tmp_path: Path) -> None:
     assert typed("verify", study) == 0
     assert typed("export", study, tmp_path / "out", "--format", "csv", "--rehearsals") == 0
+    described = json.loads((tmp_path / "out" / "trials.json").read_text(encoding="utf-8"))
+    asked = "Asked: “How rough did the plate feel? 1 to 7”."
+    assert described["score"]["description"].endswith(asked)
+    assert "on another surface" in described["resonance_tip_m_per_v"]["description"]
     rows = csv_rows((tmp_path / "out" / "trials.csv").read_text(encoding="utf-8"))
     scores = [row["score"] for row in rows if row["trial_kind"] in {"trial", "catch"}]
     assert len(scores) == 4 * 11

@@ -81,12 +81,20 @@ _OF_SCORES = {
     "rated contrasts.",
 }
 """What terms mean where what is felt is scored without a question."""
+_OF_IMPORTED = {
+    "as expected": "the answer that was said to be the expected one when the scores were imported; "
+    "the other way is its contrary.",
+    "contrast": "change of the logarithm of friction that the author of the scores predicts: .10 "
+    "is a change of about 10%.",
+}
+"""What terms mean of imported scores."""
 _OF_PREDICTIONS = frozenset({"contrast", "gain", "law", "level", "relative gain", "rung"})
 
 
 def glossary(found: Findings) -> blocks.Section:
     """Return the terms that stand on the page, in alphabetical order."""
-    told = _TERMS | (_OF_SCORES if found.at_once else {})
+    own = _OF_SCORES if found.at_once else _OF_IMPORTED if found.study.imported else {}
+    told = _TERMS | own
     if not found.is_predicted:
         told |= {"95% CI": "confidence interval, which holds the value in 95% of studies."}
     entries = {

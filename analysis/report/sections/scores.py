@@ -15,6 +15,7 @@ from analysis.report.wording import MISSING, number
 from analysis.statistics.summary import Table4
 from analysis.trials.answers import Answers, answers_by_question
 from protocol.study.languages import REFERENCE
+from protocol.study.participant_texts import scale_in_words
 from protocol.study.study_question import StudyQuestion
 
 MOST_COLUMNS = 12
@@ -38,7 +39,8 @@ def section(found: Findings) -> blocks.Section:
             "table4.csv": table4_csv(main, found.mean_name),
             "table4.tex": table4_tex(
                 main,
-                found.scale_in_words,
+                # A minus sign is no character of every TeX.
+                scale_in_words(found.study, found.rating),
                 found.loaded.notes,
                 found.loaded.marks,
                 found.mean_name,
@@ -47,6 +49,7 @@ def section(found: Findings) -> blocks.Section:
     )
 
 
+_NAMED = ", which is the answer that the study file names"
 _TITLES = {"response": "How the changes were answered", "score": "Scores by condition"}
 
 
@@ -59,11 +62,12 @@ def _directions_table(found: Findings) -> blocks.Table | str:
         return "Nobody was asked what changed: what was felt was scored at once."
     if not directions:
         return "No change that was expected was answered."
+    named = "" if found.study.imported else _NAMED
     means = dict(zip(found.loaded.table.conditions, found.trials.response_tests.means, strict=True))
     return blocks.Table(
         name="directions",
-        caption="How often a change was answered as expected, which is the answer that the study "
-        "file names, the other way, and as no change; and the mean response over participants. "
+        caption=f"How often a change was answered as expected{named}, "
+        "the other way, and as no change; and the mean response over participants. "
         f"{IN_WORDS}, so that every answer counts.",
         columns=blocks.columns(
             "condition", "as expected", "the other way", "no change", "mean response"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.report.blocks import Definitions
-from analysis.report.report import Report, report, report_html
+from analysis.report.report import Report, report, report_files, report_html
 from analysis.report.results import paragraphs
 from protocol.study_file.loading import parsed_study
 from tests.analysis.reports import (
@@ -52,6 +52,21 @@ def test_nothing_is_predicted_of_scores_without_contrasts() -> None:
     page = " ".join(ReadPage(report_html(found)).words)
     for word in ("predicted", "friction", "Sensitivity", "Table 4", "comprehensive"):
         assert word not in page, word
+
+
+def test_the_ends_of_a_scale_have_the_sign_of_all_numbers_of_the_page() -> None:
+    study = parsed_study(TEXT.format(known="true").replace("minimum = 4", "minimum = -5"))
+    found = report("table", imported(SCORES), study, ORIGIN)
+    page = report_html(found)
+    assert "from −5 to 10" in page
+    assert "Scores by subject and condition, −5 to 10." in page
+    assert "-5 to 10" not in page
+    assert "-5 to 10" in report_files(found, figures=False)["table4.tex"].decode()
+
+
+def test_laws_are_compared_with_what_was_given() -> None:
+    assert "Each friction law compared with ratings." in report_html(plain_report())
+    assert "Each friction law compared with answers and ratings." in report_html(study_report())
 
 
 def terms(found: Report) -> set[str]:

@@ -115,7 +115,7 @@ def test_contrasts_of_its_author_are_what_a_report_predicts(
     assert report["responses"]["slope"]["value"] > 0
     page = (tmp_path / "study" / "report" / "report.html").read_text()
     assert "the contrasts that the author of the scores states" in page
-    for words in ("friction model", "First signal"):
+    for words in ("friction model", "First signal", "of different kinds", "Over a path"):
         assert words not in page, words
     fast = ("--studies", "2", "--null-studies", "2", "--tests-only", "--workers", "1")
     assert typed("power", tmp_path / "study", *fast, "--json") == 0

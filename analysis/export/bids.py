@@ -23,12 +23,14 @@ HED_VERSION = "8.3.0"
 _TABLES = (
     "This is a BIDS data set. Each session is a table `sub-*/beh/*_beh.tsv` "
     "(`sub-*/ses-*/beh/` if there are several sessions); the JSON file beside it describes its "
-    "columns. `*_events.tsv` has the trials as events, tagged in words of HED. "
+    "columns.{events} "
     "`n/a` is a missing value; in a text `\\t`, `\\n` and `\\\\` stand for a tab, a line "
     "feed and a backslash; an apostrophe before `=`, `+`, `-` or `@` keeps spreadsheets from "
     "taking a text for a formula. `participants.tsv` gives each participant's pseudonym, and the "
     "answers that were given once."
 )
+
+_EVENTS = " `*_events.tsv` has the trials as events, tagged in words of HED."
 
 _RECORDINGS = (
     " What was recorded during touches is beside the tables: forces and place in "
@@ -75,8 +77,9 @@ def bids_export(data: Dataset) -> dict[str, str]:
     What only the study's author knows stands there if the study file gives it, and else not at
     all. A participant without trials is not there.
     """
+    tables = _TABLES.format(events="" if data.published else _EVENTS)
     return {
-        "README.md": readme(data, _TABLES + _RECORDINGS * any(data.recorded.values())),
+        "README.md": readme(data, tables + _RECORDINGS * any(data.recorded.values())),
         "dataset_description.json": json_text(_dataset_description(data)),
         **_participants(data),
         **_sessions(data),
@@ -180,7 +183,7 @@ def _event_files(
 ) -> dict[str, str]:
     """Return the table of a session's events, in the order of time, and its sidecar.
 
-    Published scores are no events. `task` is what each sidecar of the session says of it.
+    Imported scores are no events. `task` is what each sidecar of the session says of it.
     """
     # UTC, because the monotonic clock begins anew when an interrupted session goes on.
     timed = trials[trials["started_utc"].notna()]

@@ -21,7 +21,13 @@ from device.friction.calibration import NOMINAL, Calibration
 from protocol.errors import BadInput, listed
 from protocol.journal.events import StoredEvent
 from protocol.study.columns import PARTICIPANT_COLUMNS, Column
-from protocol.study.participant_texts import language, scale_in_words, study_codes, study_wording
+from protocol.study.participant_texts import (
+    language,
+    rating_question,
+    scale_in_words,
+    study_codes,
+    study_wording,
+)
 from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
@@ -159,7 +165,7 @@ class Dataset:
 
     @property
     def published(self) -> bool:
-        """Whether all scores come from published tables: nobody was asked, nothing was touched."""
+        """Whether all scores were imported from tables: nobody was asked here, nothing touched."""
         return self.kinds == ("published",)
 
     @cached_property
@@ -224,10 +230,14 @@ class Dataset:
         return scale_of_scores(self.study, self.kinds)
 
     def meaning(self, column: Column) -> str:
-        """Return what `column` holds; scores lie on this study's scale."""
+        """Return what `column` holds; scores lie on this study's scale, and answer its question."""
         if column.name != "score":
             return column.description
-        return column.description.format(scale=scale_in_words(self.study, self.rating))
+        scale = column.description.format(scale=scale_in_words(self.study, self.rating))
+        # Nobody knows what was asked for imported scores, and tracks alone ask for none.
+        if self.published or not self.study.condition:
+            return scale
+        return f"{scale} Asked: “{rating_question(self.study)}”."
 
     def levels(self, column: Column) -> Mapping[str, str]:
         """Return what the words in `column` stand for; this study may have words of its own."""
@@ -252,21 +262,20 @@ class Dataset:
             for condition in self.study.condition
         }
         if self.published:
-            return dict.fromkeys(self.conditions, "a condition of the published table")
+            return dict.fromkeys(self.conditions, "a condition of the imported table")
         return {name: asked.get(name, "a parameter that changes") for name in self.conditions}
 
     def description(self) -> str:
         """Return what was done, in two or three sentences that hold for every study."""
         conditions = listed(self.conditions)
-        # The files that published scores come from, with their digests.
+        # The files that imported scores come from, with their digests.
         imported = "; ".join(self.sessions["imported_from"].dropna().unique())
         tracks = listed(track.name for track in self.study.track)
         scale = f"from {self.rating.minimum} to {self.rating.maximum}"
         if self.published:
             return (
-                f"Published scores, {scale}, of subjects under the conditions {conditions}, "
-                f"imported from {imported}. No session was run: how the scores were given is not "
-                "known."
+                f"Scores, {scale}, of subjects under the conditions {conditions}, imported from "
+                f"{imported}. No session was run: how the scores were given is not known."
             )
         others = imported and f" Sessions of the kind `published` are imported from {imported}."
         asked = (

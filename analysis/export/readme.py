@@ -18,10 +18,10 @@ _ROWS = (
     "with the reason; the analysis leaves them out.\n"
 )
 _PUBLISHED_ROWS = (
-    "A row is the score of a subject under a condition; columns about touches and answers are "
-    "empty. A score that was not given is missing, never zero. Subjects that were taken out "
-    "afterwards are still here, marked in the column `excluded` with the reason; the analysis "
-    "leaves them out.\n"
+    "A row is a score of a subject under a condition; columns about what the table did not say, "
+    "such as touches and times, are empty. A score that was not given is missing, never zero. "
+    "Subjects that were taken out afterwards are still here, marked in the column `excluded` with "
+    "the reason; the analysis leaves them out.\n"
 )
 
 

@@ -14,7 +14,7 @@ from protocol.study.rules import MOST_REPEATS
 from protocol.study.rules import Design as DesignOfStudy
 from protocol.study.study import Study
 from protocol.study_file.limits import problems
-from protocol.study_file.loading import schema_problems
+from protocol.study_file.loading import parsed_study, schema_problems
 from protocol.study_file.toml import in_toml
 
 PAPERS_PARTICIPANTS = 9
@@ -120,36 +120,63 @@ _MIDDLE = 0.4
 """The friction of a condition in the middle of the contrasts, which changes no slope."""
 
 
-def rated_again(study: Study) -> str:
-    """Return the text of a study to simulate in place of one that describes imported scores.
+def simulated(text: str, *, answered: bool = False) -> Study:
+    """Return the study that is simulated: that of the text or, of imported scores, one like theirs.
 
-    What is felt is scored at once. Each condition is a touch whose friction follows from the
-    contrast that the author predicts; of a study without contrasts none is known.
+    Conditions, contrasts, factors, groups, sessions and the scale are those of the scores. What is
+    felt is scored at once; if the scores were `answered`, a change is, and asked about before. A
+    touch has the friction that follows from the contrast that the author predicts; without
+    contrasts none is known.
 
     Raises:
         BadInput: some conditions alone have a contrast, or contrasts are too far apart.
     """
+    study = parsed_study(text)
+    if not study.imported:
+        return study
     known = [each.contrast for each in study.condition if each.contrast is not None]
     if known and len(known) < len(study.condition):
         raise BadInput("a power analysis needs a contrast of each condition, or of none")
-    middle = sum(known) / max(len(known), 1)
+    middle = 0.0 if answered else sum(known) / max(len(known), 1)
     if any(abs(each - middle) > 3 for each in known):
-        raise BadInput("a power analysis needs contrasts at most 3 from their mean")
-    design = study.design
+        raise BadInput("a power analysis needs contrasts at most 3 from " + _FROM[answered])
+    like = parsed_study(_like(study, middle, answered=answered))
+    conditions = (
+        condition.model_copy(update={"factors": own.factors})
+        for condition, own in zip(like.condition, study.condition, strict=True)
+    )
+    return like.model_copy(update={"condition": tuple(conditions)})
+
+
+_FROM = {False: "their mean", True: "0"}
+
+
+def _like(study: Study, middle: float, *, answered: bool) -> str:
+    """Return the text of a study like that of imported scores, but for its factors."""
+    design, rating = study.design, study.rating
     lines = [
         *("[study]", f"name = {in_toml(study.study.name)}", f"seed = {study.study.seed}"),
         *("[session]", 'languages = ["en"]', "[surface]", 'kind = "given"', "length_m = 0.1"),
         *("[touch]", "path_m = [0.01, 0.08]", "smooth_place_m = 0.04"),
         *("[design]", f"sessions = {design.sessions}", f"repeats = {design.repeats}"),
         *([] if study.group else [f"participants = {design.participants or 9}"]),
-        *("[rating]", f"minimum = {study.rating.minimum}", f"maximum = {study.rating.maximum}"),
+        *("[rating]", f"minimum = {rating.minimum}", f"maximum = {rating.maximum}"),
+        *([f'score_when = "{rating.score_when}"'] if answered else []),
     ]
     for group in study.group:
         lines += ["[[group]]", f"name = {in_toml(group.name)}", f"size = {group.size}"]
     for condition in study.condition:
-        friction = ""
-        if condition.contrast is not None:
-            friction = f", friction = {_MIDDLE * exp(condition.contrast - middle)!r}"
-        touch = f'touches = [{{ place = "smooth", voltage_v = 0{friction} }}]'
-        lines += ["[[condition]]", f"name = {in_toml(condition.name)}", touch]
+        lines += ["[[condition]]", f"name = {in_toml(condition.name)}"]
+        # A change is positive where friction falls, what is felt at once where it is higher.
+        lines += ['question = "roughness"', 'expected = "smoother"'] if answered else []
+        change = None if condition.contrast is None else condition.contrast - middle
+        ends = (0.5, -0.5) if answered else (1.0,)
+        touches = ", ".join(_touch(None if change is None else end * change) for end in ends)
+        lines += [f"touches = [{touches}]"]
     return "\n".join(lines) + "\n"
+
+
+def _touch(log_friction: float | None) -> str:
+    """Return a touch whose friction is so far from the middle."""
+    stated = "" if log_friction is None else f", friction = {_MIDDLE * exp(log_friction)!r}"
+    return f'{{ place = "smooth", voltage_v = 0{stated} }}'

@@ -7,7 +7,7 @@ from functools import lru_cache
 from threadpoolctl import threadpool_limits
 
 from analysis.power.answered_cohorts import AnsweredCohorts
-from analysis.power.designs import Design, designed
+from analysis.power.designs import Design, designed, simulated
 from analysis.power.null_cohorts import kind_named, kinds_of, null_tables
 from analysis.power.people_cohorts import PeopleCohorts
 from analysis.power.study_records import (
@@ -23,7 +23,7 @@ from device.friction.calibration import NOMINAL, Calibration
 from device.people.people_file import people_in
 from device.people.person import DEFAULT
 from protocol.errors import WorkFailed
-from protocol.study_file.loading import parsed_study
+from protocol.study.study import Study
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,13 @@ class Job:
     rig: Calibration = NOMINAL
     people: str = ""
     """Text of the people file; without one the default population takes part."""
+    answered: bool = False
+    """Whether the scores of a study of imported ones came with answers."""
+
+    @property
+    def simulated(self) -> Study:
+        """The study that is simulated."""
+        return simulated(self.study, answered=self.answered)
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ def tasks(job: Job, design: Design, studies: int, null_studies: int) -> list[Tas
 @lru_cache(maxsize=8)
 def asked(job: Job) -> Asked:
     """Return what the job's study asks."""
-    return asked_by(parsed_study(job.study), job.rig, models=job.models)
+    return asked_by(job.simulated, job.rig, models=job.models)
 
 
 @lru_cache(maxsize=8)
@@ -86,7 +93,7 @@ def _cohorts(job: Job, design: Design, null: str) -> AnsweredCohorts:
         people = kind_named(null).population(people)
     return AnsweredCohorts(
         cohorts=PeopleCohorts(
-            study=designed(parsed_study(job.study), design),
+            study=designed(job.simulated, design),
             participants=design.participants,
             population=people,
             rig=job.rig,

@@ -13,6 +13,7 @@ from analysis.loading.records import values
 from analysis.loading.sessions import is_scored
 from analysis.loading.study_data import StudyData, is_papers_table, scale_of_scores
 from analysis.loading.study_lock import StudyLock
+from analysis.report.wording import with_minus
 from analysis.sensitivity.answers_model import Sensitivity, sensitivity
 from analysis.statistics.corrections import holm
 from analysis.statistics.factorial import Factorial
@@ -84,7 +85,7 @@ class Scale(NamedTuple):
 
     def __str__(self) -> str:
         """Return the ends of the scale."""
-        return f"{self.lowest:g} to {self.highest:g}"
+        return with_minus(f"{self.lowest:g} to {self.highest:g}")
 
 
 CHANGES_NOTICED = f"changes {NOTICED}"
@@ -334,7 +335,7 @@ class Findings:
     @property
     def scale_in_words(self) -> str:
         """That scale with the names of its bands, as the participants read them."""
-        return scale_in_words(self.study, self.rating)
+        return with_minus(scale_in_words(self.study, self.rating))
 
 
 def _of_groups(p_holm: Mapping[str, float]) -> dict[str, float]:

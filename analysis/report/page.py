@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from analysis.estimates import NotEstimable
 from analysis.loading.response import IN_WORDS
 from analysis.loading.study_data import changed_journal
 from analysis.report import blocks
@@ -28,6 +29,9 @@ from analysis.report.sections import (
     thresholds,
 )
 from analysis.report.wording import count_of
+from analysis.statistics.detection import Detection
+from analysis.statistics.omnibus import Friedman
+from analysis.statistics.signed_rank import SignedRank
 from device.friction.laws import LAWS
 from protocol.errors import BadInput, listed
 from protocol.journal.events import UNKNOWN_UTC
@@ -66,32 +70,67 @@ _TERMS = {
 }
 
 
-_OF_CHANGES = frozenset({"as expected", "d", "d′", "response"})
+_OF_ANSWERS = frozenset({"as expected", "response"})
+_OF_CONDITIONS = frozenset(
+    {"d", "gain", "Holm's correction", "Kendall's W", "level", "r", "relative gain"}
+)
 _OF_SCORES = {
     "contrast": "predicted log friction of the last touch, relative to the same touch at 0 V: −.10 "
     "is friction lower by about 10%.",
     "level": "the score that a subject gives to a touch of medium friction, the mean of the "
     "rated contrasts.",
-    "r": "rank-biserial correlation: 1 if every subject whose scores differ has more for the first "
-    "condition. Its interval is for this pair alone; p is corrected for all pairs.",
 }
 """What terms mean where what is felt is scored without a question."""
-_OF_PREDICTIONS = frozenset(
-    {"contrast", "d", "d′", "gain", "law", "level", "relative gain", "rung"}
-)
+_OF_IMPORTED = {
+    "as expected": "the answer that was said to be the expected one when the scores were imported; "
+    "the other way is its contrary.",
+    "contrast": "change of the logarithm of friction that the author of the scores predicts: .10 "
+    "is a change of about 10%.",
+}
+"""What terms mean of imported scores."""
+_OF_PREDICTIONS = frozenset({"contrast", "gain", "law", "level", "relative gain", "rung"})
 
 
 def glossary(found: Findings) -> blocks.Section:
-    """Return the terms in alphabetical order, those of predictions where there are any."""
-    terms = _TERMS.keys() - (frozenset() if found.is_predicted else _OF_PREDICTIONS)
-    if found.at_once:
-        terms -= _OF_CHANGES
-    if len(found.shown_laws) < 2:
-        terms -= {"law", "rung"}
-    in_order = sorted(terms, key=str.casefold)
-    told = _TERMS | (_OF_SCORES if found.at_once else {})
-    entries = {name: told[name].replace("{laws}", ", ".join(LAWS)) for name in in_order}
+    """Return the terms that stand on the page, in alphabetical order."""
+    own = _OF_SCORES if found.at_once else _OF_IMPORTED if found.study.imported else {}
+    told = _TERMS | own
+    if not found.is_predicted:
+        told |= {"95% CI": "confidence interval, which holds the value in 95% of studies."}
+    entries = {
+        name: found.in_measure(told[name].replace("{laws}", ", ".join(LAWS)))
+        for name in sorted(_TERMS.keys() - set(_absent(found)), key=str.casefold)
+    }
     return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=entries)])
+
+
+def _absent(found: Findings) -> Iterator[str]:
+    """Yield the terms of what this study did not ask, or what these data cannot tell."""
+    if found.measure == "score":
+        yield from _OF_ANSWERS
+    if not found.is_predicted:
+        yield from _OF_PREDICTIONS
+    if len(found.shown_laws) < 2:
+        yield from ("law", "rung")
+    if not (
+        found.study.track or any(isinstance(it.found, Detection) for it in found.trials.noticed)
+    ):
+        yield "d′"
+    if not found.loaded.table.conditions:
+        yield from (*_OF_CONDITIONS, *_OF_ANSWERS)
+    else:
+        yield from _untold(found)
+
+
+def _untold(found: Findings) -> Iterator[str]:
+    """Yield the terms of comparisons of conditions and of models that could not be made."""
+    tests = found.trials.response_tests
+    if not isinstance(tests.omnibus, Friedman):
+        yield "Kendall's W"
+    if not any(isinstance(pair.test, SignedRank) for pair in tests.pairwise):
+        yield "r"
+    if not found.is_predicted or isinstance(found.sensitivity.noticing, NotEstimable):
+        yield "d"
 
 
 # What stands above the results: title, authors, and the facts that a reader asks for first.
@@ -138,7 +177,7 @@ def _participants(found: Findings) -> str:
 
 
 def _sessions(found: Findings) -> str:
-    """Return the known days of the sessions, in UTC; of a published table the file it came from."""
+    """Return the known days of the sessions, in UTC; of imported scores the file they came from."""
     if found.published:
         return (
             f"imported from a table, {'; '.join(found.loaded.recording.sources) or 'no file named'}"

@@ -1,6 +1,7 @@
 """Number formats and sentences shared by the sections of the report."""
 
 import math
+import re
 
 from analysis.estimates import Interval, NotEstimable
 from analysis.loading.records import Exclusion
@@ -21,6 +22,18 @@ MEASURED = (
     "Friction was measured at the finger in every recorded touch, so gains are to what was felt: "
     "skin is not in them. The sensor's gain cancels in a contrast."
 )
+
+
+def with_minus(text: str) -> str:
+    """Return a text whose negative numbers have the sign that stands before all of the page.
+
+    >>> with_minus("-5 to 5 (-5: much, 1-3: some)")
+    '−5 to 5 (−5: much, 1-3: some)'
+    """
+    return _NEGATIVE.sub("\N{MINUS SIGN}", text)
+
+
+_NEGATIVE = re.compile(r"(?<![\w.])-(?=\d)")
 
 
 def number(value: float | NotEstimable | None, digits: int = 3) -> str:

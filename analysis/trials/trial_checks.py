@@ -238,7 +238,7 @@ class OrderAsRun:
 def order_as_run(data: StudyData, study: Study) -> OrderAsRun | NotEstimable:
     """Return the order in which the trials of all sessions were answered."""
     if not data.orders:
-        return NotEstimable("the order of published scores is not known")
+        return NotEstimable("the order of imported scores is not known")
     if data.lock is not None:
         # A registration's digest seeds the plan, which is drawn again here.
         study = locked(study, data.lock.registration.digest)

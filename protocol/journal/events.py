@@ -299,7 +299,7 @@ class StudyRegistered(Event, tag="study-registered"):
 
 
 class ScoresImported(Event, tag="scores-imported"):
-    """A subject of a published table: the only event of its session."""
+    """A subject of an imported table: the only event of its session."""
 
     kind: ClassVar = "published"
     slot: ClassVar = None

@@ -77,7 +77,7 @@ _SESSION = (
         levels={
             "participant": "a person on a real device",
             "rehearsal": "a dry run: simulated device, virtual answers, or declared a rehearsal",
-            "published": "scores imported from a published table",
+            "published": "scores imported from a table",
         },
     ),
     _session("session_completed", "Whether the session came to its end.", levels=YES_NO),
@@ -96,7 +96,7 @@ _PLAN = (
             "practice": "not analysed",
             "trial": "a condition; its effect or, without a question, what is felt is scored",
             "catch": "at 0 V: nothing changes",
-            "published": "a score of a published table, of which nothing else is known",
+            "published": "an imported score; how it was given is not known",
         },
     ),
     _plan("condition", "The parameter that changes."),
@@ -232,7 +232,10 @@ _TOUCHES = (
 _SETTING = (
     Column("resonance_hz", "Resonance of the rig as measured before the trial.", "Hz"),
     Column(
-        "resonance_tip_m_per_v", "Amplitude of the beam's tip at the resonance, per volt.", "m/V"
+        "resonance_tip_m_per_v",
+        "Amplitude at the resonance, per volt: of a beam's tip, on another surface of the place "
+        "where the device measures it.",
+        "m/V",
     ),
     _session("device", "What the device said it is."),
     _session("skin_state", "Skin of the participant, as the operator noted it."),

@@ -166,6 +166,12 @@ def band_names(bands: Iterable[Band], wording: Wording) -> tuple[str, ...]:
     return tuple(f"{_span(band.first, band.last)} {band_name(band, wording)}" for band in bands)
 
 
+def rating_question(study: Study) -> str:
+    """Return the text that asks for a score, in the language of the study."""
+    text, rating = study_wording(study, study.session.language).texts["rating"], study.rating
+    return filled(text, minimum=rating.minimum, maximum=rating.maximum)
+
+
 def scale_in_words(study: Study, rating: Rating) -> str:
     """Return the ends of a scale and its bands or labels, such as `0 to 3 (0: none; 1-3: some)`.
 

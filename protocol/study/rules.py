@@ -111,23 +111,26 @@ class Exclusions(Record):
 SELECTS = {
     "max_false_alarms": "leaves out participants with a low criterion, who report changes where "
     "there are none; it spares those who notice little.",
-    "max_missing_scores": "counts trials without an answer; a participant who notices little is "
-    "kept.",
+    "max_missing_scores": "counts trials without an answer{kept}.",
     "min_reaction_s": "leaves out trials, also good ones where a change is so clear that it is "
     "answered fast.",
     "max_reaction_s": "leaves out trials, more of them where a change is hard to feel and takes "
     "long to answer.",
-    "min_trials": "counts answered trials, whatever the answers; a participant who notices little "
-    "is kept.",
+    "min_trials": "counts answered trials, whatever the answers{kept}.",
 }
 """Whom or what each rule of `Exclusions` selects, which is what its author should know of it."""
+_KEPT = "; a participant who notices little is kept"
 
 
-def selections(rules: Exclusions) -> list[dict[str, str | float]]:
-    """Return each rule that the study settled, with its limit and what it selects."""
+def selections(rules: Exclusions, *, asked: bool = True) -> list[dict[str, str | float]]:
+    """Return each rule that the study settled, with its limit and what it selects.
+
+    Of noticing something is said only where participants are `asked` whether anything changed.
+    """
     settled = rules.model_dump(exclude_none=True)
     return [
-        {"rule": name, "limit": limit, "selects": SELECTS[name]} for name, limit in settled.items()
+        {"rule": name, "limit": limit, "selects": SELECTS[name].format(kept=_KEPT * asked)}
+        for name, limit in settled.items()
     ]
 
 

@@ -104,7 +104,7 @@ class Condition(Item):
     @property
     def cell(self) -> dict[str, str]:
         """What each factor has here, by the factor's name; empty without factors."""
-        return self._cell
+        return self._cell or dict(self.factors)
 
     @property
     def written(self) -> int:
@@ -270,8 +270,6 @@ class Study(Record):
         if not condition.cell:
             condition._written = number
         many = combinations(self.factor) * len(self.condition)
-        if condition.factors:
-            condition._cell = dict(condition.factors)
         if not self.factor or condition.cell or many > MOST_CONDITIONS:
             yield condition
             return
@@ -291,7 +289,7 @@ class Study(Record):
     @property
     def factors(self) -> dict[str, tuple[str, ...]]:
         """What the values of each factor are called; the conditions of the file may be one."""
-        if self.imported:
+        if any(each.factors for each in self.condition):
             return self._imported_factors
         own = {factor.name: factor.named for factor in self.factor}
         written = dict.fromkeys(each.cell.get(CONDITION, "") for each in self.condition)

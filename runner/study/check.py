@@ -156,7 +156,7 @@ def checked(
         record = {"ok": True, "problems": [], **preview_record(shown, model)}
         record["tracks"] = [track.record() for track in tracks]
         record["surface"] = _surface_record(study, rig)
-        record["exclusions"] = selections(study.exclusions)
+        record["exclusions"] = selections(study.exclusions, asked=not study.absolute)
         record["warnings"] = warnings
         lock = {} if registered is None else {"registration": registered.digest}
         return [_json({**record, **lock})], []
@@ -309,7 +309,7 @@ def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
 
 def _exclusion_lines(study: Study) -> Iterator[str]:
     """Yield what each rule of [exclusions] selects."""
-    rules = selections(study.exclusions)
+    rules = selections(study.exclusions, asked=not study.absolute)
     if rules:
         yield ""
     for rule in rules:

@@ -15,6 +15,7 @@ from touchbeam.cli.options import (
     study_folder,
 )
 from touchbeam.cli.output import complain, followed, print_json, print_table, say
+from touchbeam.study import read_study
 
 if TYPE_CHECKING:
     from analysis.estimates import Json
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from analysis.power.power_summary import Summary
     from device.people.person import Population
     from protocol.study.study import Study
+    from runner.study.folder import StudyFolder
 
 app = Typer()
 _MOST_DIGITS = 9
@@ -84,15 +86,15 @@ def power(
     from importlib.metadata import version
     from time import perf_counter
 
-    from analysis.power.designs import designed, designs, rated_again
+    from analysis.power.designs import designed, designs, simulated
     from analysis.power.job import Job, tasks
     from analysis.power.power_report import power_record
-    from protocol.study_file.loading import parsed_study, text_digest
+    from protocol.study_file.loading import text_digest
     from runner.study import calibration, files
 
     begun_s = perf_counter()
     folder = study_folder(study)
-    text, file = folder.text(), folder.study()
+    text, file, answered = folder.text(), folder.study(), False
     if file.imported:
         if people is None and any(each.contrast is None for each in file.condition):
             raise BadInput(
@@ -100,9 +102,10 @@ def power(
                 "= 0.3 or so into each [[condition]], or say in a people file (--people) by how "
                 "many points each changes a score"
             )
-        text = rated_again(file)
-        file = parsed_study(text, str(folder.study_file))
-        complain("Imported scores: simulated as ratings of what is felt, without factors.")
+        answered = _answered(folder)
+        file = simulated(text, answered=answered)
+        what = "as answers and scores of a change" if answered else "as ratings of what is felt"
+        complain(f"Imported scores: simulated {what}, without missing ones.")
     # A mistake in people is told before anything is computed.
     _require_felt(file, None if people is None else people_in_file(people))
     sizes = {"--participants": participants, "--repeats": repeats, "--levels": levels}
@@ -120,6 +123,7 @@ def power(
         models=not tests_only,
         rig=calibration.fitted_calibration(folder.path, file),
         people="" if people is None else files.short_text(people),
+        answered=answered,
     )
     # A container or a batch system may give fewer cores than the computer has.
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -133,6 +137,14 @@ def power(
         elapsed_s = round(perf_counter() - begun_s, 3)
         return print_json({**record, "elapsed_s": elapsed_s, "workers": used})
     return _print(summaries, record)
+
+
+def _answered(folder: "StudyFolder") -> bool:
+    """Return whether imported scores came with answers, as far as there is a journal of them."""
+    if not folder.journal.exists():
+        return False
+    recorded = read_study(folder, rehearsals=False).recorded
+    return bool(recorded.trials["question"].notna().any())
 
 
 def _require_felt(study: "Study", population: "Population | None") -> None:

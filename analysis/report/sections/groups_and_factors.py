@@ -28,18 +28,23 @@ from protocol.errors import listed
 
 # Groups of participants.
 
-_METHOD = (
+_WITH_GAINS = (
     "Groups are compared by one number of each participant: the mean response, the response to a "
     "condition, or the gain, which is the least-squares slope of the participant's own responses "
-    "on predicted contrasts. The gains of the model (Sensitivity) are not compared by rank, "
-    "because each borrows from the others, which draws groups together; that section has the gain "
-    "of each group. Responses at an end of the scale make "
-    "gains smaller and profiles flatter. p counts the ways in which these people could have come "
-    "into groups of these sizes: all of them, or random ones where an error is given. Group × "
-    "condition permutes people with their whole profiles, less their own mean, so that a group "
-    "that responds more strongly throughout does not count. p of mean response, gain and "
-    "group × condition are corrected over all questions of this page; differences in a condition "
-    "count only if mean responses or profiles differ."
+    "on predicted contrasts. The gains of the model of ratings are not compared by rank, because "
+    "each borrows from the others, which draws groups together. Responses at an end of the scale "
+    "make gains smaller and profiles flatter. "
+)
+_WITHOUT = (
+    "Groups are compared by one number of each participant: the mean response, or the response to "
+    "a condition. Responses at an end of the scale make profiles flatter. "
+)
+_METHOD = (
+    "p counts the ways in which these people could have come into groups of these sizes: all of "
+    "them, or random ones where an error is given. Group × condition permutes people with their "
+    "whole profiles, less their own mean, so that a group that responds more strongly throughout "
+    "does not count. p of mean response{} and group × condition are corrected over all questions "
+    "of this page; differences in a condition count only if mean responses or profiles differ."
 )
 
 
@@ -48,13 +53,15 @@ def groups(found: Findings) -> Section:
     made = found.groups
     if made is None:
         return Section()
-    tests = {found.in_measure("mean response"): made.score, GAIN: made.gain, **made.conditions}
+    mean = {found.in_measure("mean response"): made.score}
+    gain = {GAIN: made.gain} if found.is_predicted else {}
+    tests = mean | gain | dict(made.conditions)
     people = _people(found)
     return Section(
         title="Do the groups differ?",
         blocks=[
             of_groups(found, made),
-            found.in_measure(_METHOD),
+            found.in_measure(_method(found)),
             _without(found),
             Table(
                 name="groups-people",
@@ -106,6 +113,11 @@ def groups(found: Findings) -> Section:
             }
         },
     )
+
+
+def _method(found: Findings) -> str:
+    with_gains = found.is_predicted
+    return (_WITH_GAINS if with_gains else _WITHOUT) + _METHOD.format(", gain" * with_gains)
 
 
 def _names(made: GroupStatistics) -> list[str]:
@@ -236,12 +248,16 @@ def _levels(found: Findings, levels: Sequence[LevelMean]) -> Table:
             Column("level", "level", kind="text"),
             Column(f"mean {found.measure}", "mean", 2),
             *estimate("difference", "difference"),
-            *([] if found.at_once else _MADE_OF),
+            *([] if found.measure == "score" else _MADE_OF),
         ],
         name="factor-levels",
         caption=f"Mean {found.measure} by level, over the other factors, and its difference from "
         "the mean of all levels with its 95% interval"
-        + ("." if found.at_once else f"; beside it what the {found.measure} is made of: {_PARTS}."),
+        + (
+            "."
+            if found.measure == "score"
+            else f"; beside it what the response is made of: {_PARTS}."
+        ),
     )
 
 

@@ -31,7 +31,7 @@ from device.friction.laws import LAWS
 from device.friction.scenes import REFERENCE_SPEED_M_S, REFERENCE_TIP_SPEED_M_S
 from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.errors import listed
-from protocol.study.participant_texts import filled, study_wording
+from protocol.study.participant_texts import rating_question
 from protocol.study.study import Study
 from protocol.study.track import Track
 
@@ -51,8 +51,8 @@ def _data(found: Findings) -> str:
         "The scores were imported from a table."
         if found.published
         else "In each trial participants touched the vibrating surface and scored what they felt, "
-        f"from {found.scale_in_words}, asked “{_asked(found.study)}”. Conditions differed in "
-        f"{'the factors' if found.study.factors else 'the touches'}."
+        f"from {found.scale_in_words}, asked “{rating_question(study)}”. Conditions differed in "
+        f"{'the factors' if study.factors else 'the touches'}{_voltages(study)}."
         if found.at_once
         else "Each condition changed "
         + (" and ".join(found.study.factors) or "one parameter")
@@ -79,10 +79,17 @@ def _data(found: Findings) -> str:
     )
 
 
-def _asked(study: Study) -> str:
-    """Return the text that asks for a score of what was felt, in the language of the study."""
-    text, rating = study_wording(study, study.session.language).texts["rating"], study.rating
-    return filled(text, minimum=rating.minimum, maximum=rating.maximum)
+def _voltages(study: Study) -> str:
+    """Return the amplitude of each condition; nothing unless each has one of its own."""
+    by_name = {
+        each.name: {v for touch in each.touches for v in (touch.voltage_v, touch.end_voltage_v)}
+        for each in study.condition
+    }
+    only = {name: f"{min(volts):g} V" for name, volts in by_name.items() if len(volts) == 1}
+    if study.factors or len(set(only.values())) < len(by_name):
+        return ""
+    told = (volts if name == volts else f"{name} {volts}" for name, volts in only.items())
+    return f" (amplitudes: {', '.join(told)})"
 
 
 def _missing(found: Findings) -> str:
@@ -110,7 +117,7 @@ def _without_model(found: Findings) -> str:
 
 
 def _design(found: Findings) -> str:
-    """Return what each participant did, in a sentence; nothing of published scores."""
+    """Return what each participant did, in a sentence; nothing of imported scores."""
     design, study = found.study.design, found.study
     if found.published:
         return ""
@@ -345,6 +352,8 @@ def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:
     )
 
 
+_KINDS = {"published": "imported"}
+"""Of scores, by their name in the journal, where the page has another."""
 _LIBRARIES = ("touchbeam", "numpy", "scipy", "matplotlib")
 
 
@@ -352,7 +361,11 @@ def provenance(found: Findings) -> Section:
     """Return the facts needed to reproduce the report."""
     facts = _facts(found)
     return Section(
-        title="Provenance", blocks=[Definitions(entries=facts)], data={"provenance": facts}
+        title="Provenance",
+        blocks=[
+            Definitions(entries={**facts, "scores": _KINDS.get(facts["scores"], facts["scores"])})
+        ],
+        data={"provenance": facts},
     )
 
 

@@ -118,6 +118,11 @@ _KINDS = (
     "rms of ln(μ′/μ) along the path. One gain for all kinds is an assumption."
 )
 
+_STATED = (
+    "The contrasts are those that the author of the scores states, and taken as known: how certain "
+    "they are cannot be told here."
+)
+
 
 _LEVEL = (
     "The contrast of a touch is ln(μ′/μ), μ being the friction of the same touch at 0 V, at its "
@@ -130,7 +135,7 @@ def section(found: Findings) -> Section:
     return Section(
         title="How certain the contrasts are",
         blocks=[
-            _LEVEL if found.at_once else _KINDS,
+            _STATED if found.study.imported else _LEVEL if found.at_once else _KINDS,
             _range_table(ranges) if ranges else None,
             _SCALING,
         ],

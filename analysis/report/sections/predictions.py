@@ -1,6 +1,6 @@
 """Ratings against the friction model: predicted contrasts, and the laws compared."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,6 @@ from analysis.sensitivity.answers_model import Rated
 from analysis.trials.law_comparison import (
     MOST_COUNTED,
     LawOrder,
-    LawScore,
     critical_rank_correlation,
 )
 from analysis.trials.trial_checks import Proportion, proportion
@@ -38,7 +37,7 @@ def section(found: Findings) -> Section:
             _signal_line(felt, predicted, found) if has_signal else None,
             ratings_figure(found, _prediction_table(found)),
             _levels_figure(found),
-            *(_laws_compared(found.trials) if len(found.shown_laws) > 1 else ()),
+            *(_laws_compared(found) if len(found.shown_laws) > 1 else ()),
         ],
         data={
             "laws": [law_json(score) for score in found.trials.laws],
@@ -171,11 +170,11 @@ _SIGN = {
 }
 
 
-def _laws_compared(trials: TrialStatistics) -> tuple[str, Table]:
+def _laws_compared(found: Findings) -> tuple[str, Table]:
     # All laws rank the same conditions, so that the first one tells.
-    orders = [order for order in trials.orders.values() if isinstance(order, LawOrder)]
+    orders = [order for order in found.trials.orders.values() if isinstance(order, LawOrder)]
     rated = orders[0].rated if orders else 0
-    return _too_few_means(rated) if orders else "", _law_table(trials.laws, rated)
+    return _too_few_means(rated) if orders else "", _law_table(found, rated)
 
 
 def _too_few_means(count: int) -> str:
@@ -194,14 +193,16 @@ def _too_few_means(count: int) -> str:
     )
 
 
-def _law_table(laws: Sequence[LawScore], conditions: int) -> Table:
+def _law_table(found: Findings, conditions: int) -> Table:
+    laws = found.trials.laws
+    given = "ratings" if found.measure == "score" else "answers and ratings"
     of = "over all orders" if conditions <= MOST_COUNTED else "by the t distribution"
     return Table.over(
         laws,
         law_columns("law"),
         name="laws",
-        caption="Each friction law compared with answers and ratings. ln Bayes factor: log "
-        "evidence of the answers and ratings under the law's contrasts, less that under the best "
+        caption=f"Each friction law compared with {given}. ln Bayes factor: log "
+        f"evidence of the {given} under the law's contrasts, less that under the best "
         "law's; at −3 they are 20 times as probable under the best one. A gain may have either "
         "sign; that of Spearman's correlation (of predicted contrasts with the conditions' means, "
         f"p {of}) tells whether ratings follow the law or its reverse."

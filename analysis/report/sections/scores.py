@@ -15,6 +15,7 @@ from analysis.report.wording import MISSING, number
 from analysis.statistics.summary import Table4
 from analysis.trials.answers import Answers, answers_by_question
 from protocol.study.languages import REFERENCE
+from protocol.study.participant_texts import scale_in_words
 from protocol.study.study_question import StudyQuestion
 
 MOST_COLUMNS = 12
@@ -38,7 +39,8 @@ def section(found: Findings) -> blocks.Section:
             "table4.csv": table4_csv(main, found.mean_name),
             "table4.tex": table4_tex(
                 main,
-                found.scale_in_words,
+                # A minus sign is no character of every TeX.
+                scale_in_words(found.study, found.rating),
                 found.loaded.notes,
                 found.loaded.marks,
                 found.mean_name,
@@ -47,6 +49,7 @@ def section(found: Findings) -> blocks.Section:
     )
 
 
+_NAMED = ", which is the answer that the study file names"
 _TITLES = {"response": "How the changes were answered", "score": "Scores by condition"}
 
 
@@ -55,15 +58,16 @@ def _directions_table(found: Findings) -> blocks.Table | str:
     directions = found.trials.directions
     if found.measure == "score":
         if found.published:
-            return "These scores come without answers, so that each is a response as it stands."
+            return "These scores come without answers: conditions are compared by the scores alone."
         return "Nobody was asked what changed: what was felt was scored at once."
     if not directions:
         return "No change that was expected was answered."
+    named = "" if found.study.imported else _NAMED
     means = dict(zip(found.loaded.table.conditions, found.trials.response_tests.means, strict=True))
     return blocks.Table(
         name="directions",
-        caption="How often a change was answered as expected, which is the answer that the study "
-        "file names, the other way, and as no change; and the mean response over participants. "
+        caption=f"How often a change was answered as expected{named}, "
+        "the other way, and as no change; and the mean response over participants. "
         f"{IN_WORDS}, so that every answer counts.",
         columns=blocks.columns(
             "condition", "as expected", "the other way", "no change", "mean response"
@@ -251,7 +255,7 @@ def trials(found: Findings) -> blocks.Section:
     return blocks.Section(
         title="Trials",
         blocks=[
-            f"All analysed trials, with their contrasts from {found.friction_source}."
+            f"All analysed trials, with their contrasts from {found.friction_source}{_TOUCH}"
             if found.is_predicted
             else "All analysed trials.",
             blocks.TableGroup(name="trial-tables", tables=_subject_tables(found)),
@@ -260,6 +264,10 @@ def trials(found: Findings) -> blocks.Section:
     )
 
 
+_TOUCH = (
+    ". Touch: whether the contrast is that of the touch as planned, with force or place as "
+    "measured, or of a standard touch, where nothing is known of it."
+)
 _OF_ANSWERS = frozenset({"answer", "as expected", "response"})
 
 
@@ -289,7 +297,9 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
         *blocks.columns("as expected", "score", "response", *predicted, "touch"),
     ]
     # Where nobody is asked what changed a score is the only answer.
-    left_out = _OF_ANSWERS if found.at_once else frozenset()
+    left_out = _OF_ANSWERS if found.measure == "score" else frozenset()
+    if not found.is_predicted or found.study.imported:
+        left_out |= {"touch"}
     shown = [place for place, column in enumerate(header) if column.name not in left_out]
     return [
         blocks.Table(
@@ -326,11 +336,13 @@ def _rows(
 
 
 def _cells(record: Mapping[str, Any], laws: Sequence[str]) -> list[str]:
-    kind = f"{record['kind']}, opposite" if record["opposite"] else record["kind"]
+    is_imported = record["kind"] == "published"
+    kind = "imported" if is_imported else record["kind"]
+    kind += ", opposite" * bool(record["opposite"])
     is_catch = record["kind"] == "catch"
     # The source of the touch for which the contrast is predicted.
     touch = "measured" if record["touch_measured"] else "as planned"
-    if kind == "published":
+    if is_imported:
         touch = "standard"
     return [
         record["condition"] or record.get("track") or MISSING,

@@ -38,7 +38,7 @@ def section(found: Findings) -> Section:
         *([] if found.measured is None else _measured(found.measured)),
     ]
     data = {
-        "sensitivity_model": "rating" if found.at_once else "noticing, then rating",
+        "sensitivity_model": "rating" if found.measure == "score" else "noticing, then rating",
         "sensitivity_note": "" if found.predictor[1] else wording.SKIN,
         "sensitivity": people_json(rating),
         **why("sensitivity", rating),

@@ -248,8 +248,8 @@ def left_out(found: Findings) -> blocks.Section:
     counts = _counts(loaded)
     unfinished = "; ".join(_unfinished(loaded)) or "none"
     if found.published:
-        # A published table does not tell, which is not the same as none.
-        unfinished = "unknown for a published table"
+        # An imported table does not tell, which is not the same as none.
+        unfinished = "unknown for an imported table"
     return blocks.Section(
         title="Exclusions and interruptions",
         blocks=[
@@ -351,7 +351,7 @@ def _counts(loaded: StudyData) -> dict[str, int]:
 def _interruptions_line(found: Findings) -> str:
     """Return a sentence on missing incidents, or an empty text if there were incidents."""
     if found.published:
-        return "Interruptions are unknown for a published table."
+        return "Interruptions are unknown for an imported table."
     if found.loaded.incidents:
         return ""
     other = "other incident was" if found.loaded.unfinished else "interruptions or notes were"

@@ -462,8 +462,10 @@ def test_nobody_is_said_to_have_touched_anything_for_a_published_table() -> None
     for text in (page, json.loads(sidecar)["TaskDescription"], described):
         assert "imported from scores.csv (SHA-256 0)" in text
         assert "the participant touches" not in text
-    assert "A row is the score of a subject under a condition" in page
-    assert set(data.condition_levels().values()) == {"a condition of the published table"}
+    assert "A row is a score of a subject under a condition" in page
+    assert "_events" not in page
+    assert "Published" not in page + sidecar + described
+    assert set(data.condition_levels().values()) == {"a condition of the imported table"}
 
 
 def test_published_scores_among_sessions_are_named_as_such() -> None:

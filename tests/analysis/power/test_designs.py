@@ -1,8 +1,12 @@
 """Designs of a study, and those that it cannot have."""
 
+import numpy as np
 import pytest
 
-from analysis.power.designs import Design, designed, designs
+from analysis.power.designs import Design, designed, designs, simulated
+from analysis.power.study_records import asked_by
+from device.friction.calibration import Calibration
+from device.friction.surfaces import GivenSurface
 from protocol.errors import BadInput
 from protocol.study.factor import Group
 from protocol.study.study import Study
@@ -68,3 +72,65 @@ def test_the_rule_between_two_numbers_is_told_in_words(paper: Study) -> None:
     rule = "planned: study.toml: opposite_repeats: must be less than repeats = 1, got 2"
     with pytest.raises(BadInput, match=rule):
         designed(study, Design(participants=9, repeats=1))
+
+
+IMPORTED = """
+[study]
+name = "table"
+[session]
+languages = ["en"]
+[design]
+sessions = 2
+[rating]
+minimum = 1
+maximum = 7
+score_when = "always"
+[[group]]
+name = "young"
+size = 4
+[[group]]
+name = "old"
+size = 4
+[[condition]]
+name = "rough, slow"
+contrast = 0.5
+factors = { material = "rough", speed = "slow" }
+[[condition]]
+name = "rough, fast"
+contrast = 0.4
+factors = { material = "rough", speed = "fast" }
+[[condition]]
+name = "fine, slow"
+contrast = -0.1
+factors = { material = "fine", speed = "slow" }
+[[condition]]
+name = "fine, fast"
+contrast = 0.2
+factors = { material = "fine", speed = "fast" }
+"""
+
+
+@pytest.mark.parametrize("answered", [False, True])
+def test_a_study_of_imported_scores_is_simulated_as_it_was_asked(answered: bool) -> None:
+    study = simulated(IMPORTED, answered=answered)
+    asks = asked_by(study, Calibration.of(GivenSurface(length_m=0.1)))
+    assert asks.groups == ("young", "old")
+    assert asks.factors == {
+        "material": ("rough", "fine"),
+        "speed": ("slow", "fast"),
+        "session": ("1", "2"),
+    }
+    apart = np.subtract(asks.contrasts, asks.contrasts[0])
+    np.testing.assert_allclose(apart, [0, -0.1, -0.6, -0.3], atol=1e-12)
+    assert study.absolute is not answered
+    if answered:
+        assert asks.contrasts[0] == pytest.approx(0.5)
+        assert study.rating.score_when == "always"
+    assert designed(study, Design(participants=6, repeats=2)).factors == study.factors
+
+
+def test_contrasts_of_imported_scores_are_known_of_all_and_of_a_size_that_can_be_felt() -> None:
+    with pytest.raises(BadInput, match="a contrast of each condition, or of none"):
+        simulated(IMPORTED.replace("contrast = 0.4\n", ""))
+    with pytest.raises(BadInput, match="at most 3 from 0"):
+        simulated(IMPORTED.replace("contrast = 0.4", "contrast = 4"), answered=True)

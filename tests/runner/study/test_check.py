@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from protocol.study.rules import SELECTS, Exclusions
+from protocol.study.rules import SELECTS, Exclusions, selections
 from protocol.study_file.loading import template, template_pictures
 from tests.protocol.studies import OWN_QUESTIONS
 from tests.runner.command_line import assert_matches, typed
@@ -151,6 +151,11 @@ def test_it_says_what_each_rule_of_exclusion_selects(
     assert "0.25 counts trials without an answer; a participant who notices little is kept" in said
     assert typed("check", study(tmp_path)) == 0
     assert "counts trials" not in capsys.readouterr().out, "nothing of a study without rules"
+
+
+def test_nothing_is_said_of_noticing_where_nobody_is_asked() -> None:
+    (rule,) = selections(Exclusions(min_trials=3), asked=False)
+    assert rule["selects"] == "counts answered trials, whatever the answers."
 
 
 def test_a_check_forecasts_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,7 +115,7 @@ def test_contrasts_of_its_author_are_what_a_report_predicts(
     assert report["responses"]["slope"]["value"] > 0
     page = (tmp_path / "study" / "report" / "report.html").read_text()
     assert "the contrasts that the author of the scores states" in page
-    for words in ("friction model", "First signal"):
+    for words in ("friction model", "First signal", "of different kinds", "Over a path"):
         assert words not in page, words
     fast = ("--studies", "2", "--null-studies", "2", "--tests-only", "--workers", "1")
     assert typed("power", tmp_path / "study", *fast, "--json") == 0
@@ -129,6 +129,20 @@ def test_power_needs_contrasts_or_people(study: Path, capsys: pytest.CaptureFixt
     capsys.readouterr()
     assert typed("power", study, "--studies", "2", "--tests-only") == 2
     assert "no contrast is predicted of every condition: write contrast" in capsys.readouterr().err
+
+
+def test_power_follows_factors_and_answers(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (study / "study.toml").read_text()
+    for place in range(1, 5):
+        text = text.replace("factors = ", f"contrast = {place / 10}\nFACTORS = ", 1)
+    (study / "study.toml").write_text(text.replace("FACTORS", "factors"))
+    capsys.readouterr()
+    fast = ("--studies", "2", "--null-studies", "2", "--tests-only", "--workers", "1")
+    assert typed("power", study, *fast, "--json") == 0
+    told, said = capsys.readouterr()
+    assert "simulated as answers and scores of a change" in said
+    names = {each["name"] for each in json.loads(told)["tests"]}
+    assert {"effect of force", "effect of speed", "force by speed"} < names
 
 
 def test_a_scale_too_long_for_a_window_is_none_for_scores_that_nobody_will_enter(

@@ -26,8 +26,8 @@ def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
     assert "unfinished sessions: P01, session 1" in pages[1]
     published = report_html(plain_report())
     assert undisturbed not in published
-    assert "Interruptions are unknown for a published table." in published
-    assert "unfinished sessions: unknown for a published table" in published
+    assert "Interruptions are unknown for an imported table." in published
+    assert "unfinished sessions: unknown for an imported table" in published
 
 
 def test_the_terminal_names_who_is_left_out_and_why() -> None:

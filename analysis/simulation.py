@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.estimates import BoolArray, FloatArray, IntArray
-from analysis.loading.study_data import broken_rules
+from analysis.loading.exclusion_rules import broken_rules
 from device.friction.scenes import REFERENCE_SPEED_M_S, Direction
 from device.friction.surfaces import GivenSurface, beam_surface, length_of
 from device.people import answering as answers

@@ -286,7 +286,7 @@ def register(
 
     Writes registration.toml, whose digest then seeds every order, and prints what it settles.
     """
-    from analysis.loading.study_data import rules_in_words
+    from analysis.loading.exclusion_rules import rules_in_words
     from analysis.report.hypotheses import how_tested
     from analysis.report.sections.registration import analysis_settings
     from protocol.registration.registration import FILE

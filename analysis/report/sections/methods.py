@@ -9,8 +9,9 @@ from importlib.metadata import version
 import numpy as np
 
 from analysis.estimates import NotEstimable
+from analysis.loading.exclusion_rules import rules_in_words
 from analysis.loading.response import IN_WORDS
-from analysis.loading.study_data import StudyData, changed_journal, rules_in_words
+from analysis.loading.study_data import StudyData, changed_journal
 from analysis.report.blocks import Definitions, Section
 from analysis.report.findings import Findings, Origin
 from analysis.report.wording import SKIN, count_of, sentence

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from analysis.estimates import Json, NotEstimable, plain
-from analysis.loading.study_data import StudyData, rules_in_words
+from analysis.loading.exclusion_rules import rules_in_words
+from analysis.loading.study_data import StudyData
 from analysis.report import blocks, figure_data
 from analysis.report.blocks import at, columns
 from analysis.report.estimates_json import unknown, with_reasons

@@ -5,15 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.loading.exclusion_rules import OLDER_RULES, RULES, rules_in_words
 from analysis.loading.records import Exclusion
-from analysis.loading.study_data import (
-    OLDER_RULES,
-    RULES,
-    NothingToReport,
-    StudyData,
-    load_study_data,
-    rules_in_words,
-)
+from analysis.loading.study_data import NothingToReport, StudyData, load_study_data
 from protocol.journal.events import Answered, Event, SessionOpened, TrialExcluded
 from protocol.study.rules import Exclusions
 from tests.analysis.chains import chain, published_chain

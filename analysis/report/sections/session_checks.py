@@ -30,7 +30,10 @@ def section(found: Findings) -> blocks.Section:
     order, carried, moved = found.trials.order_effect, found.trials.carry_over, found.trials.drift
     return blocks.Section(
         title="Sessions, touches and reaction times",
-        blocks=[
+        # Of imported scores neither order nor touches are known, which is said once, below.
+        blocks=[]
+        if found.published
+        else [
             blocks.Items(
                 lines=[
                     _f_line("Place in the session", order),
@@ -352,7 +355,10 @@ def _counts(loaded: StudyData) -> dict[str, int]:
 def _interruptions_line(found: Findings) -> str:
     """Return a sentence on missing incidents, or an empty text if there were incidents."""
     if found.published:
-        return "Interruptions are unknown for an imported table."
+        return (
+            "Interruptions, and the order in which scores were given, are unknown for an imported "
+            "table: effects of order cannot be tested."
+        )
     if found.loaded.incidents:
         return ""
     other = "other incident was" if found.loaded.unfinished else "interruptions or notes were"

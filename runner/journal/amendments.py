@@ -9,7 +9,8 @@ from collections.abc import Iterable
 from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.state import NotAllowed, in_words
-from protocol.study_file.loading import text_digest
+from protocol.study.rules import Rating
+from protocol.study_file.loading import parsed_study, text_digest
 from runner.clock import Clock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, chains_of, is_rehearsal
 from runner.journal.store import Journal, SessionLog, close_interrupted, state_of
@@ -100,16 +101,42 @@ def include(
 def amend(
     journal: Journal, clock: Clock, study_text: str, reason: str
 ) -> events.StudyRegistered | None:
-    """Accept a changed study file, or raise `BadInput`; return the registration that it breaks."""
+    """Accept a changed study file, or raise `BadInput`; return the registration that it breaks.
+
+    Another scale is refused once people gave scores: no report can hold scores of both.
+    """
     digest = text_digest(study_text)
     accepted = accepted_digests(journal)
     if accepted and digest == accepted[-1]:
         raise BadInput("study.toml has not changed since it was accepted; nothing to amend")
+    _require_same_scale(journal, parsed_study(study_text).rating)
     broken = in_force(journal)
     log = SessionLog(journal, STUDY_CHAIN, clock)
     breaks = None if broken is None else broken.registration
     log.append(events.StudyAmended(study_sha256=digest, reason=reason, breaks=breaks))
     return broken
+
+
+def _require_same_scale(journal: Journal, rating: Rating) -> None:
+    """Refuse another scale than that of the sessions of people, unless they are excluded."""
+    for chain in journal.sessions():
+        if chain == STUDY_CHAIN or is_rehearsal(journal, chain):
+            continue
+        stored = journal.events(chain)
+        if stored[0].erased or state_of(chain, stored).is_excluded:
+            continue
+        opened = stored[0].record
+        if not isinstance(opened, events.SessionOpened) or opened.participant in events.NOBODY:
+            continue
+        if opened.study_text is None:
+            continue
+        given = parsed_study(opened.study_text).rating
+        if (given.minimum, given.maximum) != (rating.minimum, rating.maximum):
+            raise BadInput(
+                f"study.toml: scores are from {rating.minimum} to {rating.maximum}, but those of "
+                f"{chain} were given from {given.minimum} to {given.maximum}; restore [rating], "
+                "make another study (touchbeam new), or exclude that session first"
+            )
 
 
 def withdraw(

@@ -13,6 +13,7 @@ from runner.journal.amendments import (
     accepted_digests,
     amend,
     changed_since_rehearsal,
+    exclude,
     is_locked,
     withdraw,
 )
@@ -66,6 +67,18 @@ def test_rehearsals_accept_nothing_and_need_no_acceptance(tmp_path: Path) -> Non
         assert all(verdict.ok for verdict in verdicts(journal))
         withdraw(journal, CLOCK, "P01")
         assert is_locked(journal), "by a session that was erased"
+
+
+def test_another_scale_is_not_accepted_once_scores_were_given(tmp_path: Path) -> None:
+    wider = template("paper").replace("[rating]", "[rating]\nmaximum = 20", 1)
+    wider = wider.replace("from = 8, to = 10", "from = 8, to = 20")
+    message = r"from 0 to 20, but those of P01/1 were given from 0 to 10; restore \[rating\]"
+    with open_journal(tmp_path / "study.db") as journal:
+        context(journal, FakeDevice(), FakeParticipant(), template("paper"))
+        with pytest.raises(BadInput, match=message):
+            amend(journal, CLOCK, wider, "finer")
+        exclude(journal, CLOCK, "P01/1", "of another scale")
+        assert amend(journal, CLOCK, wider, "finer") is None
 
 
 def test_a_registration_locks_a_study_that_was_only_rehearsed(tmp_path: Path) -> None:

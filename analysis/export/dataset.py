@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
-from analysis.loading.sessions import load_sessions
+from analysis.loading.sessions import load_sessions, rehearsed_with
 from analysis.loading.study_data import scale_of_scores
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.calibration import NOMINAL, Calibration
@@ -301,6 +301,12 @@ class Dataset:
         return study_wording(self.study, code).texts.get("welcome")
 
 
+_WHICH = {
+    False: "here; add --rehearsals to include them",
+    True: "of another study.toml here; restore it, or rehearse again",
+}
+
+
 def dataset(
     chains: Iterable[Chain],
     study: Study,
@@ -309,6 +315,7 @@ def dataset(
     rehearsals: bool,
     rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
+    study_sha256: str = "",
 ) -> Dataset:
     """Return what is to be exported of the sessions in `chains`.
 
@@ -320,6 +327,7 @@ def dataset(
         rehearsals: whether dry runs are wanted too.
         rig: as calibrated at present.
         broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
+        study_sha256: leaves out rehearsals of another study file than this, as reports do.
 
     Raises:
         NothingToExport: there is no trial.
@@ -327,14 +335,16 @@ def dataset(
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
     sessions = load_sessions(_recorded(_digested(chains, digest), recorded))
+    if study_sha256:
+        sessions = rehearsed_with(sessions, study_sha256)
     tables = frames(study, sessions, rehearsals=rehearsals)
     found, kept = tables.found, tables.kept
-    left_out = len(found.sessions) - len(kept)
+    left_out = len(found.sessions) - len(kept) + found.other_rehearsals
     begun = kept.index.isin(found.attempts["session_id"])
     if not begun.any():
         raise NothingToExport(
             # The message names the way out only where there is one.
-            "nothing but rehearsals here; add --rehearsals to include them"
+            f"nothing but rehearsals {_WHICH[rehearsals]}"
             if left_out
             else "no trials here: nobody has begun one, or all have withdrawn"
         )

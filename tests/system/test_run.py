@@ -101,6 +101,9 @@ def test_a_report_of_rehearsals_shows_those_of_the_present_study(
     report = ("report", "study", "--rehearsals", "--sections", "trials")
     assert typed(*report) == 2
     assert "nothing but rehearsals of another study.toml here (1)" in capsys.readouterr().err
+    export = ("export", "study", "csv", "--format", "csv", "--rehearsals")
+    assert typed(*export) == 2
+    assert "nothing but rehearsals of another study.toml here" in capsys.readouterr().err
     assert typed("run", "study", "--participant", "P02", "--ratings", "virtual") == 0
     assert typed(*report) == 0
     assert "Left out: rehearsals of another study.toml: 1" in capsys.readouterr().out
@@ -108,6 +111,14 @@ def test_a_report_of_rehearsals_shows_those_of_the_present_study(
     assert {trial["subject"] for trial in trials} == {"P02"}
     loaded = touchbeam.load("study", rehearsals=True)
     assert list(loaded.scores.index) == ["P02"]
+    capsys.readouterr()
+    assert typed(*export) == 0
+    assert "7 trials of 1 participant (0 trials excluded, marked); left out: 1 rehearsal" in (
+        capsys.readouterr().out
+    )
+    exported = Path("csv/trials.csv").read_text(encoding="utf-8")
+    assert "P02" in exported
+    assert "P01" not in exported
     assert set(loaded.trials["participant"]) == {"P01", "P02"}
 
 

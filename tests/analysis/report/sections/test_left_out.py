@@ -26,7 +26,9 @@ def test_only_complete_sessions_are_reported_as_uninterrupted() -> None:
     assert "unfinished sessions: P01, session 1" in pages[1]
     published = report_html(plain_report())
     assert undisturbed not in published
-    assert "Interruptions, and the order in which scores were given, are unknown for an" in published
+    assert (
+        "Interruptions, and the order in which scores were given, are unknown for an" in published
+    )
     assert "unfinished sessions: unknown for an imported table" in published
 
 

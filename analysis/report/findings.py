@@ -31,7 +31,7 @@ from analysis.trials.study_answers import predictor
 from analysis.trials.track_fits import Thresholds, thresholds
 from analysis.trials.trial_statistics import TrialStatistics
 from device.friction.calibration import NOMINAL, Calibration
-from device.friction.changes import LAW, RUNG
+from device.friction.changes import LAW, RUNG, stated_friction
 from device.friction.surfaces import GivenSurface, MeasuredSurface
 from protocol.registration.registration import (
     FOLLOWS,
@@ -163,6 +163,14 @@ class Findings:
             case MeasuredSurface():
                 return f"the measured table {self.study.surface.table}"
         return f"the friction model on its rung {RUNG}"
+
+    @property
+    def rest(self) -> str:
+        """To what the friction of a touch is compared that is rated at once, in words."""
+        stated = isinstance(self.origin.rig.surface, GivenSurface)
+        if stated and not stated_friction(self.study).at_rest:
+            return "the mean of what touches state"
+        return "the same touch at 0 V"
 
     @cached_property
     def trial_records(self) -> list[dict[str, Any]]:

@@ -111,7 +111,7 @@ def _of_responses(study: Study) -> Iterator[Hypothesis]:
     yield Hypothesis(
         hypothesis.FOLLOWS,
         f"slope of mean {what} on predicted contrasts, with the contrasts permuted over the "
-        f"conditions; p < .05{'' if either_way else ' and a slope above 0'}",
+        f"conditions; p < .05{', either way' if either_way else ' and a slope above 0'}",
         partial(_slope, either_way=either_way),
         page.FOLLOW,
         asked=can_follow,

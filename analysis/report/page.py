@@ -75,7 +75,7 @@ _OF_CONDITIONS = frozenset(
     {"d", "gain", "Holm's correction", "Kendall's W", "level", "r", "relative gain"}
 )
 _OF_SCORES = {
-    "contrast": "predicted log friction of the last touch, relative to the same touch at 0 V: −.10 "
+    "contrast": "predicted log friction of the last touch, relative to {rest}: −.10 "
     "is friction lower by about 10%.",
     "level": "the score that a subject gives to a touch of medium friction, the mean of the "
     "rated contrasts.",
@@ -98,7 +98,9 @@ def glossary(found: Findings) -> blocks.Section:
     if not found.is_predicted:
         told |= {"95% CI": "confidence interval, which holds the value in 95% of studies."}
     entries = {
-        name: found.in_measure(told[name].replace("{laws}", ", ".join(LAWS)))
+        name: found.in_measure(
+            told[name].replace("{laws}", ", ".join(LAWS)).replace("{rest}", found.rest)
+        )
         for name in sorted(_TERMS.keys() - set(_absent(found)), key=str.casefold)
     }
     return blocks.Section(title="Glossary", blocks=[blocks.Definitions(entries=entries)])

@@ -498,7 +498,7 @@ def _slope(found: Findings) -> str:
     law = f"; law {LAW}" * (len(found.shown_laws) > 1)
     is_of = "change of log friction"
     if found.at_once:
-        is_of = "log friction of the last touch, relative to that at 0 V"
+        is_of = f"log friction of the last touch, relative to {found.rest}"
     # Its own p is below .05, so that the interval is without 0, and the corrected one is not.
     alone = slope.p < LEVEL and not found.questions.holds(FOLLOWS)
     return (

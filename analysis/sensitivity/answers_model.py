@@ -343,8 +343,8 @@ class AnswersModel:
         needed = f"about {times:.3g} times as many rated trials per person"
         if self.conditions_hide_gain:
             needed = (
-                "several levels of each condition; more of the same trials do not help, "
-                "because conditions are rated differently beyond their contrasts"
+                "several levels of each condition, or more conditions; more of the same trials do "
+                "not help, because conditions are rated differently beyond their contrasts"
             )
         part = f"{share:.0%} of the scale" if share < 1 else "more than the whole scale"
         return NotEstimable(

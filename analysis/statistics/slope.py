@@ -198,7 +198,8 @@ def level_slope(
     count = int((spread > 1e-12).sum())
     if count < 2:
         return NotEstimable(
-            f"at least 2 people with several levels of a condition are needed, got {count}"
+            "at least 2 people with several levels of a condition, and contrasts of them, are "
+            f"needed, got {count}"
         )
     value = float(products.sum() / spread.sum())
     departures = products - value * spread

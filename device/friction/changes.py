@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -104,20 +104,35 @@ def trial_change(
     )
 
 
+class StatedFriction(NamedTuple):
+    """The frictions that a study's touches state, in the order of the file."""
+
+    at_rest: tuple[float, ...]
+    driven: tuple[float, ...]
+
+
+def stated_friction(study: Study) -> StatedFriction:
+    """Return what touches at 0 V state, and what the others do."""
+    stated = [
+        (each.friction, each.peak_voltage_v)
+        for item in (*study.condition, *study.opening)
+        for each in item.touches
+        if each.friction is not None
+    ]
+    return StatedFriction(
+        at_rest=tuple(friction for friction, peak_v in stated if not peak_v),
+        driven=tuple(friction for friction, peak_v in stated if peak_v),
+    )
+
+
 def _level(study: Study, touch: Touch) -> Change:
     """Return what a rating of `touch` follows.
 
     On a stated surface it starts at the friction that the study's touches at 0 V state, else at the
     mean of what is stated, in logarithms: such a constant changes no slope.
     """
-    stated = [
-        (math.log(each.friction), each.peak_voltage_v)
-        for item in (*study.condition, *study.opening)
-        for each in item.touches
-        if each.friction is not None
-    ]
-    at_rest = [size for size, peak_v in stated if not peak_v]
-    logs = at_rest or [size for size, _ in stated]
+    at_rest, driven = stated_friction(study)
+    logs = [math.log(friction) for friction in at_rest or driven]
     mean = math.exp(sum(logs) / len(logs)) if logs else None
     rest = touch.model_copy(update={"voltage_v": 0.0, "friction": mean})
     if touch.friction is None and not touch.peak_voltage_v and at_rest:

@@ -15,15 +15,17 @@ from device.beam.spectral import (
     spectrum_with_mode,
 )
 from device.errors import OutOfRangeError
+from device.friction.changes import stated_friction
 from device.friction.rungs import LEAST_SHARE
 from device.friction.surfaces import (
     AnySurface,
     BeamSurface,
     FrictionTable,
+    GivenSurface,
     MeasuredSurface,
     beam_surface,
 )
-from protocol.errors import Path, Problem
+from protocol.errors import Path, Problem, listed
 from protocol.plan.orders import scaled
 from protocol.study.study import Condition, Study
 from protocol.study.study_question import QUESTIONS
@@ -212,6 +214,25 @@ def surface_warnings(study: Study, surface: AnySurface) -> Iterator[str]:
     elif isinstance(surface, BeamSurface) and study.surface.is_own_beam:
         yield from _modes_beside(study, surface)
         yield from _beyond_the_model(study, surface)
+    elif isinstance(surface, GivenSurface) and study.absolute:
+        yield from _at_rest(study)
+
+
+def _at_rest(study: Study) -> Iterator[str]:
+    """Yield what is wrong with the friction at 0 V to which ratings are compared."""
+    at_rest, driven = stated_friction(study)
+    if driven and not at_rest:
+        yield (
+            "No touch at 0 V states its friction, so that predictions are relative to the mean of "
+            "what touches state, and catch trials have none: state it, as [[opening]] of the "
+            "template plate does."
+        )
+    if len(set(at_rest)) > 1:
+        told = listed(f"{friction:g}" for friction in dict.fromkeys(at_rest))
+        yield (
+            f"Touches at 0 V state different frictions, {told}: predictions are relative to their "
+            "mean."
+        )
 
 
 def _coarse_knots(surface: MeasuredSurface) -> Iterator[str]:

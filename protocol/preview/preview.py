@@ -28,7 +28,8 @@ _SAMPLE_BYTES = {"board": BYTES_PER_COUNT * len(CHANNELS), "gauge": 22}
 class Prediction:
     """Predictions: `contrast` is None of no question, `rig` '' if not calibrated.
 
-    `source` says where friction comes from, if not from the model under this law on this rung.
+    `source` says where friction comes from, if not from the model under this law on this rung;
+    `rest` to what that of a touch is compared that is rated at once.
     """
 
     law: str
@@ -36,6 +37,7 @@ class Prediction:
     contrast: Callable[[Trial], float | None]
     rig: str = ""
     source: str = ""
+    rest: str = "that at 0 V"
 
 
 Resonance = Literal["measured", "kept", "missing"]

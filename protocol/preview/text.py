@@ -29,7 +29,7 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield "touches; 0>200: a change during a touch."
     names = {heading for heading, *_ in columns}
     if "pred." in names:
-        yield from _predicted(shown)
+        yield from _predicted(shown, model)
         yield f"{model.source or f'friction law {model.law}, rung {model.rung}'}."
     if model.rig:
         yield from wrap(f"Rig: {model.rig}.", 80)
@@ -46,12 +46,12 @@ def preview_lines(shown: preview.Preview, model: preview.Prediction) -> Iterator
     yield from _group_lines(shown.study)
 
 
-def _predicted(shown: preview.Preview) -> Iterator[str]:
+def _predicted(shown: preview.Preview, model: preview.Prediction) -> Iterator[str]:
     """Yield what the predicted numbers are."""
     if not shown.study.absolute:
         yield "Pred.: predicted change of ln(friction), positive in the expected direction;"
         return
-    yield "Pred.: predicted ln(friction / that at 0 V), positive where friction rises;"
+    yield f"Pred.: predicted ln(friction / {model.rest}), positive where friction rises;"
     if any(trial.expected for trial in shown.plans[0].trials):
         yield "where an answer is expected, its change, positive in the expected direction;"
 

@@ -388,7 +388,7 @@ def response_column(questions: Iterable[StudyQuestion]) -> Column:
         name,
         "The score, counted from 1 at the lowest, if the change was answered as expected; 0 if it "
         "was answered otherwise; the score itself of a trial without a question. Missing where "
-        "nothing was answered.",
+        "nothing was answered, and in catch trials.",
     )
 
 

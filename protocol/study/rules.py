@@ -112,10 +112,10 @@ SELECTS = {
     "max_false_alarms": "leaves out participants with a low criterion, who report changes where "
     "there are none; it spares those who notice little.",
     "max_missing_scores": "counts trials without an answer{kept}.",
-    "min_reaction_s": "leaves out trials, also good ones where a change is so clear that it is "
-    "answered fast.",
-    "max_reaction_s": "leaves out trials, more of them where a change is hard to feel and takes "
-    "long to answer.",
+    "min_reaction_s": "leaves out trials, also good ones where what is felt is so clear that it "
+    "is answered fast.",
+    "max_reaction_s": "leaves out trials, more of them where what is felt is hard to judge and "
+    "takes long to answer.",
     "min_trials": "counts answered trials, whatever the answers{kept}.",
 }
 """Whom or what each rule of `Exclusions` selects, which is what its author should know of it."""

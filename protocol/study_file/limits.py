@@ -96,7 +96,15 @@ def _factor_problems(study: Study) -> Iterator[Problem]:
 
 
 def _stated_and_varied(study: Study, condition: Condition) -> Iterator[Problem]:
-    """Yield touches whose friction is stated, although a factor changes what it depends on."""
+    """Yield touches whose friction is stated, although something changes what it depends on."""
+    driven = ((at, touch) for at, touch in enumerate(condition.touches) if touch.peak_voltage_v)
+    for number, touch in driven if set(condition.levels) != {1.0} else ():
+        if touch.friction is not None:
+            path = ("condition", condition.written, "touches", number, "friction")
+            rule = "must not be stated where levels multiply the amplitude"
+            where = f"condition {condition.name}, touch {number + 1}, friction"
+            hint = "leave it out, or write a [[condition]] for each level"
+            yield Problem(where, rule, f"{touch.friction:g}", hint, path)
     for factor in study.factor:
         for number in factor.numbers(len(condition.touches)):
             if condition.cell and condition.touches[number].friction is not None:

@@ -293,7 +293,7 @@ def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
 
     if not isinstance(rig.surface, BeamSurface):
         source = {"measured": f"friction from {study.surface.table}"}
-        known = source.get(study.surface.kind, "friction as touches state it")
+        known = source.get(study.surface.kind, _stated(study))
         yield f"Surface     {study.surface.kind}, {1e3 * rig.surface.length_m:g} mm long; {known}"
         return
     record, beam = _surface_record(study, rig), rig.structure.beam
@@ -305,6 +305,15 @@ def _surface_lines(study: Study, rig: Calibration) -> Iterator[str]:
         f"            bodies {1e3 * rig.body_height_m:g} mm high, friction at rest "
         f"{rig.structure.friction_coefficient:g}, damping ratio {rig.damping_ratio:g}"
     )
+
+
+def _stated(study: Study) -> str:
+    """Return of which conditions the last touch states its friction."""
+    lacking = [item.name for item in study.condition if item.touches[-1].friction is None]
+    if len(lacking) == len(study.condition):
+        return "no touch states its friction: nothing is predicted"
+    without = f", but in {listed(lacking)} it does not" * bool(lacking)
+    return f"friction as touches state it{without}"
 
 
 def _exclusion_lines(study: Study) -> Iterator[str]:
@@ -421,7 +430,7 @@ def _contrast_of(study: Study, rig: Calibration) -> Contrast:
 
 
 def _prediction(study: Study, contrast: Contrast, rig: Calibration) -> Prediction:
-    from device.friction.changes import LAW, RUNG
+    from device.friction.changes import LAW, RUNG, stated_friction
 
     def of_trial(trial: Trial) -> float | None:
         if trial.question is None and not trial.rated:
@@ -433,4 +442,7 @@ def _prediction(study: Study, contrast: Contrast, rig: Calibration) -> Predictio
         "given": "friction as touches state it, none where they do not",
     }.get(study.surface.kind, "")
     fitted = str(rig) if rig.origin and not source else ""
-    return Prediction(law=LAW, rung=RUNG, contrast=of_trial, rig=fitted, source=source)
+    told = Prediction(law=LAW, rung=RUNG, contrast=of_trial, rig=fitted, source=source)
+    if study.surface.kind == "given" and not stated_friction(study).at_rest:
+        return replace(told, rest="the mean of what touches state")
+    return told

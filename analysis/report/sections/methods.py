@@ -112,9 +112,8 @@ def _without_model(found: Findings) -> str:
     others = given - sum(person.trials for person in rating.subjects)
     if others <= 0:
         return ""
-    return (
-        f" {sentence(count_of(others, 'score'))} of other answers are not in the model of ratings."
-    )
+    which = "of other answers" if found.measure == "response" else "without a predicted contrast"
+    return f" {sentence(count_of(others, 'score'))} {which} are not in the model of ratings."
 
 
 def _design(found: Findings) -> str:
@@ -306,17 +305,15 @@ def _model(found: Findings) -> str:
     models = [said for _, said in models_in_words(found)]
     if found.study.imported:
         return " ".join(["Contrasts are those that the author of the scores states.", *models])
+    at_once = f", as the log friction of the last touch relative to {found.rest}"
     return " ".join(
         [
             f"Contrasts were predicted trial by trial from {found.friction_source}{laws}"
-            f"{calibrated}{_SCORED_AT_ONCE * found.at_once}; {touches}.",
+            f"{calibrated}{at_once * found.at_once}; {touches}.",
             *models,
             *[SKIN] * (bool(models) and not found.predictor[1]),
         ]
     )
-
-
-_SCORED_AT_ONCE = ", as the log friction of the last touch relative to the same touch at 0 V"
 
 
 def models_in_words(found: Findings) -> Iterator[tuple[str, str]]:

@@ -125,8 +125,8 @@ _STATED = (
 
 
 _LEVEL = (
-    "The contrast of a touch is ln(μ′/μ), μ being the friction of the same touch at 0 V, at its "
-    "place or as the mean along its path. It is negative where vibration lowers friction."
+    "The contrast of a touch is ln(μ′/μ), μ being the friction of {}, at its "
+    "place or as the mean along its path. It is negative where friction is lower."
 )
 
 
@@ -135,7 +135,11 @@ def section(found: Findings) -> Section:
     return Section(
         title="How certain the contrasts are",
         blocks=[
-            _STATED if found.study.imported else _LEVEL if found.at_once else _KINDS,
+            _STATED
+            if found.study.imported
+            else _LEVEL.format(found.rest)
+            if found.at_once
+            else _KINDS,
             _range_table(ranges) if ranges else None,
             _SCALING,
         ],

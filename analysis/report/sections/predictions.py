@@ -150,11 +150,14 @@ def _prediction_table(found: Findings) -> Table:
     physical = [score for score in laws if score.law in found.shown_laws]
     several = len(physical) > 1
     headings = [score.law if several else "predicted contrast" for score in physical]
+    sign = "change of log friction; positive in the expected direction"
+    if found.at_once:
+        sign = f"log friction of the last touch, relative to {found.rest}"
     return Table(
         name=PREDICTIONS,
         caption="Mean predicted contrast of each condition"
         + " under each friction law" * several
-        + f", from {found.friction_source} ({_SIGN[found.at_once]}), "
+        + f", from {found.friction_source} ({sign}), "
         f"with the mean {found.measure}.",
         columns=columns("condition", f"mean {found.measure}", *headings),
         rows=[
@@ -162,12 +165,6 @@ def _prediction_table(found: Findings) -> Table:
             for name, mean in zip(found.loaded.table.conditions, means, strict=True)
         ],
     )
-
-
-_SIGN = {
-    False: "change of log friction; positive in the expected direction",
-    True: "log friction of the last touch, relative to the same touch at 0 V",
-}
 
 
 def _laws_compared(found: Findings) -> tuple[str, Table]:

@@ -14,6 +14,7 @@ from analysis.report.table4_text import table4_csv, table4_lines, table4_tex
 from analysis.report.wording import MISSING, number
 from analysis.statistics.summary import Table4
 from analysis.trials.answers import Answers, answers_by_question
+from device.friction.surfaces import GivenSurface
 from protocol.study.languages import REFERENCE
 from protocol.study.participant_texts import scale_in_words
 from protocol.study.study_question import StudyQuestion
@@ -255,7 +256,9 @@ def trials(found: Findings) -> blocks.Section:
     return blocks.Section(
         title="Trials",
         blocks=[
-            f"All analysed trials, with their contrasts from {found.friction_source}{_TOUCH}"
+            f"All analysed trials, with their contrasts from {found.friction_source}"
+            + _TOUCH * _knows_touches(found)
+            + "."
             if found.is_predicted
             else "All analysed trials.",
             blocks.TableGroup(name="trial-tables", tables=_subject_tables(found)),
@@ -264,9 +267,15 @@ def trials(found: Findings) -> blocks.Section:
     )
 
 
+def _knows_touches(found: Findings) -> bool:
+    """Return whether what was measured of a touch changes the contrast that is predicted of it."""
+    is_stated = isinstance(found.origin.rig.surface, GivenSurface)
+    return found.is_predicted and not (is_stated or found.study.imported)
+
+
 _TOUCH = (
     ". Touch: whether the contrast is that of the touch as planned, with force or place as "
-    "measured, or of a standard touch, where nothing is known of it."
+    "measured, or of a standard touch, where nothing is known of it"
 )
 _OF_ANSWERS = frozenset({"answer", "as expected", "response"})
 
@@ -298,7 +307,7 @@ def _subject_tables(found: Findings) -> list[blocks.Table]:
     ]
     # Where nobody is asked what changed a score is the only answer.
     left_out = _OF_ANSWERS if found.measure == "score" else frozenset()
-    if not found.is_predicted or found.study.imported:
+    if not _knows_touches(found):
         left_out |= {"touch"}
     shown = [place for place, column in enumerate(header) if column.name not in left_out]
     return [

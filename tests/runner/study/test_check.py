@@ -540,3 +540,63 @@ def test_the_papers_beam_is_named_where_no_surface_is_described(
 ) -> None:
     assert typed("check", study(tmp_path, "paper")) == 0
     assert "Surface     the paper's beam; [surface] describes another" in capsys.readouterr().out
+
+
+def plate_checked(folder: Path, *changes: tuple[str, str], options: tuple[str, ...] = ()) -> int:
+    """Check the template plate with changes, in a folder with its picture."""
+    for name, content in template_pictures("plate").items():
+        (folder / name).write_bytes(content)
+    return typed("check", study(folder, "plate", *changes), *options)
+
+
+AT_REST = ", friction = 0.60"
+
+
+@pytest.mark.parametrize(
+    ("changes", "surface", "warned"),
+    [
+        ((), "friction as touches state it", ""),
+        (((AT_REST, ""),), "friction as touches state it", "No touch at 0 V states its friction"),
+        (
+            (("voltage_v = 20, friction = 0.55", "voltage_v = 0, friction = 0.55"),),
+            "friction as touches state it",
+            "Touches at 0 V state different frictions, 0.55, 0.6:",
+        ),
+        (
+            ((", friction = 0.43", ""),),
+            "friction as touches state it, but in 60 V it does not",
+            "",
+        ),
+        (
+            tuple((f", friction = 0.{it}", "") for it in (60, 55, 50, 43, 36, 30)),
+            "no touch states its friction: nothing is predicted",
+            "",
+        ),
+    ],
+)
+def test_what_a_stated_surface_leaves_open_is_said(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    changes: tuple[tuple[str, str], ...],
+    surface: str,
+    warned: str,
+) -> None:
+    assert plate_checked(tmp_path, *changes) == 0
+    lines = capsys.readouterr().out
+    assert f"Surface     given, 100 mm long; {surface}\n" in lines
+    told = " ".join(lines.split())
+    assert warned in told
+    assert ("Warning: " in told) == bool(warned)
+    relative = "ln(friction / the mean of what touches state), positive"
+    assert (relative in told) == ("No touch" in warned)
+
+
+def test_friction_is_not_stated_where_levels_multiply_the_amplitude(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = 'name = "100 V"\n'
+    assert plate_checked(tmp_path, (name, f"{name}levels = [1.0, 0.5]\n")) == 2
+    rule = "friction: must not be stated where levels multiply the amplitude, got 0.3; leave it out"
+    assert rule in capsys.readouterr().err
+    unknown = (name, f"{name}levels = [1.0, 0.5]\n"), (", friction = 0.30", "")
+    assert plate_checked(tmp_path, *unknown) == 0

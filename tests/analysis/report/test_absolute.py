@@ -12,7 +12,9 @@ from analysis.report.hypotheses import how_tested, registered
 from analysis.report.report import Report, report, report_files, report_html, report_json
 from analysis.report.results import paragraphs
 from analysis.trials.contrasts import trial_contrasts
+from device.friction.calibration import Calibration
 from device.friction.changes import LAW, predicted_contrast, trial_change
+from device.friction.surfaces import GivenSurface
 from protocol.registration.registration import FOLLOWS, ORDER
 from tests.analysis.rated import RATED, rated_cohort, rated_data, rated_report, rated_study
 from tests.analysis.reports import ORIGIN, ReadPage
@@ -127,3 +129,17 @@ def test_groups_are_compared_by_scores() -> None:
 
 def test_methods_quote_the_question() -> None:
     assert "asked “How strong was what you felt? 1 to 7”" in words(rated_report())
+
+
+def test_contrasts_are_told_as_relative_to_what_they_are_relative_to() -> None:
+    found = rated_report()
+    assert found.rest == "the same touch at 0 V"
+    assert "relative to {rest}" not in words(found)
+    plate = Calibration.of(GivenSurface(length_m=0.1))
+    stated = replace(found, origin=replace(found.origin, rig=plate))
+    assert stated.rest == "the mean of what touches state", "none of them is at 0 V"
+    first, *others = stated.study.condition
+    rested = first.touches[0].model_copy(update={"voltage_v": 0.0, "friction": 0.6})
+    conditions = (first.model_copy(update={"touches": (rested,)}), *others)
+    at_rest = replace(stated, study=stated.study.model_copy(update={"condition": conditions}))
+    assert at_rest.rest == "the same touch at 0 V"

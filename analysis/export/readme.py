@@ -17,6 +17,9 @@ _ROWS = (
     "Trials that were taken out afterwards are still here, marked in the column `excluded` "
     "with the reason; the analysis leaves them out.\n"
 )
+_RULES = (
+    "; the rules of exclusion in the study file are not applied here: the analysis applies them"
+)
 _PUBLISHED_ROWS = (
     "A row is a score of a subject under a condition; columns about what the table did not say, "
     "such as touches and times, are empty. A score that was not given is missing, never zero. "
@@ -42,7 +45,8 @@ def readme(data: Dataset, tables: str) -> str:
         _PUBLISHED_ROWS if data.published else _ROWS,
         f"- {counted(data.people, 'participant')}, {counted(len(data.sessions), 'session')}, "
         f"{counted(len(data.tables.flat), 'trial')}\n"
-        f"- excluded: {counted(data.trials_excluded, 'trial')}\n"
+        f"- excluded: {counted(data.trials_excluded, 'trial')}"
+        f"{_RULES * bool(data.study.exclusions.model_dump(exclude_none=True))}\n"
         f"- not here: {counted(data.rehearsals_left_out, 'rehearsal')}, "
         f"{counted(data.tables.found.withdrawn, 'withdrawn session')}, "
         f"{counted(data.sessions_without_trials, 'session')} in which no trial was begun\n",

@@ -140,8 +140,9 @@ _FELT = (
 _COURSE = (
     Column(
         "excluded",
-        "Whether it was taken out of the analysis afterwards.",
-        levels={"no": "it counts", "trial": "this trial", "session": "the whole session"},
+        "Whether it was taken out of the analysis afterwards, by hand; rules of the study file are "
+        "not applied here.",
+        levels={"no": "it was not", "trial": "this trial", "session": "the whole session"},
         made=lambda trials: (
             trials["exclusion"]
             .notna()

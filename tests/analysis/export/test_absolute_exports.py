@@ -2,12 +2,14 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from analysis.export.dataset import Dataset, dataset
 from analysis.export.formats import EXPORTS
+from analysis.export.readme import readme
 from tests.analysis.export.test_formats import ONLY_THE_AUTHOR_KNOWS, warnings, written
 from tests.analysis.rated import RATED, rated_cohort
 
@@ -44,3 +46,12 @@ def test_the_bids_data_set_is_valid(tmp_path: Path) -> None:
     (sidecar,) = folder.glob("sub-P01/beh/*_beh.json")
     described = json.loads(sidecar.read_text(encoding="utf-8"))
     assert described["condition"]["Levels"]["20 V"] == "scored at once, without a question"
+
+
+def test_the_readme_says_that_rules_of_exclusion_are_not_applied() -> None:
+    applied = "the rules of exclusion in the study file are not applied here"
+    data = rated()
+    assert applied not in readme(data, "")
+    rules = data.study.exclusions.model_copy(update={"min_reaction_s": 0.2})
+    ruled = replace(data, study=data.study.model_copy(update={"exclusions": rules}))
+    assert applied in readme(ruled, "")

@@ -168,7 +168,7 @@ def _finger(
         return None
     if rig.control is not None:
         return rig.control
-    say(f"DRY RUN on {request.url}: the device is driven. Nobody may touch the beam.")
+    say(f"DRY RUN on {request.url}: the device is driven. Nobody may touch the surface.")
     calibration = fitted_calibration(request.options.folder.path, request.study)
     return UntouchedBeam(request.study, calibration, lambda: rig.device.reading, resonance_hz)
 

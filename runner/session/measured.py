@@ -38,7 +38,7 @@ def tare(context: SessionContext) -> str:
     if measured_n is None:
         # Without samples nothing is known of the zero, so that the touch has no tare.
         context.zero = None
-        return "the force channel gave no samples on the untouched beam"
+        return "the force channel gave no samples on the untouched surface"
     before, now_s = context.zero, context.clock.monotonic_s()
     context.zero = Zero(forces_n=measured_n, at_s=now_s)
     # The first zero on a beam cannot be compared with one before it: beams differ in weight.
@@ -53,7 +53,8 @@ def tare(context: SessionContext) -> str:
     if abs(moved_n) > TOUCHED_N + usual_n and not again:
         # The zero before stays to compare the next one with; this touch does without.
         context.zero = replace(before, doubted_n=measured_n)
-        return f"{told}: something touches the beam, or the sensor drifts; this touch has no tare"
+        why = "something touches the surface, or the sensor drifts"
+        return f"{told}: {why}; this touch has no tare"
     return told if abs(moved_n) > usual_n else ""
 
 

@@ -42,7 +42,7 @@ OPERATOR_QUESTIONS: dict[OperatorQuestion, tuple[str, StudyQuestion]] = {
         _optional(name="humidity", kind="number", minimum=0, maximum=100, decimals=2),
     ),
     "cleaning": (
-        "How and when was the beam cleaned?",
+        "How and when was the surface cleaned?",
         _optional(name="cleaning", kind="text", max_length=200),
     ),
 }
@@ -85,7 +85,7 @@ def prepare(context: SessionContext) -> None:
     mount(context, study.touch.beam)
     # A generator drives nothing here: its resonance is kept in the study's folder.
     if context.device.measures_resonance:
-        hands_off = "measuring the resonance: hands off the beam"
+        hands_off = "measuring the resonance: hands off the surface"
         update_view(context, warning=hands_off, busy="10 V at most, searching")
     near_hz, session = study.rig.nominal_resonance_hz, context.session
     resonance = context.device.resonance(near_hz, partial(wait, context))

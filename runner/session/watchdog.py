@@ -9,7 +9,9 @@ from runner.session.session import SessionContext
 from runner.session.waiting import obey, operator_answer, update_view
 from runner.signals import raise_if_stopped
 
-_HANDS_OFF = "The watchdog will be tested; nobody may touch the beam. Press Enter once it is free."
+_HANDS_OFF = (
+    "The watchdog will be tested; nobody may touch the surface. Press Enter once it is free."
+)
 NOT_TRIPPED = (
     "the device's watchdog did not trip when the device heard nothing: if this program died, the "
     "output would stay on; have the device repaired"
@@ -29,7 +31,7 @@ def require_watchdog(context: SessionContext, idn: str) -> None:
     if context.address != SIMULATED:
         context.operator.confirm(_HANDS_OFF)
         operator_answer(context)
-    hands_off = "testing the watchdog: hands off the beam"
+    hands_off = "testing the watchdog: hands off the surface"
     update_view(context, warning=hands_off, busy="0 V, testing the watchdog")
 
     def meanwhile() -> None:

@@ -54,7 +54,7 @@ def test_the_end_of_a_session_says_how_many_touches_had_no_finger(
     assert typed(*RUN, "virtual") == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
         "P01/1 is complete: 7 trials answered, device off (read back); 12 touches without a "
-        "finger on the beam; this was a rehearsal."
+        "finger on the surface; this was a rehearsal."
     )
 
 

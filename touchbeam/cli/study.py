@@ -255,7 +255,7 @@ def run(
     dry_run = state.opened is not None and state.opened.kind == "rehearsal"
     # A generator reads back no force, so that each of its touches would count.
     unfelt = sum(state.unfelt.values()) if asked.folder.study().rig.dialect == "board" else 0
-    fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the beam"
+    fingerless = f"; {unfelt} touch{'es' * (unfelt > 1)} without a finger on the surface"
     following = ""
     if not dry_run:
         with read_journal(asked.folder.journal) as journal:

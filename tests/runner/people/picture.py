@@ -32,8 +32,8 @@ READING = Reading(
     finger_s=99.9,
 )
 LOG = (
-    ("14:02:30", "warning: testing the watchdog: hands off the beam"),
-    ("14:02:31", "warning: measuring the resonance: hands off the beam"),
+    ("14:02:30", "warning: testing the watchdog: hands off the surface"),
+    ("14:02:31", "warning: measuring the resonance: hands off the surface"),
     ("14:02:37", "noted: skin dry"),
 )
 

@@ -337,7 +337,7 @@ def test_the_operator_is_asked_until_the_answer_is_possible_and_sees_it(tmp_path
         "What is the relative humidity of the air, in %?",
         "the answer to humidity must be a number with at most 2 decimals, at least 0, at most 100, "
         "got '101'. What is the relative humidity of the air, in %?",
-        "How and when was the beam cleaned?",
+        "How and when was the surface cleaned?",
     ]
     assert described["answers"] == {
         "skin state": "dry", "room temperature": "21.5", "humidity": "",

@@ -142,7 +142,7 @@ def test_a_study_that_records_nothing_asks_for_nothing(tmp_path: Path) -> None:
         ((5, 12, 20), "", [(0.3, 0.012), (0.3, 0.02)]),
         ((5, 5, 35, 35), "the zero of the force channel moved by +30 mN", [(0.3, 0.005)]),
         ((5, 5, -25), "the zero of the force channel moved by -30 mN", [(0.3, 0.005)]),
-        ((5, 505, 5), "moved by +500 mN: something touches the beam, or the s", [None]),
+        ((5, 505, 5), "moved by +500 mN: something touches the surface, or the s", [None]),
     ],
 )
 def test_a_zero_that_moves_is_told(
@@ -205,7 +205,7 @@ def test_a_touch_that_is_broken_off_leaves_no_recording(tmp_path: Path, order: O
 
 def test_a_zero_that_is_found_twice_is_believed(tmp_path: Path) -> None:
     events, warnings = recorded_by(tmp_path, Recording(zeros=(5, 505, 510)))
-    assert warnings.count("something touches the beam") == 1
+    assert warnings.count("something touches the surface") == 1
     assert warnings.count("the zero of the force channel moved by +505 mN") == 1
     assert [touch.tare_n for touch in recordings(events)][:2] == [
         None,

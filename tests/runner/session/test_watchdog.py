@@ -105,7 +105,7 @@ def test_the_operator_confirms_that_nobody_touches_a_real_beam(study: Study) -> 
     for address, asked in ((RIG, True), (SIMULATED, False)):
         made = study.begin(FakeDevice(has_watchdog=True), 0.0, address)
         assert isinstance(made.operator, FakeOperator)
-        assert any("nobody may touch the beam" in text for text in made.operator.asked) is asked
+        assert any("nobody may touch the surface" in text for text in made.operator.asked) is asked
         shown = [view.output() for view in made.operator.seen]
         assert shown[shown.index("ON, 0 V, testing the watchdog") + 1] == "off"
 

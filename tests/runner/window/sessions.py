@@ -160,7 +160,7 @@ class Running:
         with self.process.stdout as lines:
             for line in lines:
                 self.said.append(line)
-                if "Mount the beam" in line or "nobody may touch the beam" in line:
+                if "Mount the beam" in line or "nobody may touch the surface" in line:
                     self.type("\n")
 
     def type(self, text: str) -> None:

@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
 from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
-from analysis.loading.sessions import load_sessions, rehearsed_with
+from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_data import scale_of_scores
 from analysis.loading.study_lock import default_rig, study_lock
 from device.friction.calibration import NOMINAL, Calibration
@@ -31,6 +31,7 @@ from protocol.study.participant_texts import (
 from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
+from protocol.study_file.loading import StudyError, parsed_study
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
 
@@ -303,8 +304,26 @@ class Dataset:
 
 _WHICH = {
     False: "here; add --rehearsals to include them",
-    True: "of another study.toml here; restore it, or rehearse again",
+    True: "on another scale than that of study.toml here; restore it, or rehearse again",
 }
+
+
+def _on_one_scale(found: Sessions, rating: Rating) -> Sessions:
+    """Return `found` without rehearsals on another scale: one column cannot hold scores of both."""
+    texts = found.attempts.groupby("session_id")["study_text"].last().dropna()
+    ends = {text: _ends(text) for text in texts.unique()}
+    off = texts[texts.map(ends).isin(set(ends.values()) - {None, (rating.minimum, rating.maximum)})]
+    other = found.sessions["session_kind"].eq("rehearsal") & found.sessions.index.isin(off.index)
+    return replace(found, sessions=found.sessions[~other], other_rehearsals=int(other.sum()))
+
+
+def _ends(study_text: str) -> tuple[int, int] | None:
+    """Return the ends of a study's scale; None of a file that this version cannot read."""
+    try:
+        rating = parsed_study(study_text).rating
+    except StudyError:
+        return None
+    return rating.minimum, rating.maximum
 
 
 def dataset(
@@ -315,7 +334,6 @@ def dataset(
     rehearsals: bool,
     rig: Calibration = NOMINAL,
     broken_chains: Iterable[str] = (),
-    study_sha256: str = "",
 ) -> Dataset:
     """Return what is to be exported of the sessions in `chains`.
 
@@ -327,7 +345,6 @@ def dataset(
         rehearsals: whether dry runs are wanted too.
         rig: as calibrated at present.
         broken_chains: the sessions whose chain of hashes is broken; known once `chains` are read.
-        study_sha256: leaves out rehearsals of another study file than this, as reports do.
 
     Raises:
         NothingToExport: there is no trial.
@@ -335,8 +352,7 @@ def dataset(
     digest = sha256()
     recorded: dict[SessionKey, tuple[RecordedTouch, ...]] = {}
     sessions = load_sessions(_recorded(_digested(chains, digest), recorded))
-    if study_sha256:
-        sessions = rehearsed_with(sessions, study_sha256)
+    sessions = _on_one_scale(sessions, study.rating)
     tables = frames(study, sessions, rehearsals=rehearsals)
     found, kept = tables.found, tables.kept
     left_out = len(found.sessions) - len(kept) + found.other_rehearsals

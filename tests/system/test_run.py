@@ -101,9 +101,6 @@ def test_a_report_of_rehearsals_shows_those_of_the_present_study(
     report = ("report", "study", "--rehearsals", "--sections", "trials")
     assert typed(*report) == 2
     assert "nothing but rehearsals of another study.toml here (1)" in capsys.readouterr().err
-    export = ("export", "study", "csv", "--format", "csv", "--rehearsals")
-    assert typed(*export) == 2
-    assert "nothing but rehearsals of another study.toml here" in capsys.readouterr().err
     assert typed("run", "study", "--participant", "P02", "--ratings", "virtual") == 0
     assert typed(*report) == 0
     assert "Left out: rehearsals of another study.toml: 1" in capsys.readouterr().out
@@ -111,15 +108,28 @@ def test_a_report_of_rehearsals_shows_those_of_the_present_study(
     assert {trial["subject"] for trial in trials} == {"P02"}
     loaded = touchbeam.load("study", rehearsals=True)
     assert list(loaded.scores.index) == ["P02"]
-    capsys.readouterr()
-    assert typed(*export) == 0
-    assert "7 trials of 1 participant (0 trials excluded, marked); left out: 1 rehearsal" in (
+    assert set(loaded.trials["participant"]) == {"P01", "P02"}
+
+
+def test_an_export_holds_rehearsals_on_one_scale(capsys: pytest.CaptureFixture[str]) -> None:
+    typed("new", "study")
+    assert typed(*RUN, "virtual") == 0
+    study = Path("study/study.toml")
+    study.write_text(study.read_text().replace("hold_s = 2.0", "hold_s = 2.5"))
+    assert typed("run", "study", "--participant", "P02", "--ratings", "virtual") == 0
+    export = ("export", "study", "--format", "csv", "--rehearsals")
+    assert typed(*export, "both") == 0
+    assert "14 trials of 2 participants" in capsys.readouterr().out
+    wider = study.read_text().replace("[rating]", "[rating]\nmaximum = 9", 1)
+    study.write_text(wider.replace("from = 8, to = 10", "from = 8, to = 9"))
+    assert typed(*export, "none") == 2
+    told = "nothing but rehearsals on another scale than that of study.toml here; restore it"
+    assert told in capsys.readouterr().err
+    assert typed("run", "study", "--participant", "P03", "--ratings", "virtual") == 0
+    assert typed(*export, "one") == 0
+    assert "7 trials of 1 participant (0 trials excluded, marked); left out: 2 rehearsals" in (
         capsys.readouterr().out
     )
-    exported = Path("csv/trials.csv").read_text(encoding="utf-8")
-    assert "P02" in exported
-    assert "P01" not in exported
-    assert set(loaded.trials["participant"]) == {"P01", "P02"}
 
 
 def test_a_session_is_resumed_by_the_virtual_person_who_began_it(

@@ -117,7 +117,6 @@ def export(
     from analysis.export.dataset import dataset
     from analysis.export.formats import EXPORTS, RECORDINGS
     from device.friction.calibration import NOMINAL
-    from protocol.study_file.loading import text_digest
     from runner.journal.verification import readable_chains, require_no_withdrawal
     from runner.study.calibration import fitted_calibration
     from runner.study.files import write_new_folder
@@ -136,7 +135,6 @@ def export(
             # Tables alone have predictions.
             rig=fitted_calibration(source.path, file) if as_format == "csv" else NOMINAL,
             broken_chains=broken,
-            study_sha256=text_digest(source.text()),
         )
         texts = EXPORTS[as_format](data)
     warn_of_broken(broken, study)

@@ -8,8 +8,10 @@ from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
+from analysis.tables.answer_words import told_meanings
 from analysis.tables.ratings import (
     ANSWERS,
+    ANSWERS_EXAMPLE,
     CONTRARY,
     EXPECTED,
     SAME,
@@ -60,7 +62,8 @@ def scores_in(
         TableError: a cell breaks its rule, or could mean two things.
     """
     _require_scale(cells, scale)
-    reader = _Reader(cells, shape, scale, _meanings(answers), keep_means)
+    meanings = {word: word for word in ANSWERS} | told_meanings(answers, ANSWERS, ANSWERS_EXAMPLE)
+    reader = _Reader(cells, shape, scale, meanings, keep_means)
     entries = list(islice(reader.entries(), MOST_SCORES + 1))
     if len(entries) > MOST_SCORES:
         raise TableError(
@@ -262,20 +265,6 @@ class _Reader:
                 f"'{','.join(f'{word}=…' for word in unknown[:9])}'"
             )
         return meaning
-
-
-def _meanings(answers: str | None) -> Mapping[str, str]:
-    """Return the meaning of each word of answers, in lower case."""
-    known = {word: word for word in ANSWERS}
-    for part in re.split(r"[,;]", answers) if answers else ():
-        word, separator, meaning = (text.strip().casefold() for text in part.rpartition("="))
-        if meaning not in ANSWERS or not word or not separator:
-            raise TableError(
-                "--answers must be pairs such as smoother=expected,rougher=contrary,equal=same, "
-                f"got {part!r}"
-            )
-        known[word] = meaning
-    return known
 
 
 def _require_scale(cells: Cells, scale: Scale | None) -> None:

@@ -175,7 +175,7 @@ def told_roles(
     """
     of: dict[int, str] = {}
     given: dict[str, str] = {}
-    for role, name in _told(columns, roles):
+    for role, name in _told(cells, columns, roles):
         at = column_named(cells, name)
         if at is None and name in words.get(role, ()):
             given[role] = name
@@ -207,24 +207,32 @@ def require_one(cells: Cells, role: str, columns: Sequence[int], others: str) ->
         )
 
 
-def _told(columns: str, roles: Collection[str]) -> Iterator[tuple[str, str]]:
+def _told(cells: Cells, columns: str, roles: Collection[str]) -> Iterator[tuple[str, str]]:
     """Yield role and name of each part of `--columns`; a name may hold commas."""
-    parts = re.split(r"\s*,\s*(?=\w+\s*=)", columns.strip()) if columns.strip() else []
-    for part in parts:
-        role, separator, name = (text.strip() for text in part.partition("="))
-        if role not in roles or not separator or not name:
+    rest = columns.strip()
+    known = {cells.named(at).casefold() for at in range(len(cells.header))}
+    longest = max(map(len, known))
+    while rest:
+        role, separator, name = (text.strip() for text in rest.partition("="))
+        # Each may be the last of its name; the longest that is a column's is meant.
+        ends = [part.span() for part in re.finditer(r"\s*,\s*(?=\w+\s*=)", name[: longest + 99])]
+        ends.append((len(name), len(name)))
+        whole = (end for end in ends[::-1] if name[: end[0]].casefold() in known)
+        end, start = next(whole, ends[0])
+        part, rest = rest[: len(rest) - len(name) + end], name[start:]
+        if role not in roles or not separator or not name[:end]:
             raise TableError(
                 f"--columns must be pairs such as subject=ID,condition=material, of "
-                f"{listed(roles)}, got {part!r}"
+                f"{listed(roles)}, got {part.strip()!r}"
             )
-        yield role, name
+        yield role, name[:end]
 
 
 def column_named(cells: Cells, name: str) -> int | None:
     """Return the column of that name, exact or else in any case; or of its number, as `#2`."""
-    names: Sequence[str] = cells.header
+    names = [cells.named(at) for at in range(len(cells.header))]
     if name in names:
-        return list(names).index(name)
+        return names.index(name)
     alike = [at for at, each in enumerate(names) if each.casefold() == name.casefold()]
     if len(alike) == 1:
         return alike[0]

@@ -189,3 +189,17 @@ def test_answers_that_are_told_are_never_left_out(
     shown = capsys.readouterr()
     assert said in (shown.out if done else shown.err)
     assert done is said.endswith("same.")
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ('"ID","Sure, 1=low, 5=high","a","b"', "ignore=Sure, 1=low, 5=high,subject=ID"),
+        ('"","Sure","a","b"', "subject=1 (without a name), ignore=sure"),
+    ],
+)
+def test_any_name_of_a_column_can_be_told(header: str, columns: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f'{header}\n"P1","4","3","5"\n"P2","5","2","6"\n')
+    assert typed("import", tmp_path / "t.csv", tmp_path / "study", "--columns", columns) == 0
+    text = (tmp_path / "study" / "study.toml").read_text()
+    assert text.count("[[condition]]") == 2

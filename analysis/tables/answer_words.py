@@ -8,6 +8,22 @@ from analysis.tables.roles import Roles
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed, typed_as
 
+RIGHT = frozenset(
+    {
+        "true", "yes", "y", "t", "correct", "hit", "ja", "j", "richtig", "korrekt", "wahr",
+        "oui", "vrai", "juste", "sí", "sì", "si", "correcto", "verdadero", "corretto", "giusto",
+        "vero", "是", "对", "對", "正确", "正確",
+    }
+)  # fmt: skip
+WRONG = frozenset(
+    {
+        "false", "no", "n", "f", "incorrect", "wrong", "miss", "nein", "falsch", "inkorrekt",
+        "non", "faux", "incorrecto", "falso", "errato", "sbagliato", "否", "错", "錯", "错误",
+        "錯誤",
+    }
+)  # fmt: skip
+"""Words of answers in lower case. "Right" is none, because it may be a side."""
+
 
 def told_meanings(answers: str | None, meanings: Sequence[str], example: str) -> dict[str, str]:
     """Return the meaning of each word of `--answers`, in lower case; a word may hold commas.

@@ -160,7 +160,11 @@ def is_recorded(cells: Cells) -> bool:
 
 
 def told_roles(
-    cells: Cells, columns: str, roles: Collection[str], words: Mapping[str, Collection[str]]
+    cells: Cells,
+    columns: str,
+    roles: Collection[str],
+    words: Mapping[str, Collection[str]],
+    several: Collection[str] = SEVERAL,
 ) -> tuple[dict[int, str], dict[str, str]]:
     """Return the roles of `--columns` by column, and those that a word gives.
 
@@ -169,6 +173,7 @@ def told_roles(
         columns: pairs such as `subject=ID,level=volts`.
         roles: those that there are.
         words: what a role may be instead of a column, as `subject=one`.
+        several: roles that several columns may have.
 
     Raises:
         TableError: a pair is none, or names what there is not.
@@ -182,7 +187,7 @@ def told_roles(
         elif at is None:
             known = listed(map(cells.named, range(len(cells.header))))
             raise TableError(f"{cells.source}: --columns: no column {name!r}; there are {known}")
-        elif at in of or (role in of.values() and role not in SEVERAL):
+        elif at in of or (role in of.values() and role not in several):
             raise TableError(f"{cells.source}: --columns: {role}={name} is said twice")
         else:
             of[at] = role

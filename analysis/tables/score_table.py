@@ -24,7 +24,14 @@ from analysis.tables.ratings import (
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
 from analysis.tables.summaries import MEANS, summing_up
-from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
+from analysis.tables.table_cells import (
+    Cells,
+    TableError,
+    cell_name,
+    folded,
+    is_excluded,
+    is_missing,
+)
 from analysis.tables.understood import left_out_lines, understood
 from protocol.errors import listed
 from protocol.pseudonyms import pseudonyms
@@ -181,7 +188,7 @@ class _Reader:
             known = dict(zip(self.cells.header, texts, strict=True))
             if known["trial_kind"] not in {"trial", "published"}:
                 return "of catch trials, practice, openings and tracks"
-            if known.get("excluded", "no") != "no":
+            if is_excluded(known.get("excluded", "")):
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"

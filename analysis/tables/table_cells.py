@@ -112,6 +112,15 @@ def is_missing(text: str) -> bool:
     return text.casefold() in MISSING
 
 
+def is_excluded(text: str) -> bool:
+    """Return whether a cell of the column excluded says so: yes, or why.
+
+    >>> [is_excluded(text) for text in ("session", "TRUE", "no", "False", "0", "")]
+    [True, True, False, False, False, False]
+    """
+    return not is_missing(text) and text.casefold() not in {"no", "false", "0", "0.0"}
+
+
 def cell_name(cell: str, where: str) -> str:
     """Return the name in a cell, which may be blank; refuse one that is too long or hides marks."""
     name = unguarded(cell.strip())

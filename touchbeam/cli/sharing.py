@@ -40,14 +40,7 @@ def import_scores(
             callback=options.text,
         ),
     ] = None,
-    missing: Annotated[
-        str | None,
-        Option(
-            metavar="WORD,…",
-            help="What stands for no value, beside blanks, NA, n/a, NaN, - and .",
-            callback=options.text,
-        ),
-    ] = None,
+    missing: options.MissingOption = None,
     keep_means: Annotated[
         bool,
         Option("--keep-means", help="Take columns and rows that are means of others as scores."),

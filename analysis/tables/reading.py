@@ -1,5 +1,6 @@
 """The cells of any table, from the bytes of a file: separated text, or a workbook (.xlsx)."""
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -21,6 +22,13 @@ _OF_QUALTRICS = frozenset(
     }
 )  # fmt: skip
 """Columns that every export of Qualtrics has, by their ImportId."""
+_OTHERS = {
+    rb"\$FL\d": "an SPSS file",
+    rb"\x1f\x8b": "a compressed file",
+    rb"(?i)<(!doctype|!--|html|head|meta|body|table)\b": "HTML",
+    rb"<\?xml": "XML",
+}
+"""How files start that are no tables."""
 _ZIP, _OLD_EXCEL = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
@@ -63,6 +71,8 @@ def cells_in(
         raise TableError(
             f"{source}: is a workbook of old Excel or has a password; save it as .xlsx without one"
         )
+    if other := _other_kind(content):
+        raise TableError(f"{source}: is {other}; save it as CSV or .xlsx")
     if sheet is not None:
         raise TableError(f"{source}: --sheet needs a workbook (.xlsx), got a file of text")
     text, named = separated.text_in(content, source, encoding)
@@ -71,6 +81,20 @@ def cells_in(
     mark = decimal or separated.decimal_mark(rows, text, separator, source)
     told += ["decimal commas"] * (mark == "comma")
     return _cells(rows, source, told, decimal=mark, most=(most, of))
+
+
+def _other_kind(content: bytes) -> str:
+    """Return what a file is that is no table; nothing if it may be one."""
+    start = content[:99].removeprefix(b"\xef\xbb\xbf").lstrip()
+    if kind := next((kind for mark, kind in _OTHERS.items() if re.match(mark, start)), ""):
+        return kind
+    if start.startswith((b"{", b"[")):
+        try:
+            json.loads(content)
+        except (ValueError, RecursionError):
+            return ""
+        return "JSON"
+    return ""
 
 
 def _cells(

@@ -77,6 +77,21 @@ def test_latin_1_is_read_when_asked_for() -> None:
         read(text.encode("cp1252"))
 
 
+def test_chinese_is_read_when_asked_for() -> None:
+    text = "被试,材料,评分\nP1,木,3\nP1,铁,4\n"
+    with pytest.raises(TableError, match=r"line 1; .* add --encoding gb18030, as it seems"):
+        read(text.encode("gbk"))
+    cells = read(text.encode("gbk"), encoding="gb18030")
+    assert (cells.header, cells.understood) == (["被试", "材料", "评分"], ("commas", "GB 18030"))
+    with pytest.raises(TableError, match="as gb18030 text at line 2; leave --encoding out, or sa"):
+        read("a,b\nx,\xff\n".encode("latin-1"), encoding="gb18030")
+
+
+def test_a_name_in_brackets_is_no_other_kind_of_file() -> None:
+    assert read("<id>,[rough],{x}\nP1,3,4\n").header == ["<id>", "[rough]", "{x}"]
+    assert read("< 5,> 5\n1,2\n").header == ["< 5", "> 5"]
+
+
 def test_names_of_rows_without_a_heading_are_a_column() -> None:
     cells = read('"rough" "smooth"\n"P1" 3 4\n"P2" 5 6\n')
     assert (list(cells.header), cells.rows[0]) == (["", "rough", "smooth"], ["P1", "3", "4"])
@@ -126,6 +141,10 @@ def test_values_of_a_workbook_are_texts() -> None:
         (b"a,b;c\nx,y;z\n", "separated by commas or semicolons; save it with tabs"),
         (b'a,"b\n1,2\n', "line 1: a quotation mark is opened and never closed"),
         (b"PK\x03\x04 nothing", "t.csv: is a damaged archive"),
+        (b"$FL2@(#) SPSS DATA FILE", "t.csv: is an SPSS file; save it as CSV or .xlsx"),
+        (b'\xef\xbb\xbf <HTML><table>', "t.csv: is HTML; save it as CSV or .xlsx"),
+        (b'[{"a": 1,\n"b": 2}]', "t.csv: is JSON; save it as CSV or .xlsx"),
+        (b"\x1f\x8b\x08", "is a compressed file; save it as CSV or .xlsx"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "workbook of old Excel or has a password"),
         (book(A=[["a"]], B=[["b"]]), r"several sheets hold something \(A, B\); add --sheet"),
         (book(A=[]), "must have a header and at least one row, got nothing"),

@@ -216,3 +216,30 @@ def test_what_stands_for_no_value() -> None:
     missing = ["NA", "n/a", "NaN", "-", ".", "", "–", "#N/A", "NULL"]
     assert all(map(is_missing, missing))
     assert not any(map(is_missing, ["0", "no", "x"]))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (book(S=[["subject", "dry", None, "oiled"], [None, "smooth", "rough", "smooth", "rough"],
+                 ["P0", 2, 4, 3, 5]]), "rows 1 and 2: two header rows; write one, such as dry_smo"),
+        (book(S=[["Study 2"], [None, "dry", None, "oiled"],
+                 ["subject", "smooth", "rough", "smooth", "rough"], ["P0", 2, 4, 3, None]]),
+         "S, rows 2 and 3: two header rows; write one, such as dry_smooth, dry_ro"),
+        ("x,fine,fine,rough,rough\nvolt,0,100,0,100\nid,,,,\nP1,5.0,6.0,4.0,5.0\n",
+         "t.csv, lines 1 and 2: two header rows; write one, such as fine_0, fine_100"),
+    ],
+)  # fmt: skip
+def test_two_header_rows_are_called_so(content: bytes | str, said: str) -> None:
+    with pytest.raises(TableError, match=said):
+        read(content)
+
+
+def test_a_first_row_of_words_is_no_header() -> None:
+    for text in (
+        "subject,item,felt,,score\na,a,rough,rough,3\nP1,b,smooth,x,4\n",
+        "subject,a,a,b\nP1,NA,NA,NA\nP2,1,2,3\n",
+        "subject,a,b,c\nP1,low,low,high\nP2,1,2,3\n",
+        "subject,a,b,c\nP1,2,2,3\nP2,,,\nP3,1,2,3\n",
+    ):
+        assert len(read(text).rows) > 1

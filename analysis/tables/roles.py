@@ -185,8 +185,9 @@ def told_roles(
         if at is None and name in words.get(role, ()):
             given[role] = name
         elif at is None:
-            known = listed(map(cells.named, range(len(cells.header))))
-            raise TableError(f"{cells.source}: --columns: no column {name!r}; there are {known}")
+            raise TableError(
+                f"{cells.source}: --columns: no column {name!r}; there are {cells.names()}"
+            )
         elif at in of or (role in of.values() and role not in several):
             raise TableError(f"{cells.source}: --columns: {role}={name} is said twice")
         else:
@@ -207,7 +208,7 @@ def require_one(cells: Cells, role: str, columns: Sequence[int], others: str) ->
     """Refuse several columns that may have a role; `others` is what to say of the other ones."""
     if len(columns) > 1:
         raise TableError(
-            f"{cells.source}: each of {listed(map(cells.named, columns))} may be the {role}; add "
+            f"{cells.source}: each of {cells.names(columns)} may be the {role}; add "
             f"--columns {role}=NAME, and {others} for the others"
         )
 

@@ -240,7 +240,10 @@ class _Reader:
             )
         low, high = self.scale or (-LARGEST, LARGEST)
         if not low <= number <= high:
-            raise TableError(f"{where}: a score must lie in [{low}, {high}], got {text[:40]}")
+            smaller = "" if self.scale else "; divide the scores, such as by 100 or 1000"
+            raise TableError(
+                f"{where}: a score must lie in [{low}, {high}], got {text[:40]}{smaller}"
+            )
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:

@@ -86,7 +86,7 @@ class _Table:
         return TableError(f"{self.cells.source}: {why}")
 
     def names(self, columns: Sequence[int]) -> str:
-        return listed(self.cells.named(at) for at in columns)
+        return self.cells.names(columns)
 
 
 def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from analysis.cells import unguarded
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.study.fields import LONGEST_NAME, require_printable
 
 Decimal = Literal["point", "comma"]
@@ -39,6 +39,8 @@ MISSING = frozenset(
 )
 """What stands for no value, in lower case."""
 
+MOST_NAMED = 12
+"""Columns that a message names, before it counts the others."""
 SAMPLE = 200
 """Rows by which a separator, and the header below titles, are found."""
 Rows = list[tuple[int, list[str]]]
@@ -75,6 +77,12 @@ class Cells:
     def named(self, column: int) -> str:
         """Return the name of a column as people know it."""
         return self.header[column] or f"{column + 1} (without a name)"
+
+    def names(self, columns: Sequence[int] | None = None) -> str:
+        """Return the names of columns, of all if None, in words: 12, and how many more."""
+        at = range(len(self.header)) if columns is None else columns
+        more = f" and {len(at) - MOST_NAMED} more" * (len(at) > MOST_NAMED)
+        return f"{listed(map(self.named, at[:MOST_NAMED]))}{more}"
 
     def is_numeric(self, column: int) -> bool:
         """Return whether most of what stands in a column are numbers."""

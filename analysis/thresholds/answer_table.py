@@ -13,6 +13,7 @@ from analysis.tables.answer_words import RIGHT, WRONG, told_meanings
 from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
 from analysis.tables.roles import plain as plain_name
 from analysis.tables.table_cells import (
+    MOST_NAMED,
     Cells,
     TableError,
     cell_name,
@@ -33,8 +34,8 @@ _SEVERAL = frozenset({"condition", "ignore"})
 """Roles that several columns may have: those of the condition name the track together."""
 _OWN: Mapping[str, str] = {"subject": "participant", "condition": "track", "answer": "correct"}
 """Names of columns that are not those of their roles."""
-_MOST_VALUES, _MOST_NAMED = 30, 12
-"""Of a column that may tell conditions apart; and columns that are named before others count."""
+_MOST_VALUES = 30
+"""Of a column that may tell conditions apart."""
 LEVEL_VALUE = "level_value"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
 OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
@@ -298,7 +299,7 @@ def _require_one_condition(cells: Cells, columns: _Columns) -> None:
     known = {*_NAMES["condition"], *NAMES["session"], *NAMES["group"]}
     others = [at for at in _varying(cells, columns) if plain_name(cells.header[at]) in known]
     if others:
-        names, vary = listed(map(cells.named, others)), "vary" if others[1:] else "varies"
+        names, vary = cells.names(others), "vary" if others[1:] else "varies"
         ignored = ",".join(f"ignore={cells.named(at)}" for at in others)
         raise TableError(
             f"{cells.source}: {names} {vary} within a track: a threshold for each (add "
@@ -323,8 +324,8 @@ def pooled_line(cells: Cells, told: str | None) -> str:
     }
     if not few:
         return ""
-    more = f" and {len(few) - _MOST_NAMED} more" * (len(few) > _MOST_NAMED)
-    names = "; ".join(list(few.values())[:_MOST_NAMED])
+    more = f" and {len(few) - MOST_NAMED} more" * (len(few) > MOST_NAMED)
+    names = "; ".join(list(few.values())[:MOST_NAMED])
     return (
         f"Left out: column{'s' * (len(few) > 1)} {names}{more}. A threshold for each value: add "
         f"{_with_parts(cells, columns, list(few)[:1])}."
@@ -333,11 +334,10 @@ def pooled_line(cells: Cells, told: str | None) -> str:
 
 def _lacking(cells: Cells, role: str) -> str:
     """Return what to say of a table without a column of a role."""
-    among = listed(map(cells.named, range(len(cells.header))))
     one = ", or subject=one if there was one" * (role == "subject")
     return (
-        f"{cells.where()}: must have the column {_OWN.get(role, role)}, got {among}; add --columns "
-        f"{role}=NAME{one}"
+        f"{cells.where()}: must have the column {_OWN.get(role, role)}, got {cells.names()}; add "
+        f"--columns {role}=NAME{one}"
     )
 
 

@@ -498,3 +498,15 @@ def test_rows_that_are_alike_are_said() -> None:
 def test_a_blank_contrast_hides_no_other() -> None:
     found = imported("subject,condition,score,contrast\nP1,a,3,0.1\nP2,a,4,\nP1,b,5,0.2\nP2,b,6,.2")
     assert found.contrasts == {"a": 0.1, "b": 0.2}
+
+
+def test_of_many_columns_twelve_are_named() -> None:
+    header = ",".join(f"question {at}" for at in range(3000))
+    with pytest.raises(TableError, match="question 10, question 11 and 2988 more") as error:
+        imported(f"{header}\n" + "1," * 2999 + "1\n" + "1," * 2999 + "2\n")
+    assert len(str(error.value)) < 500
+
+
+def test_scores_that_are_too_large_are_divided() -> None:
+    with pytest.raises(TableError, match=r"\[-1000, 1000\], got 5000; divide the scores, such as"):
+        imported("subject,a,b\nP1,5000,2000\nP2,3000,100\n")

@@ -451,9 +451,7 @@ def test_answers_of_several_conditions_are_never_pooled_silently() -> None:
     ]
     alike = TWO.replace("A,dry,t1", "A,dry,t2")  # a track is of one condition
     assert len(read(alike, "t.csv", "weibull")) == 3
-    with pytest.raises(
-        TableError, match=r"session, group vary within a track: .*ignore=group"
-    ):
+    with pytest.raises(TableError, match=r"session, group vary within a track: .*ignore=group"):
         read(
             "id,session,group,level,correct\nA,1,x,1,1\nA,2,y,1,1\nA,2,y,2,1\n", "t.csv", "weibull"
         )

@@ -26,7 +26,8 @@ SEVERAL = frozenset({"factor", "repeat", "ignore"})
 NAMES: Mapping[str, tuple[str, ...]] = {
     # In each the better name comes first: of "name" and "id" one may be both.
     "subject": (
-        "subject", "participant", "participantid", "subjectid", "subjects", "participants", "subj",
+        "subject", "participant", "participantid", "participantprivateid", "subjectid", "subjects",
+        "participants", "subj",
         "sub", "ppt", "pp", "vp", "vpn", "vpid", "vpcode", "versuchsperson", "proband", "probandin",
         "probandid", "teilnehmer", "teilnehmerin", "person", "personid", "sujet", "sujeto",
         "soggetto", "observer", "respondent", "respondentid", "rater", "assessor", "panelist",
@@ -51,7 +52,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
         "repeat", "rep", "repeats", "repetition", "replicate", "replication", "wiederholung",
         "durchgang", "durchlauf", "trial", "trialno", "trialnr", "trialnumber", "trialindex",
         "trialid", "block", "blockno", "run", "presentation", "attempt", "attempts",
-        "trialsthisn", "trialsthistrialn", "trialsthisrepn",
+        "thisrepn",
     ),
     "session": ("session", "ses", "sessionid", "sitzung", "visit", "termin", "sessionno"),
     "group": ("group", "grp", "gruppe", "groupe", "grupo", "cohort", "arm"),
@@ -63,6 +64,15 @@ NAMES: Mapping[str, tuple[str, ...]] = {
         "remark", "remarks", "bemerkung", "notes", "language", "experimenter", "order", "position",
         "height", "weight", "index", "unnamed0", "sliderrt", "framerate", "expname", "rownames",
         "row",
+        # The own columns of PsychoPy, of which the first three count, and of Gorilla.
+        "thisn", "thistrialn", "thisindex", "thisrowt", "started", "stopped", "psychopyversion",
+        "eventindex", "utctimestamp", "utcdateandtime", "utcdate", "localtimestamp",
+        "localtimezone", "localdateandtime", "localdate", "experimentid", "experimentversion",
+        "treenodekey", "repeatkey", "scheduleid", "participantpublicid", "participantstatus",
+        "participantdevicetype", "participantdevice", "participantos", "participantbrowser",
+        "participantstartinggroup", "participantcompletioncode", "taskname", "taskversion",
+        "spreadsheetname", "spreadsheetrow", "screennumber", "screenid", "zonename", "zonetype",
+        "reactiononset", "responsetype", "xcoordinate", "ycoordinate", "timedout", "checkpoint",
     ),
 }  # fmt: skip
 """What tables call such columns, as `plain` has it."""
@@ -197,11 +207,22 @@ def told_roles(
 
 def ranked_columns(cells: Cells, known: Sequence[str], taken: Collection[int]) -> list[int]:
     """Return the columns that are not taken and have one of the known names, the best first."""
-    names = enumerate(map(plain, cells.header))
+    names = enumerate(_plain_names(cells))
     ranked = sorted(
         (known.index(name), at) for at, name in names if name in known and at not in taken
     )
     return [at for _, at in ranked]
+
+
+_OF_PSYCHOPY = re.compile(r".+\.(this(?:N|TrialN|Index|RepN)|started|stopped|rt|response|rating)")
+
+
+def _plain_names(cells: Cells) -> list[str]:
+    """Return the names of all columns as `plain` has them; PsychoPy's without their component."""
+    if not any(name.endswith(".thisN") for name in cells.header):
+        return list(map(plain, cells.header))
+    own = map(_OF_PSYCHOPY.fullmatch, cells.header)
+    return [plain(part[1] if part else name) for name, part in zip(cells.header, own, strict=True)]
 
 
 def require_one(cells: Cells, role: str, columns: Sequence[int], others: str) -> None:

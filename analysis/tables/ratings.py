@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 EXPECTED, CONTRARY, SAME = ANSWERS = ("expected", "contrary", "same")
+ANSWERS_EXAMPLE = "smoother=expected,rougher=contrary,equal=same"
+"""As `--answers` says what words mean."""
 Scale = tuple[int, int]
 
 

@@ -1,5 +1,6 @@
 """The cells of any table, from the bytes of a file: separated text, or a workbook (.xlsx)."""
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +9,18 @@ import numpy as np
 
 from analysis.tables import separated
 from analysis.tables.separated import Encoding
-from analysis.tables.table_cells import SAMPLE, Cells, Decimal, Rows, TableError, title_rows
+from analysis.tables.table_cells import (
+    COMMA_NUMBER,
+    NUMBER,
+    SAMPLE,
+    Cells,
+    Decimal,
+    Rows,
+    TableError,
+    is_missing,
+    title_rows,
+)
+from protocol.errors import listed
 
 _IMPORT_ID = re.compile(r"""\{\s*["']ImportId["']\s*:\s*["']([^"']*)["'].*\}""")
 """A cell of the third header row of an export of Qualtrics."""
@@ -21,6 +33,13 @@ _OF_QUALTRICS = frozenset(
     }
 )  # fmt: skip
 """Columns that every export of Qualtrics has, by their ImportId."""
+_OTHERS = {
+    rb"\$FL\d": "an SPSS file",
+    rb"\x1f\x8b": "a compressed file",
+    rb"(?i)<(!doctype|!--|html|head|meta|body|table)\b": "HTML",
+    rb"<\?xml": "XML",
+}
+"""How files start that are no tables."""
 _ZIP, _OLD_EXCEL = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
@@ -63,6 +82,8 @@ def cells_in(
         raise TableError(
             f"{source}: is a workbook of old Excel or has a password; save it as .xlsx without one"
         )
+    if other := _other_kind(content):
+        raise TableError(f"{source}: is {other}; save it as CSV or .xlsx")
     if sheet is not None:
         raise TableError(f"{source}: --sheet needs a workbook (.xlsx), got a file of text")
     text, named = separated.text_in(content, source, encoding)
@@ -71,6 +92,20 @@ def cells_in(
     mark = decimal or separated.decimal_mark(rows, text, separator, source)
     told += ["decimal commas"] * (mark == "comma")
     return _cells(rows, source, told, decimal=mark, most=(most, of))
+
+
+def _other_kind(content: bytes) -> str:
+    """Return what a file is that is no table; nothing if it may be one."""
+    start = content[:99].removeprefix(b"\xef\xbb\xbf").lstrip()
+    if kind := next((kind for mark, kind in _OTHERS.items() if re.match(mark, start)), ""):
+        return kind
+    if start.startswith((b"{", b"[")):
+        try:
+            json.loads(content)
+        except (ValueError, RecursionError):
+            return ""
+        return "JSON"
+    return ""
 
 
 def _cells(
@@ -83,6 +118,7 @@ def _cells(
     word: str = "line",
 ) -> Cells:
     titles = title_rows(rows)
+    _require_one_header(rows, titles, source, word)
     body = rows[titles:]
     if not body:
         raise TableError(f"{source}: must have a header and at least one row, got nothing")
@@ -121,6 +157,40 @@ def _cells(
         understood=(*understood, *said),
         line_word=word,
     )
+
+
+def _require_one_header(rows: Rows, titles: int, source: str, word: str) -> None:
+    for at in range(max(titles - 1, 0), titles + 1):
+        if names := _names_in_two(rows[at : at + 3]):
+            raise TableError(
+                f"{source}, {word}s {rows[at][0]} and {rows[at + 1][0]}: two header rows; write "
+                f"one, such as {listed(names[:2])}"
+            )
+
+
+def _names_in_two(rows: Rows) -> list[str]:
+    """Return the names of columns that two rows give together; none if the first gives them alone.
+
+    A name of the upper row stands above several of the lower one: once, before blanks, as in merged
+    cells, or again and again, as pandas writes it, with a third row of names of rows alone.
+    """
+    if len(rows) < 3:
+        return []
+    (_, upper), (_, lower), (_, third) = rows
+    spanning = [*upper, *[""] * (len(lower) - len(upper))]
+    for at, name in enumerate(spanning[1:], start=1):
+        spanning[at] = name or spanning[at - 1]
+    both = zip(spanning, lower, strict=False)
+    pairs = [(name, part) for name, part in both if name and not is_missing(part)]
+    of_rows = pairs[1:] if third[0] and not any(third[1:]) else []
+    repeated = len({name for name, _ in pairs}) < len(pairs) > len({name for _, name in pairs})
+    numbers = [bool(NUMBER.fullmatch(name)) for _, name in pairs]
+    below = sum(bool(NUMBER.fullmatch(cell) or COMMA_NUMBER.fullmatch(cell)) for cell in third)
+    if not repeated or len(set(pairs)) < len(pairs):
+        return []
+    if of_rows or (not any(numbers) and 2 * below >= len(pairs)):
+        return [f"{name}_{part}" for name, part in of_rows or pairs]
+    return []
 
 
 def _of_qualtrics(below: Rows) -> set[int] | None:

@@ -26,7 +26,8 @@ SEVERAL = frozenset({"factor", "repeat", "ignore"})
 NAMES: Mapping[str, tuple[str, ...]] = {
     # In each the better name comes first: of "name" and "id" one may be both.
     "subject": (
-        "subject", "participant", "participantid", "subjectid", "subjects", "participants", "subj",
+        "subject", "participant", "participantid", "participantprivateid", "subjectid", "subjects",
+        "participants", "subj",
         "sub", "ppt", "pp", "vp", "vpn", "vpid", "vpcode", "versuchsperson", "proband", "probandin",
         "probandid", "teilnehmer", "teilnehmerin", "person", "personid", "sujet", "sujeto",
         "soggetto", "observer", "respondent", "respondentid", "rater", "assessor", "panelist",
@@ -51,7 +52,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
         "repeat", "rep", "repeats", "repetition", "replicate", "replication", "wiederholung",
         "durchgang", "durchlauf", "trial", "trialno", "trialnr", "trialnumber", "trialindex",
         "trialid", "block", "blockno", "run", "presentation", "attempt", "attempts",
-        "trialsthisn", "trialsthistrialn", "trialsthisrepn",
+        "thisrepn",
     ),
     "session": ("session", "ses", "sessionid", "sitzung", "visit", "termin", "sessionno"),
     "group": ("group", "grp", "gruppe", "groupe", "grupo", "cohort", "arm"),
@@ -63,6 +64,15 @@ NAMES: Mapping[str, tuple[str, ...]] = {
         "remark", "remarks", "bemerkung", "notes", "language", "experimenter", "order", "position",
         "height", "weight", "index", "unnamed0", "sliderrt", "framerate", "expname", "rownames",
         "row",
+        # The own columns of PsychoPy, of which the first three count, and of Gorilla.
+        "thisn", "thistrialn", "thisindex", "thisrowt", "started", "stopped", "psychopyversion",
+        "eventindex", "utctimestamp", "utcdateandtime", "utcdate", "localtimestamp",
+        "localtimezone", "localdateandtime", "localdate", "experimentid", "experimentversion",
+        "treenodekey", "repeatkey", "scheduleid", "participantpublicid", "participantstatus",
+        "participantdevicetype", "participantdevice", "participantos", "participantbrowser",
+        "participantstartinggroup", "participantcompletioncode", "taskname", "taskversion",
+        "spreadsheetname", "spreadsheetrow", "screennumber", "screenid", "zonename", "zonetype",
+        "reactiononset", "responsetype", "xcoordinate", "ycoordinate", "timedout", "checkpoint",
     ),
 }  # fmt: skip
 """What tables call such columns, as `plain` has it."""
@@ -160,7 +170,11 @@ def is_recorded(cells: Cells) -> bool:
 
 
 def told_roles(
-    cells: Cells, columns: str, roles: Collection[str], words: Mapping[str, Collection[str]]
+    cells: Cells,
+    columns: str,
+    roles: Collection[str],
+    words: Mapping[str, Collection[str]],
+    several: Collection[str] = SEVERAL,
 ) -> tuple[dict[int, str], dict[str, str]]:
     """Return the roles of `--columns` by column, and those that a word gives.
 
@@ -169,20 +183,22 @@ def told_roles(
         columns: pairs such as `subject=ID,level=volts`.
         roles: those that there are.
         words: what a role may be instead of a column, as `subject=one`.
+        several: roles that several columns may have.
 
     Raises:
         TableError: a pair is none, or names what there is not.
     """
     of: dict[int, str] = {}
     given: dict[str, str] = {}
-    for role, name in _told(columns, roles):
+    for role, name in _told(cells, columns, roles):
         at = column_named(cells, name)
         if at is None and name in words.get(role, ()):
             given[role] = name
         elif at is None:
-            known = listed(map(cells.named, range(len(cells.header))))
-            raise TableError(f"{cells.source}: --columns: no column {name!r}; there are {known}")
-        elif at in of or (role in of.values() and role not in SEVERAL):
+            raise TableError(
+                f"{cells.source}: --columns: no column {name!r}; there are {cells.names()}"
+            )
+        elif at in of or (role in of.values() and role not in several):
             raise TableError(f"{cells.source}: --columns: {role}={name} is said twice")
         else:
             of[at] = role
@@ -191,40 +207,59 @@ def told_roles(
 
 def ranked_columns(cells: Cells, known: Sequence[str], taken: Collection[int]) -> list[int]:
     """Return the columns that are not taken and have one of the known names, the best first."""
-    names = enumerate(map(plain, cells.header))
+    names = enumerate(_plain_names(cells))
     ranked = sorted(
         (known.index(name), at) for at, name in names if name in known and at not in taken
     )
     return [at for _, at in ranked]
 
 
+_OF_PSYCHOPY = re.compile(r".+\.(this(?:N|TrialN|Index|RepN)|started|stopped|rt|response|rating)")
+
+
+def _plain_names(cells: Cells) -> list[str]:
+    """Return the names of all columns as `plain` has them; PsychoPy's without their component."""
+    if not any(name.endswith(".thisN") for name in cells.header):
+        return list(map(plain, cells.header))
+    own = map(_OF_PSYCHOPY.fullmatch, cells.header)
+    return [plain(part[1] if part else name) for name, part in zip(cells.header, own, strict=True)]
+
+
 def require_one(cells: Cells, role: str, columns: Sequence[int], others: str) -> None:
     """Refuse several columns that may have a role; `others` is what to say of the other ones."""
     if len(columns) > 1:
         raise TableError(
-            f"{cells.source}: each of {listed(map(cells.named, columns))} may be the {role}; add "
+            f"{cells.source}: each of {cells.names(columns)} may be the {role}; add "
             f"--columns {role}=NAME, and {others} for the others"
         )
 
 
-def _told(columns: str, roles: Collection[str]) -> Iterator[tuple[str, str]]:
+def _told(cells: Cells, columns: str, roles: Collection[str]) -> Iterator[tuple[str, str]]:
     """Yield role and name of each part of `--columns`; a name may hold commas."""
-    parts = re.split(r"\s*,\s*(?=\w+\s*=)", columns.strip()) if columns.strip() else []
-    for part in parts:
-        role, separator, name = (text.strip() for text in part.partition("="))
-        if role not in roles or not separator or not name:
+    rest = columns.strip()
+    known = {cells.named(at).casefold() for at in range(len(cells.header))}
+    longest = max(map(len, known))
+    while rest:
+        role, separator, name = (text.strip() for text in rest.partition("="))
+        # Each may be the last of its name; the longest that is a column's is meant.
+        ends = [part.span() for part in re.finditer(r"\s*,\s*(?=\w+\s*=)", name[: longest + 99])]
+        ends.append((len(name), len(name)))
+        whole = (end for end in ends[::-1] if name[: end[0]].casefold() in known)
+        end, start = next(whole, ends[0])
+        part, rest = rest[: len(rest) - len(name) + end], name[start:]
+        if role not in roles or not separator or not name[:end]:
             raise TableError(
                 f"--columns must be pairs such as subject=ID,condition=material, of "
-                f"{listed(roles)}, got {part!r}"
+                f"{listed(roles)}, got {part.strip()!r}"
             )
-        yield role, name
+        yield role, name[:end]
 
 
 def column_named(cells: Cells, name: str) -> int | None:
     """Return the column of that name, exact or else in any case; or of its number, as `#2`."""
-    names: Sequence[str] = cells.header
+    names = [cells.named(at) for at in range(len(cells.header))]
     if name in names:
-        return list(names).index(name)
+        return names.index(name)
     alike = [at for at, each in enumerate(names) if each.casefold() == name.casefold()]
     if len(alike) == 1:
         return alike[0]

@@ -8,8 +8,10 @@ from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
+from analysis.tables.answer_words import told_meanings
 from analysis.tables.ratings import (
     ANSWERS,
+    ANSWERS_EXAMPLE,
     CONTRARY,
     EXPECTED,
     SAME,
@@ -22,7 +24,14 @@ from analysis.tables.ratings import (
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
 from analysis.tables.summaries import MEANS, summing_up
-from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
+from analysis.tables.table_cells import (
+    Cells,
+    TableError,
+    cell_name,
+    folded,
+    is_excluded,
+    is_missing,
+)
 from analysis.tables.understood import left_out_lines, understood
 from protocol.errors import listed
 from protocol.pseudonyms import pseudonyms
@@ -60,7 +69,8 @@ def scores_in(
         TableError: a cell breaks its rule, or could mean two things.
     """
     _require_scale(cells, scale)
-    reader = _Reader(cells, shape, scale, _meanings(answers), keep_means)
+    meanings = {word: word for word in ANSWERS} | told_meanings(answers, ANSWERS, ANSWERS_EXAMPLE)
+    reader = _Reader(cells, shape, scale, meanings, keep_means)
     entries = list(islice(reader.entries(), MOST_SCORES + 1))
     if len(entries) > MOST_SCORES:
         raise TableError(
@@ -178,7 +188,7 @@ class _Reader:
             known = dict(zip(self.cells.header, texts, strict=True))
             if known["trial_kind"] not in {"trial", "published"}:
                 return "of catch trials, practice, openings and tracks"
-            if known.get("excluded", "no") != "no":
+            if is_excluded(known.get("excluded", "")):
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"
@@ -230,7 +240,10 @@ class _Reader:
             )
         low, high = self.scale or (-LARGEST, LARGEST)
         if not low <= number <= high:
-            raise TableError(f"{where}: a score must lie in [{low}, {high}], got {text[:40]}")
+            smaller = "" if self.scale else "; divide the scores, such as by 100 or 1000"
+            raise TableError(
+                f"{where}: a score must lie in [{low}, {high}], got {text[:40]}{smaller}"
+            )
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:
@@ -262,20 +275,6 @@ class _Reader:
                 f"'{','.join(f'{word}=…' for word in unknown[:9])}'"
             )
         return meaning
-
-
-def _meanings(answers: str | None) -> Mapping[str, str]:
-    """Return the meaning of each word of answers, in lower case."""
-    known = {word: word for word in ANSWERS}
-    for part in re.split(r"[,;]", answers) if answers else ():
-        word, separator, meaning = (text.strip().casefold() for text in part.rpartition("="))
-        if meaning not in ANSWERS or not word or not separator:
-            raise TableError(
-                "--answers must be pairs such as smoother=expected,rougher=contrary,equal=same, "
-                f"got {part!r}"
-            )
-        known[word] = meaning
-    return known
 
 
 def _require_scale(cells: Cells, scale: Scale | None) -> None:

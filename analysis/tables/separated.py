@@ -21,7 +21,7 @@ from analysis.tables.table_cells import (
     title_rows,
 )
 
-Encoding = Literal["utf-8", "utf-16", "latin-1"]
+Encoding = Literal["utf-8", "utf-16", "latin-1", "gb18030"]
 
 _POINT_NUMBER = re.compile(rf"{SIGN}\d*\.\d+([eE]{SIGN}\d+)?")
 _THOUSANDS = re.compile(rf"{SIGN}[1-9]\d{{0,2}},\d{{3}}")
@@ -38,6 +38,8 @@ def text_in(content: bytes, source: str, encoding: Encoding | None) -> tuple[str
             return content.decode("cp1252"), "Latin-1"
         except UnicodeDecodeError:
             return content.decode("latin-1"), "Latin-1"
+    if encoding == "gb18030":
+        return _decoded(content, source, encoding), "GB 18030"
     wide = encoding == "utf-16" or (encoding is None and _is_utf_16(content))
     try:
         if not wide:
@@ -50,10 +52,36 @@ def text_in(content: bytes, source: str, encoding: Encoding | None) -> tuple[str
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         name = "UTF-16" if wide else "UTF-8"
+        other = (
+            "gb18030, as it seems to be Chinese (GBK)"
+            if _is_chinese(content)
+            else "latin-1 if it was saved for Western Europe (ANSI)"
+        )
         raise TableError(
             f"{source}: cannot be read as {name} text at line {line}; save the file as UTF-8, or "
-            "add --encoding latin-1 if it was saved for Western Europe (ANSI)"
+            f"add --encoding {other}"
         ) from None
+
+
+def _decoded(content: bytes, source: str, encoding: str) -> str:
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise TableError(
+            f"{source}: cannot be read as {encoding} text at line {line}; leave --encoding out, or "
+            "save the file as UTF-8"
+        ) from None
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Return whether bytes that are no UTF-8 are Chinese: letters of Europe give rare signs."""
+    try:
+        letters = [sign for sign in content.decode("gb18030") if not sign.isascii()]
+    except UnicodeDecodeError:
+        return False
+    usual = sum(bool(sign.encode("gb2312", "ignore")) for sign in letters)
+    return 2 * usual > len(letters)
 
 
 def _is_utf_16(content: bytes) -> bool:

@@ -13,7 +13,7 @@ from itertools import pairwise
 from analysis.tables.roles import Roles, is_recorded, plain
 from analysis.tables.summaries import MEANS, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
-from protocol.errors import listed
+from protocol.errors import listed, typed_as
 
 _MOST_LEVELS = 30
 """Different values of a column that may tell conditions apart: a study has no more conditions."""
@@ -86,7 +86,7 @@ class _Table:
         return TableError(f"{self.cells.source}: {why}")
 
     def names(self, columns: Sequence[int]) -> str:
-        return listed(self.cells.named(at) for at in columns)
+        return self.cells.names(columns)
 
 
 def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
@@ -395,6 +395,7 @@ def _require_no_other_part(
     """Refuse a column that most subjects meet several values of in each condition."""
     subject = roles.column("subject")
     keys = [*([] if subject is None else [subject]), *parts, *roles.columns("session")]
+    others = []
     for column in free:
         values = {value for value in table.values(column) if not is_missing(value)}
         if not 1 < len(values) <= _MOST_LEVELS or len(values) == len(table.cells.rows):
@@ -404,11 +405,21 @@ def _require_no_other_part(
             met[tuple(row[at] for at in keys)].add(row[column])
         crossed = sum(len(each) > 1 for each in met.values())
         if 2 * crossed > len(met) and not _has_fractions(table, column):
-            name = table.cells.named(column)
-            raise table.refuse(
-                f"the column {name} may be a factor (add --columns factor={name}), count repeats "
-                f"(repeat={name}), or say something else of each score (ignore={name})"
-            )
+            others.append(table.cells.named(column))
+    if not others:
+        return
+    factors, repeats, ignored = (
+        ",".join(f"{role}={name}" for name in others) for role in ("factor", "repeat", "ignore")
+    )
+    if not others[1:]:
+        raise table.refuse(
+            f"the column {others[0]} may be a factor (add --columns {factors}), count repeats "
+            f"({repeats}), or say something else of each score ({ignored})"
+        )
+    raise table.refuse(
+        f"each of {listed(others)} may be a factor, count repeats, or say something else of each "
+        f"score: add --columns {typed_as(ignored)}, with factor= or repeat= for those that are one"
+    )
 
 
 def _has_fractions(table: _Table, column: int) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from analysis.cells import unguarded
-from protocol.errors import BadInput
+from protocol.errors import BadInput, listed
 from protocol.study.fields import LONGEST_NAME, require_printable
 
 Decimal = Literal["point", "comma"]
@@ -39,6 +39,8 @@ MISSING = frozenset(
 )
 """What stands for no value, in lower case."""
 
+MOST_NAMED = 12
+"""Columns that a message names, before it counts the others."""
 SAMPLE = 200
 """Rows by which a separator, and the header below titles, are found."""
 Rows = list[tuple[int, list[str]]]
@@ -76,6 +78,12 @@ class Cells:
         """Return the name of a column as people know it."""
         return self.header[column] or f"{column + 1} (without a name)"
 
+    def names(self, columns: Sequence[int] | None = None) -> str:
+        """Return the names of columns, of all if None, in words: 12, and how many more."""
+        at = range(len(self.header)) if columns is None else columns
+        more = f" and {len(at) - MOST_NAMED} more" * (len(at) > MOST_NAMED)
+        return f"{listed(map(self.named, at[:MOST_NAMED]))}{more}"
+
     def is_numeric(self, column: int) -> bool:
         """Return whether most of what stands in a column are numbers."""
         given = [row[column] for row in self.rows if not is_missing(row[column])]
@@ -110,6 +118,15 @@ def is_missing(text: str) -> bool:
     [True, True, True, False]
     """
     return text.casefold() in MISSING
+
+
+def is_excluded(text: str) -> bool:
+    """Return whether a cell of the column excluded says so: yes, or why.
+
+    >>> [is_excluded(text) for text in ("session", "TRUE", "no", "False", "0", "")]
+    [True, True, False, False, False, False]
+    """
+    return not is_missing(text) and text.casefold() not in {"no", "false", "0", "0.0"}
 
 
 def cell_name(cell: str, where: str) -> str:

@@ -5,11 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 from analysis.tables.ratings import ANSWERS, EXPECTED, Entry, Imported
 from analysis.tables.shape import Shape
-from analysis.tables.table_cells import Cells
+from analysis.tables.table_cells import MOST_NAMED, Cells
 from protocol.errors import listed
-
-_MOST_NAMED = 12
-"""Columns that are left out, named before the others are counted."""
 
 
 def understood(
@@ -104,8 +101,8 @@ def left_out_lines(
         rows: how many rows hold no rating, by reason.
         silent: the subjects without any score, and as tuples of one the conditions.
     """
-    many, named = len(shape.left_out), listed(shape.left_out[:_MOST_NAMED])
-    more = f" and {many - _MOST_NAMED} more" if many > _MOST_NAMED else ""
+    many, named = len(shape.left_out), listed(shape.left_out[:MOST_NAMED])
+    more = f" and {many - MOST_NAMED} more" if many > MOST_NAMED else ""
     told = [f"column{'s' * (many > 1)} {named}{more}"] * bool(many)
     told += [f"{many} row{'s' * (many > 1)} {why}" for why, many in rows.items()]
     subjects = sorted(name for name in silent if isinstance(name, str))

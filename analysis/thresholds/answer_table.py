@@ -9,21 +9,33 @@ from itertools import combinations
 from typing import Any, Literal
 
 from analysis.estimates import Interval, Json, plain
+from analysis.tables.answer_words import RIGHT, WRONG, told_meanings
 from analysis.tables.roles import NAMES, ranked_columns, require_one, told_roles
 from analysis.tables.roles import plain as plain_name
-from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
+from analysis.tables.table_cells import (
+    MOST_NAMED,
+    Cells,
+    TableError,
+    cell_name,
+    folded,
+    is_excluded,
+    is_missing,
+)
 from analysis.thresholds.psychometric import BELOW_CHANCE, NOTHING, Threshold, curve_share, fitted
-from protocol.errors import BadInput, listed
+from protocol.errors import BadInput, listed, typed_as
 
 MOST_BYTES = 2**26
 MOST_ROWS = 1_000_000
 MOST_TRIALS = 1_000_000_000
 """Of one row."""
-PLACE = ("subject", "condition")
-ROLES = (*PLACE, "level", "trials", "answer", "ignore")
+ROLES = ("subject", "condition", "level", "trials", "answer", "ignore")
 """What a column may be, as `--columns` says it."""
+_SEVERAL = frozenset({"condition", "ignore"})
+"""Roles that several columns may have: those of the condition name the track together."""
 _OWN: Mapping[str, str] = {"subject": "participant", "condition": "track", "answer": "correct"}
 """Names of columns that are not those of their roles."""
+_MOST_VALUES = 30
+"""Of a column that may tell conditions apart."""
 LEVEL_VALUE = "level_value"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
 OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
@@ -32,7 +44,7 @@ NO_TRACKS = "the study has no tracks; touchbeam report has its scores"
 UNANSWERED, CATCH, OUT = "without an answer", "catch trials", "excluded"
 LEFT_OUT: Mapping[str, str] = {UNANSWERED: UNANSWERED, CATCH: "catch trial", OUT: OUT}
 """Why rows are left out, of several and of one."""
-RIGHT_OR_WRONG: Mapping[str, int] = {"true": 1, "false": 0, "yes": 1, "no": 0}
+RIGHT_OR_WRONG = dict.fromkeys(RIGHT, 1) | dict.fromkeys(WRONG, 0)
 
 COLUMNS = (
     "participant",
@@ -70,55 +82,78 @@ class Track:
         return {**told, "left_out": self.left_out.total()}
 
 
-def tracks_in(cells: Cells, shape: str, told: str | None = None) -> list[Track]:
-    """Return the tracks of a table in the order in which they begin.
+def tracks_in(
+    cells: Cells, shape: str, told: str | None = None, answers: str | None = None
+) -> list[Track]:
+    """Return the tracks of a table, each participant's in the order in which the table has them.
 
     The columns participant, track, level, trials and correct, or what else tables call them, may
     stand in any order, with others between them, which are left out. Without the column track all
     rows are of one track, and without trials a row is one trial, and correct is 1 or 0. In yes-no
-    correct counts "yes". Rows without an answer are left out, and counted.
+    correct counts "yes". Rows without an answer or excluded are left out, and counted.
 
     Trials that touchbeam recorded have the column level_value, which is taken for the level. Those
-    of no track, without a level or an answer, or excluded are left out.
+    of no track or without a level are left out.
 
     Args:
         cells: of the table.
         shape: of the curve that will be fitted: a Weibull curve has no levels below 0.
         told: what columns are, such as `subject=ID,level=volts`, before their names say it.
+        answers: what words of answers mean, such as `longer=1,shorter=0`.
 
     Raises:
         TableError: a column is missing, stands twice or could be two things, or a cell breaks its
             rule; the message gives line, column, value and rule.
     """
-    columns, recorded = _columns(cells, told)
+    words = RIGHT_OR_WRONG | {
+        word: int(meaning)
+        for word, meaning in told_meanings(answers, ("1", "0"), "longer=1,shorter=0").items()
+    }
+    columns = _columns(cells, told, words)
+    of = columns.of
     if not cells.rows:
         raise TableError(f"{cells.source}: must have a row of answers below the header, got none")
+    if answers and "trials" in of:
+        name = cells.named(of["trials"])
+        raise TableError(
+            f"{cells.source}: --answers needs a row per trial, and the column {name} counts them; "
+            f"add --columns ignore={name} if it does not"
+        )
     tracks: dict[tuple[str, str], Track] = {}
     for row, texts in enumerate(cells.rows):
-        known = {role: texts[at] for role, at in columns.items()}
-        if recorded and not known.get("condition"):
+        known = {role: texts[at] for role, at in of.items()}
+        parts = [texts[at] for at in columns.parts]
+        if columns.recorded and not any(parts):
             continue
-        participant, name = (
-            _name(known[role], cells.where(row, columns[role]), recorded=recorded)
-            if role in known
-            else absent
-            for role, absent in (("subject", "1"), ("condition", "track"))
-        )
+        named = partial(_name, cells, row, recorded=columns.recorded)
+        participant = named(of["subject"]) if "subject" in of else "1"
+        name = ", ".join(map(named, columns.parts)) or "track"
         track = tracks.setdefault((participant, name), Track(participant, name))
-        if why := _why_out(known, recorded=recorded):
+        if why := _why_out(known, recorded=columns.recorded):
             track.left_out[why] += 1
             continue
-        track.levels.append(_level(cells, row, columns["level"], shape))
-        trials, correct = _counts(cells, row, columns)
+        track.levels.append(_level(cells, row, of["level"], shape))
+        trials, correct = _counts(cells, row, of, words)
         track.trials.append(trials)
         track.correct.append(correct)
     answered = [track for track in tracks.values() if track.levels]
     if not answered:
         raise TableError(
             f"{cells.source}: must have an answered trial at a level of a track, got none"
+            f"{_all_out(tracks.values())}"
         )
     _require_apart(cells.source, answered)
+    people, names = (list(dict.fromkeys(keys)) for keys in zip(*tracks, strict=True))
+    places = [{key: at for at, key in enumerate(keys)} for keys in (people, names)]
+    answered.sort(key=lambda track: (places[0][track.participant], places[1][track.track]))
     return answered
+
+
+def _all_out(tracks: Iterable[Track]) -> str:
+    """Return in words why all rows are left out."""
+    counts = sum((track.left_out for track in tracks), Counter[str]())
+    column = " (column excluded)" * (counts[OUT] > 0)
+    return f"; {counts.total()} rows: {_reasons(counts)}{column}" * bool(counts)
 
 
 def _require_apart(source: str, tracks: Iterable[Track]) -> None:
@@ -144,7 +179,7 @@ def _why_out(cells: Mapping[str, str], *, recorded: bool) -> str:
         return CATCH
     if without_level or is_missing(cells["answer"]):
         return UNANSWERED
-    return OUT if recorded and cells.get("excluded", "no") != "no" else ""
+    return OUT if is_excluded(cells.get("excluded", "")) else ""
 
 
 def fits_of(
@@ -181,6 +216,7 @@ _NAMES: Mapping[str, tuple[str, ...]] = {
         "k", "hit", "hits",
     ),
     "trials": ("trials", "n", "total", "ntrials", "numtrials", "numberoftrials", "trialcount"),
+    "excluded": ("excluded",),
 }  # fmt: skip
 """What tables call such columns, the best name first. A stimulus is a level if it is a number."""
 _RECORDED: Mapping[str, tuple[str, ...]] = {
@@ -190,18 +226,36 @@ _RECORDED: Mapping[str, tuple[str, ...]] = {
 """Columns of trials that touchbeam recorded."""
 
 
-def _columns(cells: Cells, told: str | None) -> tuple[dict[str, int], bool]:
-    """Return the column of each role that has one, and whether touchbeam recorded the trials."""
+@dataclass(frozen=True)
+class _Columns:
+    """The role of each column that has one, and whether touchbeam recorded the trials."""
+
+    roles: Mapping[int, str]
+    ignored: frozenset[int]
+    recorded: bool
+
+    @property
+    def of(self) -> dict[str, int]:
+        """The column of each role that one column has."""
+        return {role: at for at, role in self.roles.items() if role != "condition"}
+
+    @property
+    def parts(self) -> tuple[int, ...]:
+        """The columns that name the track."""
+        return tuple(at for at, role in self.roles.items() if role == "condition")
+
+
+def _columns(cells: Cells, told: str | None, words: Mapping[str, int] = RIGHT_OR_WRONG) -> _Columns:
     names = [name.casefold() for name in cells.header]
     recorded = LEVEL_VALUE in names
     if OF_TRIALS.issubset(names) and not recorded and "track" not in names:
         raise TableError(f"{cells.source}: {NO_TRACKS}")
-    of, words = told_roles(cells, told or "", ROLES, {"subject": ("one",)})
-    columns = {role: at for at, role in of.items() if role != "ignore"}
+    of, given = told_roles(cells, told or "", ROLES, {"subject": ("one",)}, _SEVERAL)
+    roles = {at: role for at, role in of.items() if role != "ignore"}
     for role, known in (_RECORDED if recorded else _NAMES).items():
-        if role in columns or role in words:
+        if role in roles.values() or role in given:
             continue
-        ranked = ranked_columns(cells, known, {*of, *columns.values()})
+        ranked = ranked_columns(cells, known, {*of, *roles})
         if role == "level":
             stimuli = NAMES["condition"]
             ranked = [
@@ -210,23 +264,80 @@ def _columns(cells: Cells, told: str | None) -> tuple[dict[str, int], bool]:
                 if cells.is_numeric(at) or plain_name(cells.header[at]) not in stimuli
             ]
         if ranked:
-            columns[role] = ranked[0]
+            roles[ranked[0]] = role
             _require_clear(cells, role, ranked)
         elif role in {"subject", "level", "answer"}:
             raise TableError(_lacking(cells, role))
-    named = columns.get("trials") if "trials" not in of.values() else None
-    if named is not None and names[named] != "trials":
-        _require_counts(cells, columns)
-    return columns, recorded
+    columns = _Columns(roles, frozenset(of) - roles.keys(), recorded)
+    counted = columns.of.get("trials") if "trials" not in of.values() else None
+    if counted is not None and names[counted] != "trials":
+        _require_counts(cells, columns, words)
+    _require_one_condition(cells, columns)
+    return columns
+
+
+def _varying(cells: Cells, columns: _Columns) -> dict[int, list[str]]:
+    """Return the values of each column that is not taken and varies within a track."""
+    if columns.recorded:
+        return {}
+    place = [at for at, role in columns.roles.items() if role in {"subject", "condition"}]
+    tracks = [tuple(row[at] for at in place) for row in cells.rows]
+    values: dict[int, list[str]] = {}
+    for at in sorted(set(range(len(cells.header))) - columns.roles.keys() - columns.ignored):
+        pairs = {
+            (track, row[at]): row[at]
+            for track, row in zip(tracks, cells.rows, strict=True)
+            if not is_missing(row[at])
+        }
+        if len(pairs) > len({track for track, _ in pairs}):
+            values[at] = list(dict.fromkeys(pairs.values()))
+    return values
+
+
+def _require_one_condition(cells: Cells, columns: _Columns) -> None:
+    """Refuse further conditions, sessions or groups in which the answers of a track were given."""
+    known = {*_NAMES["condition"], *NAMES["session"], *NAMES["group"]}
+    others = [at for at in _varying(cells, columns) if plain_name(cells.header[at]) in known]
+    if others:
+        names, vary = cells.names(others), "vary" if others[1:] else "varies"
+        ignored = ",".join(f"ignore={cells.named(at)}" for at in others)
+        raise TableError(
+            f"{cells.source}: {names} {vary} within a track: a threshold for each (add "
+            f"{_with_parts(cells, columns, others)}), or one for all (add --columns "
+            f"{typed_as(ignored)})"
+        )
+
+
+def _with_parts(cells: Cells, columns: _Columns, others: Sequence[int]) -> str:
+    parts = ",".join(f"condition={cells.named(at)}" for at in (*columns.parts, *others))
+    return f"--columns {typed_as(parts)}"
+
+
+def pooled_line(cells: Cells, told: str | None) -> str:
+    """Return in words which columns of few texts are left out though they vary within a track."""
+    columns = _columns(cells, told)
+    few = {
+        at: f"{cells.named(at)} ({len(values)} values: {', '.join(values[:5])}"
+        f"{', …' * (len(values) > 5)})"
+        for at, values in _varying(cells, columns).items()
+        if len(values) <= min(_MOST_VALUES, len(cells.rows) - 1) and not cells.is_numeric(at)
+    }
+    if not few:
+        return ""
+    more = f" and {len(few) - MOST_NAMED} more" * (len(few) > MOST_NAMED)
+    names = "; ".join(list(few.values())[:MOST_NAMED])
+    return (
+        f"Left out: column{'s' * (len(few) > 1)} {names}{more}. A threshold for each value: add "
+        f"{_with_parts(cells, columns, list(few)[:1])}."
+    )
 
 
 def _lacking(cells: Cells, role: str) -> str:
     """Return what to say of a table without a column of a role."""
-    among = listed(map(cells.named, range(len(cells.header))))
     one = ", or subject=one if there was one" * (role == "subject")
     return (
-        f"{cells.where()}: must have the column {_OWN.get(role, role)}, got {among}; add --columns "
-        f"{role}=NAME{one}"
+        f"{cells.where()}: must have the column {_OWN.get(role, role)}, got {cells.names()}; add "
+        f"--columns {role}=NAME{one}"
     )
 
 
@@ -244,10 +355,10 @@ def _require_clear(cells: Cells, role: str, ranked: Sequence[int]) -> None:
 
 def columns_line(cells: Cells, told: str | None) -> str:
     """Return in words which columns were taken, if any has a name of its own; else nothing."""
-    columns, recorded = _columns(cells, told)
-    own = ((cells.named(at), _OWN.get(role, role)) for role, at in columns.items())
+    columns = _columns(cells, told)
+    own = ((cells.named(at), _OWN.get(role, role)) for at, role in columns.roles.items())
     other = [f"{name} is {as_own}" for name, as_own in own if name.casefold() != as_own]
-    return "" if recorded or not other else f"Columns: {listed(other)}."
+    return "" if columns.recorded or not other else f"Columns: {listed(other)}."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,12 +430,15 @@ def left_out_line(tracks: Iterable[Track]) -> str:
     if not (rows := counts.total()):
         return ""
     were = "row was" if rows == 1 else "rows were"
-    told = (
+    return f"{rows} {were} left out: {_reasons(counts)}."
+
+
+def _reasons(counts: Mapping[str, int]) -> str:
+    return ", ".join(
         f"{counts[why]} {one if counts[why] == 1 else why}"
         for why, one in LEFT_OUT.items()
         if counts[why]
     )
-    return f"{rows} {were} left out: {', '.join(told)}."
 
 
 def yes_or_no_line(fits: Iterable[tuple[Track, Threshold]]) -> str:
@@ -334,8 +448,9 @@ def yes_or_no_line(fits: Iterable[tuple[Track, Threshold]]) -> str:
     return said * bool(many)
 
 
-def _name(cell: str, where: str, *, recorded: bool) -> str:
-    name = cell_name(cell, where)
+def _name(cells: Cells, row: int, column: int, *, recorded: bool) -> str:
+    where = cells.where(row, column)
+    name = cell_name(cells.rows[row][column], where)
     # A study may call a track none.
     if not name or (is_missing(name) and not recorded):
         got = repr(name) if name else "none"
@@ -358,36 +473,40 @@ def _level(cells: Cells, row: int, column: int, shape: str) -> float:
     return level
 
 
-def _require_counts(cells: Cells, columns: Mapping[str, int]) -> None:
+def _require_counts(cells: Cells, columns: _Columns, words: Mapping[str, int]) -> None:
     """Refuse trials that count on from 1 with each answer: they may be its number."""
-    answers = [row[columns["answer"]] for row in cells.rows]
-    if any(not is_missing(text) and _right_or_wrong(cells, text) is None for text in answers):
+    of = columns.of
+    answers = {row[of["answer"]] for row in cells.rows}
+    if any(not is_missing(text) and _answer(cells, text, words) is None for text in answers):
         return
     # Trials are numbered in a track, through all tracks of a participant, or through the table.
-    for names in (PLACE, PLACE[:1], ()):
+    person = tuple(of[role] for role in ("subject",) if role in of)
+    for place in ((*person, *columns.parts), person, ()):
         numbers: dict[tuple[str, ...], list[float | None]] = {}
         for row in cells.rows:
-            place = tuple(row[columns[name]] for name in names if name in columns)
-            numbers.setdefault(place, []).append(cells.number(row[columns["trials"]]))
+            key = tuple(row[at] for at in place)
+            numbers.setdefault(key, []).append(cells.number(row[of["trials"]]))
         rising = all(own == list(range(1, len(own) + 1)) for own in numbers.values())
         if rising and len(cells.rows) > len(numbers):  # a lone 1 is a count of 1, too
-            name = cells.header[columns["trials"]]
+            name = cells.header[of["trials"]]
             raise TableError(
                 f"{cells.where()}: the column {name} may number the trials or "
                 f"count them: add --columns trials={name}, or ignore={name}"
             )
 
 
-def _counts(cells: Cells, row: int, columns: Mapping[str, int]) -> tuple[int, int]:
+def _counts(
+    cells: Cells, row: int, columns: Mapping[str, int], words: Mapping[str, int]
+) -> tuple[int, int]:
     """Return the trials and the correct ones of a row."""
     at = columns["answer"]
     text, where = cells.rows[row][at], cells.where(row, at)
     if "trials" not in columns:
-        if (answer := _right_or_wrong(cells, text)) is None:
+        if (answer := _answer(cells, text, words)) is None:
             cells.require_no_formula(row, at)
             raise TableError(
-                f"{where}: must be 1 or 0 in a row per trial, got {text[:40]!r}; add the column "
-                "trials if it is a count"
+                f"{where}: must be 1 or 0 in a row per trial, got {text[:40]!r}; "
+                f"{_remedy(cells, row, at, words)}"
             )
         return 1, answer
     trials, correct = (_count(cells, row, columns[role]) for role in ("trials", "answer"))
@@ -396,11 +515,28 @@ def _counts(cells: Cells, row: int, columns: Mapping[str, int]) -> tuple[int, in
     return trials, correct
 
 
-def _right_or_wrong(cells: Cells, text: str) -> int | None:
+def _remedy(cells: Cells, row: int, column: int, words: Mapping[str, int]) -> str:
+    """Return what to do about an answer that is neither right nor wrong."""
+    text = cells.rows[row][column]
+    missing = f"--missing {typed_as(text)} if it stands for no answer"
+    if cells.number(text) is not None:
+        return f"add --columns trials=NAME if it is a count, or {missing}"
+    given = dict.fromkeys(each[column].casefold() for each in cells.rows)
+    others = [word for word in given if not is_missing(word) and word not in words]
+    known = {words[word] for word in given if word in words}
+    first = 0 if known == {1} else 1
+    pairs = ",".join(f"{word}={first if at == 0 else 1 - first}" for at, word in enumerate(others))
+    if len(others) > 6:
+        return "keep 1 and 0, or say what words mean, such as --answers longer=1,shorter=0"
+    return f"say what each means, such as --answers {typed_as(pairs)}, or add {missing}"
+
+
+def _answer(cells: Cells, text: str, words: Mapping[str, int]) -> int | None:
     """Return 1 or 0, also of the 1.0 and 0.0 of a column that has missing ones."""
-    if (answer := RIGHT_OR_WRONG.get(text.casefold())) is not None:
-        return answer
     number = cells.number(text)
+    word = text.casefold() if number is None else f"{number:g}"
+    if (answer := words.get(word)) is not None:
+        return answer
     return int(number) if number in {0.0, 1.0} else None
 
 

@@ -73,7 +73,10 @@ def _short_bytes(path: Path, most: int) -> bytes:
     # Asked before it is read: a file from somebody else may be larger than the memory.
     size = path.stat().st_size
     if size > most:
-        raise BadInput(f"{path}: must have at most {most} bytes, got {size}")
+        rule = f"{most} bytes, got {size}"
+        if most % 2**20 == 0:
+            rule = f"{most // 2**20} MiB, got {-(-size // 2**20)}"
+        raise BadInput(f"{path}: must have at most {rule}")
     return path.read_bytes()
 
 

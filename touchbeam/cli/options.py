@@ -252,6 +252,14 @@ def columns_option(told: str) -> Any:
     return typer.Option("--columns", metavar="ROLE=NAME,…", help=told, callback=text)
 
 
+MissingOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WORD,…",
+        help="What stands for no value, beside blanks, NA, n/a, NaN, - and .",
+        callback=text,
+    ),
+]
 SheetOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="A sheet of a workbook.", callback=text)
 ]

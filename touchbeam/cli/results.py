@@ -137,6 +137,15 @@ def fit(
             "[default: by their names]"
         ),
     ] = None,
+    answers: Annotated[
+        str | None,
+        Option(
+            metavar="WORD=MEANING,…",
+            help="What words of answers mean: 1 or 0, as longer=1,shorter=0.",
+            callback=options.text,
+        ),
+    ] = None,
+    missing: options.MissingOption = None,
     rehearsals: options.RehearsalsOption = False,
     sheet: options.SheetOption = None,
     encoding: options.EncodingOption = None,
@@ -158,6 +167,7 @@ def fit(
         fits_of,
         left_out_line,
         lines_of,
+        pooled_line,
         tracks_in,
         yes_or_no_line,
     )
@@ -165,7 +175,8 @@ def fit(
 
     dialect = {"sheet": sheet, "encoding": encoding, "decimal": decimal}
     cells, of_study = _answers_in(table, dialect, rehearsals=rehearsals)
-    tracks = tracks_in(cells, shape, columns)
+    cells = cells.without(missing)
+    tracks = tracks_in(cells, shape, columns, answers)
     task = task or _only_task(of_study, tracks, str(table))
     asked = {"task": task, "shape": shape, "threshold_at": threshold_at, "lapse": lapse}
     fits = fits_of(tracks, str(table), **asked, guess=guess)
@@ -175,14 +186,16 @@ def fit(
         records = [track.record(threshold) for track, threshold in fitted]
         beside = {"comparisons": [plain(each) for each in compared]}
         output.print_json({"task": task, "shape": shape, "tracks": records, **beside})
+        if pooled := pooled_line(cells, columns):
+            output.complain(f"touchbeam: warning: {pooled}")
         return
     at = fitted[0][1].threshold_at
     what = "of the curve" if guess_rate(task, guess) is None else "correct"
     output.print_table(f"Thresholds at {at:.3g} {what}", [*lines_of(fitted), [""] * len(COLUMNS)])
     if compared:
         output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
-    lines = columns_line(cells, columns), left_out_line(tracks), yes_or_no_line(fitted)
-    for line in filter(None, lines):
+    said = columns_line(cells, columns), pooled_line(cells, columns)
+    for line in filter(None, (*said, left_out_line(tracks), yes_or_no_line(fitted))):
         output.say(line)
 
 

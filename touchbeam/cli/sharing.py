@@ -40,14 +40,7 @@ def import_scores(
             callback=options.text,
         ),
     ] = None,
-    missing: Annotated[
-        str | None,
-        Option(
-            metavar="WORD,…",
-            help="What stands for no value, beside blanks, NA, n/a, NaN, - and .",
-            callback=options.text,
-        ),
-    ] = None,
+    missing: options.MissingOption = None,
     keep_means: Annotated[
         bool,
         Option("--keep-means", help="Take columns and rows that are means of others as scores."),
@@ -65,7 +58,9 @@ def import_scores(
     from hashlib import sha256
 
     from analysis.tables import imported_study
+    from analysis.tables.answer_words import told_meanings, with_answers
     from analysis.tables.means import require_no_means
+    from analysis.tables.ratings import ANSWERS, ANSWERS_EXAMPLE
     from analysis.tables.reading import cells_in
     from analysis.tables.roles import roles_in
     from analysis.tables.score_table import MOST_BYTES, MOST_ROWS, scores_in
@@ -79,7 +74,11 @@ def import_scores(
     content = bytes_of(table, most=MOST_BYTES)
     dialect: dict[str, Any] = {"encoding": encoding, "decimal": decimal, "sheet": sheet}
     cells = cells_in(content, str(table), most=MOST_ROWS, **dialect).without(missing)
-    shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
+    words = told_meanings(answers, ANSWERS, ANSWERS_EXAMPLE)
+    roles = with_answers(cells, roles_in(cells, columns), words)
+    shape = shape_of(cells, roles, keep_means=keep_means)
+    if shape.is_wide and words:
+        raise BadInput(f"{table}: --answers needs a row per score; here columns are conditions")
     imported = scores_in(cells, shape, scale=scale, answers=answers, keep_means=keep_means)
     if not keep_means:
         require_no_means(cells, shape, imported)

@@ -77,6 +77,21 @@ def test_latin_1_is_read_when_asked_for() -> None:
         read(text.encode("cp1252"))
 
 
+def test_chinese_is_read_when_asked_for() -> None:
+    text = "被试,材料,评分\nP1,木,3\nP1,铁,4\n"
+    with pytest.raises(TableError, match=r"line 1; .* add --encoding gb18030, as it seems"):
+        read(text.encode("gbk"))
+    cells = read(text.encode("gbk"), encoding="gb18030")
+    assert (cells.header, cells.understood) == (["被试", "材料", "评分"], ("commas", "GB 18030"))
+    with pytest.raises(TableError, match="as gb18030 text at line 2; leave --encoding out, or sa"):
+        read("a,b\nx,\xff\n".encode("latin-1"), encoding="gb18030")
+
+
+def test_a_name_in_brackets_is_no_other_kind_of_file() -> None:
+    assert read("<id>,[rough],{x}\nP1,3,4\n").header == ["<id>", "[rough]", "{x}"]
+    assert read("< 5,> 5\n1,2\n").header == ["< 5", "> 5"]
+
+
 def test_names_of_rows_without_a_heading_are_a_column() -> None:
     cells = read('"rough" "smooth"\n"P1" 3 4\n"P2" 5 6\n')
     assert (list(cells.header), cells.rows[0]) == (["", "rough", "smooth"], ["P1", "3", "4"])
@@ -126,6 +141,10 @@ def test_values_of_a_workbook_are_texts() -> None:
         (b"a,b;c\nx,y;z\n", "separated by commas or semicolons; save it with tabs"),
         (b'a,"b\n1,2\n', "line 1: a quotation mark is opened and never closed"),
         (b"PK\x03\x04 nothing", "t.csv: is a damaged archive"),
+        (b"$FL2@(#) SPSS DATA FILE", "t.csv: is an SPSS file; save it as CSV or .xlsx"),
+        (b'\xef\xbb\xbf <HTML><table>', "t.csv: is HTML; save it as CSV or .xlsx"),
+        (b'[{"a": 1,\n"b": 2}]', "t.csv: is JSON; save it as CSV or .xlsx"),
+        (b"\x1f\x8b\x08", "is a compressed file; save it as CSV or .xlsx"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "workbook of old Excel or has a password"),
         (book(A=[["a"]], B=[["b"]]), r"several sheets hold something \(A, B\); add --sheet"),
         (book(A=[]), "must have a header and at least one row, got nothing"),
@@ -197,3 +216,30 @@ def test_what_stands_for_no_value() -> None:
     missing = ["NA", "n/a", "NaN", "-", ".", "", "–", "#N/A", "NULL"]
     assert all(map(is_missing, missing))
     assert not any(map(is_missing, ["0", "no", "x"]))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (book(S=[["subject", "dry", None, "oiled"], [None, "smooth", "rough", "smooth", "rough"],
+                 ["P0", 2, 4, 3, 5]]), "rows 1 and 2: two header rows; write one, such as dry_smo"),
+        (book(S=[["Study 2"], [None, "dry", None, "oiled"],
+                 ["subject", "smooth", "rough", "smooth", "rough"], ["P0", 2, 4, 3, None]]),
+         "S, rows 2 and 3: two header rows; write one, such as dry_smooth, dry_ro"),
+        ("x,fine,fine,rough,rough\nvolt,0,100,0,100\nid,,,,\nP1,5.0,6.0,4.0,5.0\n",
+         "t.csv, lines 1 and 2: two header rows; write one, such as fine_0, fine_100"),
+    ],
+)  # fmt: skip
+def test_two_header_rows_are_called_so(content: bytes | str, said: str) -> None:
+    with pytest.raises(TableError, match=said):
+        read(content)
+
+
+def test_a_first_row_of_words_is_no_header() -> None:
+    for text in (
+        "subject,item,felt,,score\na,a,rough,rough,3\nP1,b,smooth,x,4\n",
+        "subject,a,a,b\nP1,NA,NA,NA\nP2,1,2,3\n",
+        "subject,a,b,c\nP1,low,low,high\nP2,1,2,3\n",
+        "subject,a,b,c\nP1,2,2,3\nP2,,,\nP3,1,2,3\n",
+    ):
+        assert len(read(text).rows) > 1

@@ -498,3 +498,52 @@ def test_rows_that_are_alike_are_said() -> None:
 def test_a_blank_contrast_hides_no_other() -> None:
     found = imported("subject,condition,score,contrast\nP1,a,3,0.1\nP2,a,4,\nP1,b,5,0.2\nP2,b,6,.2")
     assert found.contrasts == {"a": 0.1, "b": 0.2}
+
+
+def test_of_many_columns_twelve_are_named() -> None:
+    header = ",".join(f"question {at}" for at in range(3000))
+    with pytest.raises(TableError, match="question 10, question 11 and 2988 more") as error:
+        imported(f"{header}\n" + "1," * 2999 + "1\n" + "1," * 2999 + "2\n")
+    assert len(str(error.value)) < 500
+
+
+def test_scores_that_are_too_large_are_divided() -> None:
+    with pytest.raises(TableError, match=r"\[-1000, 1000\], got 5000; divide the scores, such as"):
+        imported("subject,a,b\nP1,5000,2000\nP2,3000,100\n")
+
+
+def test_the_counters_of_psychopy_and_gorilla_are_left_out() -> None:
+    own = "loop_1.thisRepN,loop_1.thisTrialN,loop_1.thisN,loop_1.thisIndex"
+    header = f"surface,{own},thisRow.t,loop_1.response,loop_1.rt,participant,expName"
+    rows = [
+        f"{name},{rep},{at},{2 * rep + at},{at},{rep}.{at}5,{2 + at + rep},0.4{at},{who},rough\n"
+        for who in ("P1", "P2")
+        for rep in (0, 1)
+        for at, name in enumerate(("silk", "sand"))
+    ]
+    found = imported(f"{header}\n" + "".join(rows))
+    assert found.conditions == ("silk", "sand")
+    assert "Scores: column loop_1.response." in found.lines
+    assert "Repeats: 2 of each subject and condition." in found.lines
+    assert "loop_1.thisTrialN, loop_1.thisN, loop_1.thisIndex" in found.lines[-1]
+    gorilla = "Event Index,Participant Private ID,Spreadsheet Row,Screen Number,fabric,Response\n"
+    rows = [
+        f"{at},{who},{at + 1},{at},{'ab'[at % 2]},{at}\n" for who in (71, 72) for at in range(4)
+    ]
+    found = imported(gorilla + "".join(rows), "condition=fabric")
+    assert (len(found.visits), found.conditions) == (2, ("a", "b"))
+
+
+def test_all_open_columns_are_asked_at_once() -> None:
+    rows = [
+        f"{who},{item},{hand},{side},{at}\n"
+        for who in ("P1", "P2")
+        for item in ("x", "y")
+        for hand in ("L", "R")
+        for at, side in enumerate(("up", "down"))
+    ]
+    text = "id,item,limb,side,score\n" + "".join(rows)
+    said = "each of limb, side may be a factor, .*add --columns ignore=limb,ignore=side, with facto"
+    with pytest.raises(TableError, match=said):
+        imported(text)
+    assert imported(text, "ignore=limb,ignore=side").conditions == ("x", "y")

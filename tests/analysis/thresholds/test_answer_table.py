@@ -11,7 +11,13 @@ import pytest
 import touchbeam
 from analysis.tables.reading import cells_in
 from analysis.tables.table_cells import TableError
-from analysis.thresholds.answer_table import Track, columns_line, left_out_line, tracks_in
+from analysis.thresholds.answer_table import (
+    Track,
+    columns_line,
+    left_out_line,
+    pooled_line,
+    tracks_in,
+)
 
 DATA = Path(__file__).parents[2] / "data" / "vibration_speed.csv"
 """Answers of nine people, of data set vibro_exp3 of the R package MixedPsy: is the surface faster
@@ -19,8 +25,10 @@ than 8.5 cm/s? Dallmann, Ernst and Moscatelli, Journal of Neurophysiology 114, 2
 HEADER = "participant,track,level,trials,correct\n"
 
 
-def read(text: str, source: str, shape: str, columns: str | None = None) -> list[Track]:
-    return tracks_in(cells_in(text.encode(), source, most=1000), shape, columns)
+def read(
+    text: str, source: str, shape: str, columns: str | None = None, answers: str | None = None
+) -> list[Track]:
+    return tracks_in(cells_in(text.encode(), source, most=1000), shape, columns, answers)
 
 
 def means(found: pd.DataFrame) -> list[float]:
@@ -243,7 +251,7 @@ def test_a_name_that_looks_like_a_formula_is_a_name() -> None:
         (f"{HEADER}P,T,1,2,x\n", "column correct: must be a whole number from 0 to 10+, got 'x'"),
         (
             "participant,track,level,correct\nP,T,1,7\n",
-            "line 2, column correct: must be 1 or 0 in a row per trial, got '7'; add the column tr",
+            "line 2, column correct: must be 1 or 0 in a row per trial, got '7'; add --columns tr",
         ),
         (
             f"{RECORDED}P,T,,,,no\n",
@@ -416,3 +424,93 @@ def test_a_condition_is_a_track_and_levels_as_given_are_compared_by_their_differ
     assert difference["ci"][0] < difference["value"] < difference["ci"][1]
     one = touchbeam.fit(tables[0].iloc[:1].assign(correct=40)).attrs["comparisons"]
     assert one == []
+
+
+TWO = "participant,condition,track,level,trials,correct\n" + "".join(
+    f"{who},{place},{track},{level},20,{level * 9}\n"
+    for who, place, track in (("A", "wet", "t1"), ("A", "dry", "t1"), ("B", "dry", "t1"))
+    for level in (1, 2)
+)
+
+
+def test_answers_of_several_conditions_are_never_pooled_silently() -> None:
+    said = (
+        "^t.csv: condition varies within a track: a threshold for each "
+        r"\(add --columns condition=track,condition=condition\), or one for all "
+        r"\(add --columns ignore=condition\)$"
+    )
+    with pytest.raises(TableError, match=said):
+        read(TWO, "t.csv", "weibull")
+    (a, b) = read(TWO, "t.csv", "weibull", "ignore=condition")
+    assert (a.levels, b.levels) == ([1, 2, 1, 2], [1, 2])
+    joined = read(TWO, "t.csv", "weibull", "condition=condition,condition=track")
+    assert [(each.participant, each.track) for each in joined] == [
+        ("A", "wet, t1"),
+        ("A", "dry, t1"),
+        ("B", "dry, t1"),
+    ]
+    alike = TWO.replace("A,dry,t1", "A,dry,t2")  # a track is of one condition
+    assert len(read(alike, "t.csv", "weibull")) == 3
+    with pytest.raises(TableError, match=r"session, group vary within a track: .*ignore=group"):
+        read(
+            "id,session,group,level,correct\nA,1,x,1,1\nA,2,y,1,1\nA,2,y,2,1\n", "t.csv", "weibull"
+        )
+
+
+def test_texts_that_vary_within_a_track_are_named() -> None:
+    cells = cells_in(TWO.replace("condition,", "hand,").encode(), "t.csv", most=99)
+    assert pooled_line(cells, None) == (
+        "Left out: column hand (2 values: wet, dry). A threshold for each value: add --columns "
+        "condition=track,condition=hand."
+    )
+    assert pooled_line(cells, "ignore=hand") == pooled_line(cells, "condition=hand") == ""
+
+
+@pytest.mark.parametrize("no", ["no", "No", "False", "FALSE", "0", "", "NA"])
+@pytest.mark.parametrize("level", ["level", "level_value"])
+def test_the_column_excluded_is_read_as_people_write_it(level: str, no: str) -> None:
+    text = f"participant,track,{level},correct,excluded\nP,T,1,1,{no}\nP,T,2,1,TRUE\nP,T,3,1,late\n"
+    (track,) = read(text, "t.csv", "weibull")
+    assert (track.levels, track.left_out["excluded"]) == ([1], 2)
+    with pytest.raises(TableError, match=r"got none; 3 rows: 3 excluded \(column excluded\)$"):
+        read(text.replace(f",1,{no}\n", ",1,1\n", 1), "t.csv", "weibull")
+
+
+def test_tracks_are_compared_in_one_order_and_each_persons_stand_together() -> None:
+    rows = ("A,wet,1", "B,dry,1", "C,dry,1", "A,dry,1", "C,wet,1", "B,wet,1")
+    text = "id,condition,volts,correct\n" + "".join(f"{row},1\n" for row in rows)
+    assert [(each.participant, each.track) for each in read(text, "t.csv", "weibull")] == [
+        (who, track) for who in "ABC" for track in ("wet", "dry")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("Correct", "incorrect"), ("ja", "Nein"), ("richtig", "falsch"), ("oui", "non"),
+     ("sí", "no"), ("corretto", "errato"), ("对", "错"), ("hit", "miss")],
+)  # fmt: skip
+def test_common_words_of_right_and_wrong(right: str, wrong: str) -> None:
+    text = f"id,volts,correct\nA,1,{right}\nA,2,{wrong}\nA,3,\n"
+    (track,) = read(text, "t.csv", "weibull")
+    assert track.correct == [1, 0]
+
+
+def test_other_words_are_told() -> None:
+    text = "id,volts,response\nA,1,longer\nA,2,Shorter\nA,3,longer\n"
+    said = (
+        "must be 1 or 0 in a row per trial, got 'longer'; say what each means, such as --answers "
+        "longer=1,shorter=0, or add --missing longer if it stands for no answer$"
+    )
+    with pytest.raises(TableError, match=said):
+        read(text, "t.csv", "weibull")
+    (track,) = read(text, "t.csv", "weibull", answers="longer=1,shorter=0")
+    assert track.correct == [1, 0, 1]
+    keys = text.replace("longer", "1").replace("Shorter", "2")
+    (track,) = read(keys, "t.csv", "weibull", answers="2=1,1=0")
+    assert track.correct == [0, 1, 0]
+    with pytest.raises(TableError, match="--answers must be pairs such as longer=1,shorter=0, got"):
+        read(text, "t.csv", "weibull", answers="longer=yes")
+    with pytest.raises(TableError, match="the column trials counts them; add --columns ignore=tri"):
+        read(f"{HEADER}P,T,1,2,1\n", "t.csv", "weibull", answers="longer=1,shorter=0")
+    with pytest.raises(TableError, match="add --columns trials=NAME if it is a count, or --missin"):
+        read("id,volts,yes,Anzahl\nA,1,7,9\n", "t.csv", "weibull")

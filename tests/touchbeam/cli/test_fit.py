@@ -164,3 +164,34 @@ def test_the_dialects_of_import_are_those_of_fit(
     assert "1 row was left out: 1 without an answer." in shown
     assert typed("fit", tmp_path / "t.xlsx") == 0
     assert capsys.readouterr().out.splitlines()[:8] == shown.splitlines()[:8]
+
+
+def test_a_table_that_is_too_large_is_measured_in_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (tmp_path / "t.csv").open("wb") as file:
+        file.truncate(2**27)
+    assert typed("fit", tmp_path / "t.csv") == 2
+    assert "must have at most 64 MiB, got 128\n" in capsys.readouterr().err
+
+
+def test_what_is_left_out_and_pooled_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"A,{hand},{level},{'longer' if level > 2 + at else word}\n"
+        for at, hand in enumerate(("L", "R"))
+        for level in (1, 2, 3, 4)
+        for word in ("longer", "shorter", "99")
+    ]
+    (tmp_path / "t.csv").write_text("id,hand,volts,felt\n" + "".join(rows))
+    options = ("--columns", "answer=felt", "--answers", "longer=1,shorter=0", "--missing", "99")
+    assert typed("fit", tmp_path / "t.csv", *options) == 0
+    shown = capsys.readouterr().out
+    assert "5 rows were left out: 5 without an answer." in shown
+    said = "Left out: column hand (2 values: L, R). A threshold for each value: add --columns condi"
+    assert said in shown
+    assert typed("fit", tmp_path / "t.csv", *options, "--json") == 0
+    streams = capsys.readouterr()
+    assert said in streams.err
+    assert len(json.loads(streams.out)["tracks"]) == 1

@@ -31,7 +31,7 @@ def a_data_set(file: Path) -> None:
     [
         (a_pipe, "must be a file, got a pipe or a device"),
         (endless, "must be a file, got a pipe or a device"),
-        (large, "bytes, got 1099511627776"),
+        (large, "have at most 32 MiB, got 1048576"),
         (a_data_set, "must be a table of scores, a CSV file or .xlsx, got a folder"),
     ],
 )

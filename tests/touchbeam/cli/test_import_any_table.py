@@ -151,3 +151,55 @@ def test_a_scale_too_long_for_a_window_is_none_for_scores_that_nobody_will_enter
     (tmp_path / "wide.csv").write_text("subject,a,b,c\nP1,150,300,900\nP2,200,420,800\n")
     assert typed("import", tmp_path / "wide.csv", tmp_path / "study") == 0
     assert typed("check", tmp_path / "study") == 0
+
+
+FELT = "subject,item,score,felt\nP1,a,3,rougher\nP1,b,4,Smoother\nP2,a,3,rougher\nP2,b,4,same\n"
+MEANT = "rougher=expected,smoother=contrary,same=same"
+
+
+@pytest.mark.parametrize(
+    ("table", "answers", "said"),
+    [
+        (FELT, MEANT, "Answers: 2 expected, 1 contrary, 1 same."),
+        (
+            FELT.replace("P1,a,3,rougher", "P1,a,3,nothing"),
+            MEANT,
+            "--answers: no column is the answer; the words stand in column felt: add --columns "
+            "answer=felt",
+        ),
+        (
+            "\n".join(
+                line + line[line.rindex(",") :].replace("felt", "2") for line in FELT.splitlines()
+            ),
+            MEANT,
+            "the words stand in columns felt, 2: add --columns answer=felt or --columns answer=2",
+        ),
+        (FELT, "up=expected", "no column is the answer, and none holds up; write the words as"),
+        ("subject,a,b\nP1,3,4\n", "4=expected", "--answers needs a row per score"),
+        (FELT.replace("Smoother", '"no, smoother"'),
+         "rougher=expected,no, smoother=contrary,same=same", "1 contrary, 1 same."),
+    ],
+)  # fmt: skip
+def test_answers_that_are_told_are_never_left_out(
+    table: str, answers: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "t.csv").write_text(table)
+    options = ("--scale", "1", "7", "--answers", answers)
+    done = typed("import", tmp_path / "t.csv", tmp_path / "study", *options) == 0
+    shown = capsys.readouterr()
+    assert said in (shown.out if done else shown.err)
+    assert done is said.endswith("same.")
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ('"ID","Sure, 1=low, 5=high","a","b"', "ignore=Sure, 1=low, 5=high,subject=ID"),
+        ('"","Sure","a","b"', "subject=1 (without a name), ignore=sure"),
+    ],
+)
+def test_any_name_of_a_column_can_be_told(header: str, columns: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f'{header}\n"P1","4","3","5"\n"P2","5","2","6"\n')
+    assert typed("import", tmp_path / "t.csv", tmp_path / "study", "--columns", columns) == 0
+    text = (tmp_path / "study" / "study.toml").read_text()
+    assert text.count("[[condition]]") == 2

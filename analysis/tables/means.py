@@ -1,11 +1,11 @@
 """Columns and rows of means, which a printed table has beside its scores."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from analysis.estimates import FloatArray
-from analysis.tables.ratings import Imported
-from analysis.tables.shape import Shape
-from analysis.tables.table_cells import Cells, TableError
+from analysis.tables.table_cells import Cells
 
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
@@ -13,6 +13,12 @@ LEAST_ROWS = 3
 _PRINTED, _TENTHS = 0.0101, 0.0501
 """How far two means to two decimals may lie apart that were the same before rounding, and how far
 one to one decimal may lie from what it was."""
+
+
+def numbers_in(cells: Cells, lines: Sequence[Sequence[str]]) -> FloatArray:
+    """Return the numbers in lines - columns, or rows - NaN where there is none, a column each."""
+    numbers = [[cells.number(text) for text in line] for line in lines]
+    return np.array(numbers, dtype=np.float64).reshape(len(lines), -1 if lines else 0).T
 
 
 def mean_column(scores: FloatArray) -> int | None:
@@ -51,34 +57,13 @@ def _highest_of_others(scores: FloatArray) -> FloatArray:
     return np.where(known == first, second, first)
 
 
-def require_no_means(cells: Cells, shape: Shape, imported: Imported) -> None:
-    """Refuse a column or a row of a wide table that is the mean of all others.
-
-    Those that are called so were left out before.
-    """
-    if not shape.is_wide:
-        return
-    kept = "add --keep-means if it holds scores"
-    scores = _wide_scores(imported)
-    if (column := mean_column(scores)) is not None:
-        name = imported.conditions[column]
-        raise TableError(
-            f"{cells.where()}, column {name}: is the mean of all other columns; remove the column "
-            f"(--columns ignore={name}), or {kept}"
-        )
-    if (row := mean_column(scores.T)) is not None:
-        raise TableError(
-            f"{cells.source}: the row of {imported.visits[row].participant!r} is the mean of all "
-            f"others; remove the row, or {kept}"
-        )
-
-
-def _wide_scores(imported: Imported) -> FloatArray:
-    """Return the scores, shape (visits, conditions), NaN where none or several were given."""
-    places = {name: at for at, name in enumerate(imported.conditions)}
-    scores = np.full((len(imported.visits), len(places)), np.nan)
-    for row, visit in enumerate(imported.visits):
-        for rating in visit.ratings:
-            if rating.score is not None:
-                scores[row, places[rating.condition]] = rating.score
-    return scores
+def is_mean_of(line: FloatArray, scores: FloatArray) -> bool:
+    """Return whether a column is, in every row, the mean of the others; `scores` has theirs."""
+    given = ~np.isnan(scores)
+    many = given.sum(axis=1)
+    means = np.where(given, scores, 0.0).sum(axis=1) / np.maximum(many, 1)
+    met = np.where(many > 0, np.abs(line - means) <= _PRINTED, np.isnan(line))
+    # A row tells if its scores differ: else the column may be one more of them.
+    filled = np.where(given, scores, means[:, None])
+    telling = filled.max(axis=1) > filled.min(axis=1)
+    return bool(met.all() and (met & telling).sum() >= LEAST_ROWS)

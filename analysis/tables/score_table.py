@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
+from analysis.tables.means import mean_column, numbers_in
 from analysis.tables.ratings import (
     ANSWERS,
     CONTRARY,
@@ -182,21 +183,30 @@ class _Reader:
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"
-        if self.subject is not None and row in self._sums:
-            return f"named {texts[self.subject]}"
-        return ""
+        return self._sums.get(row, "")
 
     @cached_property
-    def _sums(self) -> frozenset[int]:
-        """The rows that sum up the others: of a long table those that are called so."""
+    def _sums(self) -> Mapping[int, str]:
+        """The rows that sum up the others, and what to say of each.
+
+        Of a long table they are called so.
+        """
         if self.subject is None or self.keep_means:
-            return frozenset()
+            return {}
         rows = self.cells.rows
         names = [row[self.subject] for row in rows]
         if not self.shape.is_wide:
-            return frozenset(at for at, name in enumerate(names) if plain(name) in MEANS)
+            return {at: f"named {name}" for at, name in enumerate(names) if plain(name) in MEANS}
         lines = [[row[at] for at in self.shape.scores] for row in rows]
-        return summing_up(self.cells, names, lines)
+        named = summing_up(self.cells, names, lines)
+        sums = {at: f"named {names[at]}" for at in sorted(named)}
+        rest = [at for at in range(len(rows)) if at not in sums]
+        scores = numbers_in(self.cells, [lines[at] for at in rest])
+        if (place := mean_column(scores)) is not None:
+            name = f"named {names[rest[place]]}"
+            line = f"{self.cells.line_word} {self.cells.lines[rest[place] + 1]}"
+            sums[rest[place]] = f"{name} ({line}, the mean of all others; --keep-means keeps it)"
+        return sums
 
     def _has_sessions(self) -> bool:
         header = list(self.cells.header)

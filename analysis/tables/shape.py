@@ -5,13 +5,15 @@ What could mean two things is refused, with both and the option that chooses.
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
+from types import MappingProxyType
 
+from analysis.tables.means import is_mean_of, mean_column, numbers_in
 from analysis.tables.roles import Roles, is_recorded, plain
-from analysis.tables.summaries import MEANS, may_sum_up, summing_up
+from analysis.tables.summaries import MEANS, beside_scores, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed
 
@@ -145,7 +147,7 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
     used = {*scores, *parts, *roles.columns("subject", "repeat", "session", "group")}
     return Shape(
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
-        left_out=_left_out(table, used),
+        left_out=_left_out(table, used, sums),
     )  # fmt: skip
 
 
@@ -170,15 +172,39 @@ def _require_no_mixed(table: _Table, roles: Roles) -> None:
             )
 
 
-def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> set[int]:
-    """Return the columns that sum up the others; of rows that may do so nothing is asked."""
+def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> dict[int, str]:
+    """Return the columns that sum up others, and what to say of those known by their values.
+
+    Of rows that may sum up the others nothing is asked.
+    """
     if table.kept_means:
-        return set()
+        return {}
     subject = roles.column("subject")
     rows = [row for row in table.cells.rows if subject is None or not may_sum_up(row[subject])]
-    names = [table.cells.header[at] for at in columns]
-    lines = [[row[at] for row in rows] for at in columns]
-    return {columns[place] for place in summing_up(table.cells, names, lines)}
+    sums: dict[int, str] = {}
+    for known in (beside_scores, partial(summing_up, table.cells), partial(_by_value, table.cells)):
+        rest = [at for at in columns if at not in sums]
+        names = [table.cells.header[at] for at in rest]
+        lines = [[row[at] for row in rows] for at in rest]
+        said: Mapping[int, str] | Collection[int] = known(names, lines)
+        why = said if isinstance(said, Mapping) else dict.fromkeys(said, "")
+        sums |= {rest[place]: words for place, words in why.items()}
+    return sums
+
+
+def _by_value(cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]) -> dict[int, str]:
+    """Return the places of columns that are the mean of all others, or of the repeats of one."""
+    scores = numbers_in(cells, lines)
+    if (place := mean_column(scores)) is not None:
+        return {place: "the mean of all others"}
+    of = _repeated(dict(enumerate(names)))
+    sums: dict[int, str] = {}
+    for stem in dict.fromkeys(of.values()):
+        repeats = [at for at, each in of.items() if each == stem]
+        for place in range(len(names)):
+            if place not in of and is_mean_of(scores[:, place], scores[:, repeats]):
+                sums[place] = f"the mean of {listed(names[at] for at in repeats)}"
+    return sums
 
 
 def _with_subject(table: _Table) -> Roles:
@@ -225,30 +251,42 @@ _ENDING = re.compile(r"(.*?)[\s_.\-#(]*(\d{1,3})\)?")
 def _stems(table: _Table, scores: Sequence[int]) -> Mapping[int, str]:
     """Return the condition of each column: its heading, or that without a number at its end."""
     names = {at: table.cells.header[at] for at in scores}
-    ends = {at: _ENDING.fullmatch(name) for at, name in names.items()}
-    by_stem: dict[str, list[int]] = defaultdict(list)
-    for end in ends.values():
-        if end and end[1].strip(" _.-"):
-            by_stem[end[1]].append(int(end[2]))
-    counts = [sorted(numbers) for numbers in by_stem.values()]
-    many = len(counts[0]) if counts else 0
-    counted = all(each in (list(range(many)), list(range(1, many + 1))) for each in counts)
-    # Conditions that all have the same repeats; one alone would compare nothing.
-    is_crossed = all(ends.values()) and len(counts) > 1 and many > 1 and counted
+    of = _repeated(names)
+    # Conditions that have repeats; one alone would compare nothing.
+    is_crossed = len(set(of.values())) > 1
+    others = [names[at] for at in scores if at not in of]
+    ignored = "".join(f",ignore={name}" for name in others)
     if table.roles.repeat_is == "ending":
-        if not is_crossed:
+        if not is_crossed or others:
+            without = f"; leave others out with {ignored[1:]}" if is_crossed else ""
             raise table.refuse(
                 "--columns repeat=ending needs headings that all end with the same numbers, such "
-                f"as rough_1, rough_2, smooth_1, smooth_2; got {table.names(scores)}"
+                f"as rough_1, rough_2, smooth_1, smooth_2; got {table.names(scores)}{without}"
             )
-        return {at: end[1] for at, end in ends.items() if end}
+        return of
     if is_crossed and not table.roles.headings:
-        first = [names[at] for at in list(scores)[:many]]
+        first = [names[at] for at in of if of[at] == next(iter(of.values()))]
         raise table.refuse(
-            f"{listed(first)} may be {many} repeats of a condition (add --columns repeat=ending) "
-            "or conditions of their own (add --columns condition=heading)"
+            f"{listed(first)} may be {len(first)} repeats of a condition (add --columns "
+            f"repeat=ending{ignored}) or conditions of their own (add --columns condition=heading)"
         )
     return names
+
+
+def _repeated(names: Mapping[int, str]) -> Mapping[int, str]:
+    """Return the stem of each heading that ends with a number, of those that count from 0 or 1."""
+    numbers: dict[str, dict[int, int]] = defaultdict(dict)
+    for at, name in names.items():
+        if (end := _ENDING.fullmatch(name)) and end[1].strip(" _.-"):
+            numbers[end[1]][at] = int(end[2])
+    return {
+        at: stem
+        for stem, counts in numbers.items()
+        if len(counts) > 1 and sorted(counts.values()) in (
+            list(range(len(counts))), list(range(1, len(counts) + 1))
+        )
+        for at in counts
+    }  # fmt: skip
 
 
 def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> None:
@@ -424,9 +462,11 @@ def _determines(table: _Table, one: int, other: int) -> bool:
     return all(told.setdefault(value, beside) == beside for value, beside in pairs)
 
 
-def _left_out(table: _Table, used: set[int]) -> tuple[str, ...]:
+def _left_out(
+    table: _Table, used: set[int], why: Mapping[int, str] = MappingProxyType({})
+) -> tuple[str, ...]:
     return tuple(
-        table.cells.named(at)
+        table.cells.named(at) + (f" ({why[at]}; --keep-means keeps it)" if why.get(at) else "")
         for at in range(len(table.cells.header))
         if at not in used and not table.is_index(at)
     )

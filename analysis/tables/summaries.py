@@ -2,6 +2,7 @@
 
 import re
 import statistics
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from analysis.tables.roles import plain
@@ -50,6 +51,35 @@ _SHORT: Mapping[str, Statistic] = {
 """Names that may be initials, or conditions, too: their numbers tell."""
 _LEAST_OTHERS = 3
 _LEAST_MET = 3
+
+
+_AVERAGES = MEANS | {"m", "mw", "avg"}
+_SPREADS = frozenset({"sd", "se", "sem", "std", "stdev", "stddev", "stderr"})
+
+
+def beside_scores(names: Sequence[str], lines: Sequence[Sequence[str]]) -> set[int]:
+    """Return the places of columns that by their names tell of other columns, or of their forms.
+
+    Such are `rough_sd`, `mean_rough` beside `rough_1` and `rough_2`, and of REDCap and Qualtrics
+    `ratings_complete` and the total `SC0`.
+    """
+    words = [re.findall(r"[^\W_]+", re.sub(r"(?<=[^\W\d_A-Z])(?=[A-Z])", " ", at)) for at in names]
+    stems = [re.sub(r"\d+$", "", plain(name)) for name in names]
+    counted = Counter(stem for stem, name in zip(stems, names, strict=True) if stem != plain(name))
+    told: set[int] = set()
+    for at, said in enumerate(words):
+        for word, rest in ((said[:1], said[1:]), (said[-1:], said[:-1])):
+            of = plain("".join(rest))
+            is_average = plain("".join(word)) in _AVERAGES and counted[of] > 1
+            is_spread = plain("".join(word)) in _SPREADS and of and not of.isdigit()
+            if is_average or is_spread:
+                told.add(at)
+        form = names[at].endswith("_complete") and {"0", "1", "2"}.issuperset(
+            filter(None, lines[at])
+        )
+        if form or names[at] == "SC0":
+            told.add(at)
+    return told if len(told) < len(names) else set()
 
 
 def may_sum_up(name: str) -> bool:

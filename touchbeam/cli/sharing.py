@@ -65,7 +65,6 @@ def import_scores(
     from hashlib import sha256
 
     from analysis.tables import imported_study
-    from analysis.tables.means import require_no_means
     from analysis.tables.reading import cells_in
     from analysis.tables.roles import roles_in
     from analysis.tables.score_table import MOST_BYTES, MOST_ROWS, scores_in
@@ -81,8 +80,6 @@ def import_scores(
     cells = cells_in(content, str(table), most=MOST_ROWS, **dialect).without(missing)
     shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
     imported = scores_in(cells, shape, scale=scale, answers=answers, keep_means=keep_means)
-    if not keep_means:
-        require_no_means(cells, shape, imported)
     folder = options.study_folder(study)
     require_free(folder)
     for line in imported.lines:

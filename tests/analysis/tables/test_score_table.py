@@ -141,19 +141,68 @@ def test_printed_means_that_are_called_so_are_left_out(
     assert len(scores.ratings) == 9 * 5
 
 
+KEEPS = "the mean of all others; --keep-means keeps it)"
+COLUMN, ROW = f"column overall ({KEEPS}", f"1 row named all-9 (line 11, {KEEPS}"
+
+
 @pytest.mark.parametrize(
-    ("column", "row", "message"),
+    ("column", "row", "left_out"),
     [
-        ("overall", None, "column overall: is the mean of all other columns; remove the column .*"),
-        (None, "all-9", "the row of 'all-9' is the mean of all others; remove the row, or add --k"),
-        ("overall", "all-9", "column overall: is the mean of all other columns"),
+        ("overall", None, COLUMN),
+        (None, "all-9", ROW),
+        ("overall", "all-9", f"{COLUMN}; {ROW}"),
     ],
 )
-def test_means_under_other_names_are_refused(
-    column: str | None, row: str | None, message: str
+def test_means_under_other_names_are_left_out_and_named(
+    column: str | None, row: str | None, left_out: str
 ) -> None:
-    with pytest.raises(TableError, match=message):
-        imported(with_means(column, row))
+    scores = imported(with_means(column, row))
+    assert scores.lines[-1] == f"Left out: {left_out}."
+    assert len(scores.ratings) == 9 * 5
+
+
+REPEATS = "vp,rau_1,rau_2,glatt_1,glatt_2{}\nA,3,4,5,6{}\nB,2,4,6,7{}\nC,3,5,4,6{}\n"
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        (",rau_MW,glatt_MW", ",3.5,5.5", ",3,6.5", ",4,5"),
+        (",mean_rau,meanGlatt", ",3.5,5.5", ",3,6.5", ",,5"),
+        (",x,y", ",3.5,5.5", ",3,6.5", ",4,5"),
+    ],
+)
+def test_means_of_repeats_are_left_out_by_their_names_and_values(beside: tuple[str, ...]) -> None:
+    text = REPEATS.format(*beside)
+    with pytest.raises(TableError, match=r"repeat=ending\) or conditions of their own"):
+        imported(text)
+    scores = imported(text, "repeat=ending")
+    assert (scores.conditions, len(scores.ratings)) == (("rau", "glatt"), 12)
+    assert scores.lines[-1].startswith("Left out: columns ")
+    assert imported(text, "condition=heading", keep_means=True).conditions[4:] == tuple(
+        beside[0][1:].split(",")
+    )
+
+
+def test_a_further_column_does_not_hide_that_the_others_may_be_repeats() -> None:
+    text = REPEATS.format(",confidence", ",3", ",1", ",2")
+    said = r"rau_1, rau_2 may be 2 repeats of a condition \(add --columns repeat=ending,ignore=conf"
+    with pytest.raises(TableError, match=said):
+        imported(text)
+    with pytest.raises(TableError, match="leave others out with ignore=confidence"):
+        imported(text, "repeat=ending")
+    assert imported(text, "repeat=ending,ignore=confidence").conditions == ("rau", "glatt")
+    assert len(imported(text, "condition=heading").conditions) == 5
+
+
+def test_columns_that_tell_of_others_by_their_names_are_no_conditions() -> None:
+    text = "subject,rau_mean,rau_sd,fein_mean,fein_se,SC0,touch_complete,is_complete\n" + "".join(
+        f"P{who},{who},.5,{who + 1},.{who},{2 * who + 1},2,{who}\n" for who in (1, 2, 3)
+    )
+    scores = imported(text)
+    assert scores.conditions == ("rau_mean", "fein_mean", "is_complete")
+    assert scores.lines[-1] == "Left out: columns rau_sd, fein_se, SC0, touch_complete."
+    assert imported("subject,left_sd,right_sd\nP1,1,2\nP2,2,4\n").conditions[0] == "left_sd"
 
 
 def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from math import ceil, floor
+from statistics import median
 
 from analysis.tables.means import mean_column, numbers_in
 from analysis.tables.ratings import (
@@ -34,6 +35,9 @@ MOST_ROWS = 1_000_000
 MOST_BYTES = 2**25
 MOST_SESSIONS = 50
 MOST_SCORES = 2_000_000
+_LEAST_OF_RANGE = 3
+_USUAL = 10
+"""Up to this scores are on one scale, however far they lie apart."""
 LARGEST = 1_000
 """Of a score, and of an end of a scale, on either side of 0."""
 _CODES = frozenset({99, 999, 9999, 88, 888, 77, 777, -1, -9, -99, -999, -9999})
@@ -69,6 +73,8 @@ def scores_in(
         )
     if scale is None:
         _require_no_codes(cells, entries)
+        if shape.is_wide and not shape.roles.headings:
+            _require_one_range(cells, entries)
     _require_apart(cells, entries)
     silent = _silent(entries)
     told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
@@ -240,7 +246,11 @@ class _Reader:
             )
         low, high = self.scale or (-LARGEST, LARGEST)
         if not low <= number <= high:
-            raise TableError(f"{where}: a score must lie in [{low}, {high}], got {text[:40]}")
+            said = f"{where}: a score must lie in [{low}, {high}], got {text[:40]}"
+            name = self.cells.header[column]
+            if self.shape.is_wide and self.scale:
+                said += f"; if the column holds no scores, add --columns ignore={name}"
+            raise TableError(said)
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:
@@ -309,6 +319,47 @@ def _require_no_codes(cells: Cells, entries: Sequence[Entry]) -> None:
                 f"scores lie from {low:g} to {high:g}: no score (add --missing {code}), or one "
                 "(add --scale with the ends of the scale)"
             )
+
+
+def _require_one_range(cells: Cells, entries: Sequence[Entry]) -> None:
+    """Refuse columns of a wide table with numbers that lie far from those of most others.
+
+    Such are ages, temperatures and totals beside scores. Columns of a few numbers say nothing.
+    """
+    scores: dict[str, list[float]] = defaultdict(list)
+    for entry in entries:
+        if entry.score is not None:
+            scores[entry.parts[0]].append(entry.score)
+    named = [name for name, given in scores.items() if len(given) >= _LEAST_OF_RANGE]
+    alike: list[list[str]] = []
+    for name in sorted(named, key=lambda name: (median(scores[name]), name)):
+        near = [
+            others
+            for others in alike
+            if any(_are_near(scores[one], scores[name]) for one in others)
+        ]
+        alike = [others for others in alike if others not in near]
+        alike.append([*(one for others in near for one in others), name])
+    most = max(alike, key=len, default=[])
+    far = [name for name in named if name not in most]
+    if far:
+        first, rest = scores[far[0]], [score for name in most for score in scores[name]]
+        raise TableError(
+            f"{cells.source}: {listed(far)} lie{'s' * (len(far) == 1)} far from the scores of "
+            f"{listed(sorted(most, key=named.index))} ({min(first):g} to {max(first):g}, and "
+            f"{min(rest):g} to {max(rest):g}): no condition (add --columns "
+            f"{','.join(f'ignore={name}' for name in far)}), or conditions like the others (add "
+            "--columns condition=heading, or --scale with the ends of the scale)"
+        )
+
+
+def _are_near(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether numbers overlap, almost do, are of one size, or all on a usual scale."""
+    low, high = sorted((one, other), key=median)
+    gap = min(high) - max(low)
+    span = max(max(one) - min(one), max(other) - min(other))
+    usual = max(map(abs, (*low, *high))) <= _USUAL
+    return usual or gap <= span / 2 or median(map(abs, high)) < 2 * max(map(abs, low))
 
 
 def _require_no_answers(cells: Cells, entries: Sequence[Entry]) -> None:

@@ -547,3 +547,42 @@ def test_rows_that_are_alike_are_said() -> None:
 def test_a_blank_contrast_hides_no_other() -> None:
     found = imported("subject,condition,score,contrast\nP1,a,3,0.1\nP2,a,4,\nP1,b,5,0.2\nP2,b,6,.2")
     assert found.contrasts == {"a": 0.1, "b": 0.2}
+
+
+PERSONS = "id,bmi,temp,smooth,rough,hard\n" + "".join(
+    f"{who},{20.2 + who % 4},{29 + who % 3},{who % 4 + 1},{5 + who % 3},{who % 7 + 1}\n"
+    for who in range(1, 9)
+)
+
+
+def test_columns_far_from_the_scores_are_asked_about() -> None:
+    said = (
+        r"bmi, temp lie far from the scores of smooth, rough, hard \(20.2 to 23.2, and 1 to 7\): no"
+        r" condition \(add --columns ignore=bmi,ignore=temp\), or conditions like the others \(add "
+        r"--columns condition=heading, or --scale with the ends of the scale\)"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(PERSONS)
+    assert imported(PERSONS, "ignore=bmi,ignore=temp").conditions == ("smooth", "rough", "hard")
+    assert len(imported(PERSONS, "condition=heading").conditions) == 5
+    assert len(imported(PERSONS, scale=(0, 40)).conditions) == 5
+    with pytest.raises(TableError, match=r"21.2; if the column holds no scores, .* ignore=bmi$"):
+        imported(PERSONS, scale=(1, 7))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        [(5, 12, 20), (30, 40, 50), (60, 75, 90)],
+        [(1, 2, 1), (5, 7, 6)],
+        [(2, 3, 2), (5, 6, 5)],
+        [(-3, -2, -3), (2, 3, 1)],
+        [(1, 1, 1), (1, 2, 1), (0, 0, 0)],
+        [(3, 4, 5), (21, 30)],
+    ],
+)
+def test_conditions_that_differ_much_are_read(columns: list[tuple[int, ...]]) -> None:
+    header = ",".join(["subject", *"abcd"[: len(columns)]])
+    rows = [[f"P{row}", *(c[row] if row < len(c) else "" for c in columns)] for row in range(3)]
+    text = "\n".join([header, *(",".join(map(str, row)) for row in rows)])
+    assert len(imported(text).conditions) == len(columns)

@@ -104,6 +104,11 @@ def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
     if not roles.headings and (roles.column("score") is not None or named):
         _require_no_heading(table)
         return _long(table, numbers)
+    if _is_long_unsaid(table, numbers):
+        shape = _long(table, numbers)
+        if len(shape.parts) > 1:
+            raise _several(table, shape.parts)
+        return shape
     return _wide(table, numbers)
 
 
@@ -118,6 +123,39 @@ def _require_names(cells: Cells) -> None:
                 f"{cells.where()}: the columns {first!r} and {name!r} may be repeats or two "
                 "conditions; call them apart, repeats with a number at the end"
             )
+
+
+def _is_long_unsaid(table: _Table, numbers: Sequence[int]) -> bool:
+    """Return whether a column of words tells apart each subject's rows, with one of numbers.
+
+    It is the condition, whatever it is called.
+    """
+    roles = table.roles
+    scores = [at for at in numbers if roles.of.get(at) is None]
+    is_open = not (roles.headings or roles.subject_is or roles.repeat_is == "ending")
+    return is_open and len(scores) == 1 and bool(_words_apart(table, roles))
+
+
+def _words_apart(table: _Table, roles: Roles) -> list[int]:
+    """Return the columns of words without a role that vary within subjects."""
+    if roles.column("subject") is None:
+        return []
+    words = [at for at in table.free if at not in roles.of and not table.numeric[at]]
+    return [at for at in words if _varies_within(table, roles, at)]
+
+
+def _numbers_apart(table: _Table, roles: Roles) -> list[int]:
+    """Return the columns of numbers without a role that each subject meets once, all alike."""
+    subject = roles.column("subject")
+    assert subject is not None
+    rows, who = table.cells.rows, set(table.values(subject))
+    numbers = [at for at in table.free if at not in roles.of and table.numeric[at]]
+    return [
+        at
+        for at in numbers
+        if 1 < len(who) and len(who) * len({row[at] for row in rows}) == len(rows)
+        and len({(row[subject], row[at]) for row in rows}) == len(rows)
+    ]  # fmt: skip
 
 
 # A wide table.
@@ -300,10 +338,19 @@ def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> No
         key = tuple(row[at] for at in (subject, *apart))
         if row[subject] and lines.setdefault(key, number) != number:
             first = table.cells.lines[lines[key] + 1]
+            repeats = "repeats (add --columns repeat=row), or another subject (give it a name of"
+            columns = _words_apart(table, roles) or _numbers_apart(table, roles)
+            names = [table.cells.named(at) for at in columns]
+            if names:
+                told = names[0] if len(names) == 1 else "NAME"
+                repeats = (
+                    f"{listed(names)} may tell its rows apart, as a session (add --columns "
+                    f"session={told}) or a part of the condition (add --columns condition=heading,"
+                    f"factor={told}); else {repeats}"
+                )
             raise TableError(
                 f"{table.cells.where(number)}: {', '.join(key)} stands in {table.cells.line_word} "
-                f"{first}, too: repeats (add --columns repeat=row), or another subject (give it a "
-                "name of its own)"
+                f"{first}, too: {repeats} its own)"
             )
 
 
@@ -405,11 +452,15 @@ def _conditions_among(table: _Table, roles: Roles, free: Sequence[int]) -> tuple
             "add --columns condition=NAME, or condition=heading if there was one condition"
         )
     if len(apart) > 1 and any(table.numeric[at] for at in apart):
-        raise table.refuse(
-            f"each of {table.names(apart)} may be the condition, or a factor of it; add --columns "
-            "condition=NAME, or factor=NAME for each of them, and ignore=NAME for the others"
-        )
+        raise _several(table, apart)
     return tuple(apart)
+
+
+def _several(table: _Table, columns: Sequence[int]) -> TableError:
+    return table.refuse(
+        f"each of {table.names(columns)} may be the condition, or a factor of it; add --columns "
+        "condition=NAME, or factor=NAME for each of them, and ignore=NAME for the others"
+    )
 
 
 def _varies_within(table: _Table, roles: Roles, column: int) -> bool:

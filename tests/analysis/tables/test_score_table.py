@@ -586,3 +586,32 @@ def test_conditions_that_differ_much_are_read(columns: list[tuple[int, ...]]) ->
     rows = [[f"P{row}", *(c[row] if row < len(c) else "" for c in columns)] for row in range(3)]
     text = "\n".join([header, *(",".join(map(str, row)) for row in rows)])
     assert len(imported(text).conditions) == len(columns)
+
+
+def test_words_that_vary_within_subjects_are_the_condition_whatever_they_are_called() -> None:
+    text = "subject;M;U\nP01;rau;5,5\nP01;fein;3\nP02;rau;6\nP02;fein;4\n"
+    scores = imported(text)
+    assert scores.conditions == ("rau", "fein")
+    assert "Subjects: 2 (column subject). Conditions: 2 (column M): rau, fein." in scores.lines
+    two = "subject;M;N;U\nP1;a;x;5\nP1;a;y;3\nP1;b;x;6\nP1;b;y;4\n"
+    with pytest.raises(TableError, match="each of M, N may be the condition, or a factor of it"):
+        imported(two)
+    assert imported(two, "factor=M,factor=N").conditions == ("a, x", "a, y", "b, x", "b, y")
+    assert len(imported(two, "condition=M,ignore=N").conditions) == 2
+
+
+def test_what_tells_a_subjects_rows_apart_is_offered_before_repeats() -> None:
+    words = "subject,event,a,b\nP1,first,1,2\nP1,then,3,4\nP2,first,1,1\nP2,then,3,4\n"
+    said = (
+        r"P1 stands in line 2, too: event may tell its rows apart, as a session \(add --columns "
+        r"session=event\) or a part of the condition \(add --columns condition=heading,factor=event"
+        r"\); else repeats \(add --columns repeat=row\), or another subject \(give it a name of its"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(words)
+    scores = imported(words, "session=event")
+    assert sorted({visit.session for visit in scores.visits}) == [1, 2]
+    assert len(imported(words, "condition=heading,factor=event").conditions) == 4
+    numbers = words.replace("first", "10").replace("then", "20").replace("P2,20,3", "P2,20,1")
+    with pytest.raises(TableError, match="event may tell its rows apart, as a session"):
+        imported(numbers)

@@ -9,6 +9,7 @@ from analysis.tables.table_cells import Cells
 
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
+LEAST_SUMS = 2
 # Each may be off by half of the last digit; the rest allows for binary fractions.
 _PRINTED, _TENTHS = 0.0101, 0.0501
 """How far two means to two decimals may lie apart that were the same before rounding, and how far
@@ -37,15 +38,52 @@ def mean_column(scores: FloatArray) -> int | None:
     others = given.sum(axis=1, keepdims=True) - given
     there = others > 0
     means = (values.sum(axis=1, keepdims=True) - values) / np.maximum(others, 1)
-    in_tenths = (np.abs(values * 10 - np.round(values * 10)) < 1e-6).all(axis=0)
-    in_tenths &= (values % 1 > 0).any(axis=0)
-    near = np.abs(values - means) <= np.where(in_tenths, _TENTHS, _PRINTED)
+    near = np.abs(values - means) <= _tolerance(values)
     met = np.where(there, given & near, ~given)
     telling = there & (_highest_of_others(scores) > -_highest_of_others(-scores))
     fractions = (values % 1 > 0).sum(axis=0)
     proof = (fractions > 0) & (fractions == fractions.sum())
     is_mean = met.all(axis=0) & there.any(axis=0) & (proof | (telling.sum(axis=0) >= LEAST_ROWS))
     return int(np.argmax(is_mean)) if is_mean.any() else None
+
+
+def _tolerance(values: FloatArray) -> FloatArray:
+    """Return how far each column may lie from what it is before rounding, by its decimals."""
+    in_tenths = (np.abs(values * 10 - np.round(values * 10)) < 1e-6).all(axis=0)
+    in_tenths &= (values % 1 > 0).any(axis=0)
+    return np.where(in_tenths, _TENTHS, _PRINTED)
+
+
+def summing_column(scores: FloatArray) -> tuple[int, str] | None:
+    """Return the column that sums up all others in every row, and how.
+
+    It is any that is their mean, or the last if it is their sum or standard deviation. A sum says
+    something where it is higher than each of the others.
+    """
+    if (mean := mean_column(scores)) is not None:
+        return mean, "the mean of all others"
+    if scores.shape[1] <= LEAST_OTHERS:
+        return None
+    others, last = scores[:, :-1], scores[:, -1]
+    given = ~np.isnan(others)
+    many = given.sum(axis=1)
+    values = np.where(given, others, 0.0)
+    sums = values.sum(axis=1)
+    squares = np.where(given, (others - (sums / np.maximum(many, 1))[:, None]) ** 2, 0.0).sum(
+        axis=1
+    )
+    near = _tolerance(np.nan_to_num(last))
+    is_higher = last > np.where(given, others, -np.inf).max(axis=1) + _PRINTED
+    for word, statistic, tells in (
+        ("sum", sums, is_higher),
+        ("standard deviation", np.sqrt(squares / np.maximum(many - 1, 1)), squares > 0),
+        ("standard deviation", np.sqrt(squares / np.maximum(many, 1)), squares > 0),
+    ):
+        met = np.abs(last - statistic) <= near
+        telling = met & tells & (many > 1)
+        if (met | np.isnan(last)).all() and telling.sum() >= LEAST_SUMS:
+            return scores.shape[1] - 1, f"the {word} of all others"
+    return None
 
 
 def _highest_of_others(scores: FloatArray) -> FloatArray:
@@ -62,7 +100,8 @@ def is_mean_of(line: FloatArray, scores: FloatArray) -> bool:
     given = ~np.isnan(scores)
     many = given.sum(axis=1)
     means = np.where(given, scores, 0.0).sum(axis=1) / np.maximum(many, 1)
-    met = np.where(many > 0, np.abs(line - means) <= _PRINTED, np.isnan(line))
+    near = _tolerance(np.nan_to_num(line))
+    met = np.where(many > 0, np.abs(line - means) <= near, np.isnan(line))
     # A row tells if its scores differ: else the column may be one more of them.
     filled = np.where(given, scores, means[:, None])
     telling = filled.max(axis=1) > filled.min(axis=1)

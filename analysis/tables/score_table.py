@@ -9,7 +9,7 @@ from itertools import islice
 from math import ceil, floor
 from statistics import median
 
-from analysis.tables.means import mean_column, numbers_in
+from analysis.tables.means import numbers_in, summing_column
 from analysis.tables.ratings import (
     ANSWERS,
     CONTRARY,
@@ -23,7 +23,7 @@ from analysis.tables.ratings import (
 )
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
-from analysis.tables.summaries import MEANS, summing_up
+from analysis.tables.summaries import MEANS, have_codes, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, cell_name, folded, is_missing
 from analysis.tables.understood import left_out_lines, understood
 from protocol.errors import listed
@@ -195,24 +195,35 @@ class _Reader:
     def _sums(self) -> Mapping[int, str]:
         """The rows that sum up the others, and what to say of each.
 
-        Of a long table they are called so.
+        Of a long table they are called so, beside codes of subjects perhaps in short.
         """
         if self.subject is None or self.keep_means:
             return {}
         rows = self.cells.rows
         names = [row[self.subject] for row in rows]
         if not self.shape.is_wide:
-            return {at: f"named {name}" for at, name in enumerate(names) if plain(name) in MEANS}
+            are_codes = not self.recorded and have_codes(names)
+            return {
+                at: f"named {name}"
+                for at, name in enumerate(names)
+                if plain(name) in MEANS or (are_codes and may_sum_up(name))
+            }
         lines = [[row[at] for at in self.shape.scores] for row in rows]
-        named = summing_up(self.cells, names, lines)
-        sums = {at: f"named {names[at]}" for at in sorted(named)}
+        sums = {
+            at: f"named {names[at]}"
+            if names[at]
+            else f"without a name ({self._line(at)}, a summary)"
+            for at in sorted(summing_up(self.cells, names, lines, are_codes=True))
+        }
         rest = [at for at in range(len(rows)) if at not in sums]
         scores = numbers_in(self.cells, [lines[at] for at in rest])
-        if (place := mean_column(scores)) is not None:
-            name = f"named {names[rest[place]]}"
-            line = f"{self.cells.line_word} {self.cells.lines[rest[place] + 1]}"
-            sums[rest[place]] = f"{name} ({line}, the mean of all others; --keep-means keeps it)"
+        if (found := summing_column(scores)) is not None:
+            at, what = rest[found[0]], found[1]
+            sums[at] = f"named {names[at]} ({self._line(at)}, {what}; --keep-means keeps it)"
         return sums
+
+    def _line(self, row: int) -> str:
+        return f"{self.cells.line_word} {self.cells.lines[row + 1]}"
 
     def _has_sessions(self) -> bool:
         header = list(self.cells.header)

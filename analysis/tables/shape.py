@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from itertools import pairwise
 from types import MappingProxyType
 
-from analysis.tables.means import is_mean_of, mean_column, numbers_in
+from analysis.tables.means import is_mean_of, numbers_in, summing_column
 from analysis.tables.roles import Roles, is_recorded, plain
 from analysis.tables.summaries import MEANS, beside_scores, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
@@ -153,7 +153,7 @@ def _numbers_apart(table: _Table, roles: Roles) -> list[int]:
     return [
         at
         for at in numbers
-        if 1 < len(who) and len(who) * len({row[at] for row in rows}) == len(rows)
+        if len(who) > 1 and len(who) * len({row[at] for row in rows}) == len(rows)
         and len({(row[subject], row[at]) for row in rows}) == len(rows)
     ]  # fmt: skip
 
@@ -231,10 +231,10 @@ def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> dict[int, str]
 
 
 def _by_value(cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]) -> dict[int, str]:
-    """Return the places of columns that are the mean of all others, or of the repeats of one."""
+    """Return the places of columns that are the mean or sum of all others, or of repeats."""
     scores = numbers_in(cells, lines)
-    if (place := mean_column(scores)) is not None:
-        return {place: "the mean of all others"}
+    if (summing := summing_column(scores)) is not None:
+        return dict([summing])
     of = _repeated(dict(enumerate(names)))
     sums: dict[int, str] = {}
     for stem in dict.fromkeys(of.values()):

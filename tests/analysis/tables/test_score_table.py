@@ -615,3 +615,67 @@ def test_what_tells_a_subjects_rows_apart_is_offered_before_repeats() -> None:
     numbers = words.replace("first", "10").replace("then", "20").replace("P2,20,3", "P2,20,1")
     with pytest.raises(TableError, match="event may tell its rows apart, as a session"):
         imported(numbers)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("SEM", "SE", "Std. Dev.", "StdDev", "SD (n-1)", "Min", "Max", "n", "N", "Anzahl", "Sum"),
+        *("标准差", "平均", "合计", "总分", "Écart-type", "Mean ± SD", "All", "Grand Total", "M."),
+    ],
+)
+def test_rows_that_sum_up_beside_codes_of_subjects_are_known_by_their_names(name: str) -> None:
+    scores = imported(f"id,a,b\nP1,3,6\nP2,2,5\nP3,3,7\n{name},0.6,1.0\n")
+    assert len(scores.visits) == 3
+    assert scores.lines[-1] == f"Left out: 1 row named {name}."
+    long = f"id,item,score\nP1,a,3\nP1,b,4\nP2,a,3\nP2,b,1\n{name},a,0.6\n{name},b,1\n"
+    assert len(imported(long).visits) == 2
+
+
+def test_short_names_beside_names_are_people_unless_their_numbers_tell() -> None:
+    people = "id,a,b,c\nAnn,3,6,2\nBo,2,5,3\nCem,4,7,3\n{}\n"
+    for row in ("Max,4,7,3", "Min,2,5,2", "All,3,6,2.67", "Sum,9,18,8", "n,3,3,3"):
+        assert len(imported(people.format(row)).visits) == 3, row
+    for row in ("Max,4,6,3", "Min,1,5,2", "All,3,6,3", "Sum,9,7,8", "n,3,2,3"):
+        assert len(imported(people.format(row)).visits) == 4, row
+
+
+def test_columns_that_sum_up_are_known_by_their_names_and_numbers() -> None:
+    text = "id,a,b,{}\nP1,3,6,{}\nP2,2,5,{}\nP3,4,7,{}\n"
+    for sums in (
+        ("All", 4.5, 3.5, 5.5),
+        ("Sum", 9, 7, 11),
+        ("Min", 3, 2, 4),
+        ("n", 2, 2, 2),
+        ("总分", 9, 7, 11),
+    ):
+        scores = imported(text.format(*sums))
+        assert scores.lines[-1] == f"Left out: column {sums[0]}."
+    assert imported(text.format("Min", 3, 2, 5)).conditions == ("a", "b", "Min")
+
+
+@pytest.mark.parametrize(
+    ("row", "what"),
+    [
+        ("zusammen,17,10", "the sum"),
+        ("Streuung,1.26,1.29", "the standard deviation"),
+        ("Streuung,1.1,1.1", "the standard deviation"),
+    ],
+)
+def test_a_last_row_of_sums_is_known_by_its_numbers(row: str, what: str) -> None:
+    text = "id,a,b\nX,3,1\nY,4,2\nZ,6,4\nV,4,3\n"
+    name = row.split(",", maxsplit=1)[0]
+    assert imported(f"{text}{row}\n").lines[-1] == (
+        f"Left out: 1 row named {name} (line 6, {what} of all others; --keep-means keeps it)."
+    )
+    assert len(imported(f"{text}{row}\n", keep_means=True).visits) == 5
+    assert len(imported(text + row.replace(",1", ",3") + "\n").visits) == 5
+
+
+def test_a_last_row_without_a_name_that_sums_up_is_left_out() -> None:
+    text = "id,a,b\nP1,3,6\nP2,2,5\nP3,4,7\n,{}\n"
+    for sums in ("3,6", "9,18"):
+        scores = imported(text.format(sums))
+        assert scores.lines[-1] == "Left out: 1 row without a name (line 5, a summary)."
+    with pytest.raises(TableError, match="line 5: a subject must have a name"):
+        imported(text.format("3,5"))

@@ -236,14 +236,24 @@ class _Reader:
     def _subject(self, texts: Sequence[str], row: int) -> str:
         if self.subject is None:
             return "1" if self.shape.roles.subject_is == "one" else str(row + 1)
-        text = cell_name(texts[self.subject], self.cells.where(row))
-        number = self.cells.number(text)  # as pandas writes a whole number beside a missing one
-        whole = number is not None and number >= 0 and number % 1 == 0 and "." in text
-        return str(int(number)) if whole and number is not None else self._value(text)
+        return self._value(
+            _whole(self.cells, cell_name(texts[self.subject], self.cells.where(row)))
+        )
 
     def _part(self, column: int | None, text: str, row: int) -> str:
         name = cell_name(text, self.cells.where(None if column is None else row))
-        return name if column is None else self._value(name)
+        if column is None:
+            return name
+        return self._value(_whole(self.cells, name) if column in self._of_wholes else name)
+
+    @cached_property
+    def _of_wholes(self) -> frozenset[int]:
+        """The columns that name conditions and hold no number with a fraction."""
+        numbers = {
+            at: {self.cells.number(row[at]) or 0 for row in self.cells.rows}
+            for at in self.shape.parts
+        }
+        return frozenset(at for at in numbers if not any(number % 1 for number in numbers[at]))
 
     def _score(self, text: str, row: int, column: int) -> float | None:
         if is_missing(text):
@@ -293,6 +303,13 @@ class _Reader:
                 f"'{','.join(f'{word}=…' for word in unknown[:9])}'"
             )
         return meaning
+
+
+def _whole(cells: Cells, text: str) -> str:
+    """Return a whole number without the zeros that pandas writes where others are missing."""
+    number = cells.number(text)
+    whole = number is not None and number % 1 == 0 and re.search(r"[.,]0*$", text)
+    return text[: whole.start()] if whole else text
 
 
 def _meanings(answers: str | None) -> Mapping[str, str]:
@@ -394,7 +411,10 @@ def _require_apart(cells: Cells, entries: Sequence[Entry]) -> None:
     for kind, names in kinds.items():
         seen: dict[str, tuple[str, int]] = {}
         for name, row in dict(reversed(names)).items():
-            first, other = seen.setdefault(folded(name), (name, row))
+            # As numbers, 2.5 and 2.50 are one; as codes, two.
+            number = cells.number(name) if kind == "conditions" else None
+            alike = folded(name) if number is None else repr(number)
+            first, other = seen.setdefault(alike, (name, row))
             if first != name:
                 lines = f"{cells.line_word}s {cells.lines[row + 1]} and {cells.lines[other + 1]}"
                 raise TableError(

@@ -679,3 +679,19 @@ def test_a_last_row_without_a_name_that_sums_up_is_left_out() -> None:
         assert scores.lines[-1] == "Left out: 1 row without a name (line 5, a summary)."
     with pytest.raises(TableError, match="line 5: a subject must have a name"):
         imported(text.format("3,5"))
+
+
+def test_conditions_that_are_equal_numbers_are_one() -> None:
+    rows = "P1,1,3\nP1,2,4\nP2,1.0,3\nP2,2.0,4\nP3,{},2\nP3,{},4\n"
+    scores = imported("participant,condition,rating\n" + rows.format(1, 2))
+    assert scores.conditions == ("1", "2")
+    codes = "participant,condition,rating\nP1,{},3\nP1,1.5,4\nP1,1.10,2\n"
+    assert imported(codes.format("1.0")).conditions == ("1.0", "1.5", "1.10")
+    with pytest.raises(TableError, match=r"the conditions '1.1' and '1.10' .* may be one or two"):
+        imported(codes.format("1.1"))
+
+
+def test_a_score_that_is_missing_is_counted_whatever_was_answered() -> None:
+    text = "subject,item,answer,score\nP1,a,expected,3\nP1,b,same,\nP2,a,contrary,NA\nP2,b,,\n"
+    (said,) = (line for line in imported(text, scale=(1, 7)).lines if line.startswith("Missing"))
+    assert said.startswith("Missing: 1 score blank, 2 without a score after another answer. Answ")

@@ -24,6 +24,12 @@ _FEW_TEXTS = 5
 """Different texts in a column of numbers that may all stand for no score."""
 
 
+_YES_NO = frozenset(
+    {"true", "false", "yes", "no", "ja", "nein", "oui", "non", "correct", "incorrect", "wrong", ""}
+)
+"""Words of a column that says of each row whether something is so, and names no condition."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shape:
     """Which columns hold what.
@@ -141,7 +147,8 @@ def _words_apart(table: _Table, roles: Roles) -> list[int]:
     if roles.column("subject") is None:
         return []
     words = [at for at in table.free if at not in roles.of and not table.numeric[at]]
-    return [at for at in words if _varies_within(table, roles, at)]
+    told = {at: {word.casefold() for word in table.values(at)} for at in words}
+    return [at for at in words if not told[at] <= _YES_NO and _varies_within(table, roles, at)]
 
 
 def _numbers_apart(table: _Table, roles: Roles) -> list[int]:

@@ -598,6 +598,8 @@ def test_words_that_vary_within_subjects_are_the_condition_whatever_they_are_cal
         imported(two)
     assert imported(two, "factor=M,factor=N").conditions == ("a, x", "a, y", "b, x", "b, y")
     assert len(imported(two, "condition=M,ignore=N").conditions) == 2
+    with pytest.raises(TableError, match="line 3: P1 stands in line 2, too: repeats"):
+        imported("subject,correct,level\nP1,TRUE,5\nP1,FALSE,3\nP1,TRUE,2\n")
 
 
 def test_what_tells_a_subjects_rows_apart_is_offered_before_repeats() -> None:

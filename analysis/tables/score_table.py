@@ -7,8 +7,10 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from math import ceil, floor
+from statistics import median
 
 from analysis.tables.answer_words import told_meanings
+from analysis.tables.means import numbers_in, summing_column
 from analysis.tables.ratings import (
     ANSWERS,
     ANSWERS_EXAMPLE,
@@ -23,7 +25,7 @@ from analysis.tables.ratings import (
 )
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
-from analysis.tables.summaries import MEANS, summing_up
+from analysis.tables.summaries import MEANS, have_codes, may_sum_up, summing_up
 from analysis.tables.table_cells import (
     Cells,
     TableError,
@@ -42,6 +44,9 @@ MOST_ROWS = 1_000_000
 MOST_BYTES = 2**25
 MOST_SESSIONS = 50
 MOST_SCORES = 2_000_000
+_LEAST_OF_RANGE = 3
+_USUAL = 10
+"""Up to this scores are on one scale, however far they lie apart."""
 LARGEST = 1_000
 """Of a score, and of an end of a scale, on either side of 0."""
 _CODES = frozenset({99, 999, 9999, 88, 888, 77, 777, -1, -9, -99, -999, -9999})
@@ -78,6 +83,8 @@ def scores_in(
         )
     if scale is None:
         _require_no_codes(cells, entries)
+        if shape.is_wide and not shape.roles.headings:
+            _require_one_range(cells, entries)
     _require_apart(cells, entries)
     silent = _silent(entries)
     told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
@@ -192,21 +199,41 @@ class _Reader:
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"
-        if self.subject is not None and row in self._sums:
-            return f"named {texts[self.subject]}"
-        return ""
+        return self._sums.get(row, "")
 
     @cached_property
-    def _sums(self) -> frozenset[int]:
-        """The rows that sum up the others: of a long table those that are called so."""
+    def _sums(self) -> Mapping[int, str]:
+        """The rows that sum up the others, and what to say of each.
+
+        Of a long table they are called so, beside codes of subjects perhaps in short.
+        """
         if self.subject is None or self.keep_means:
-            return frozenset()
+            return {}
         rows = self.cells.rows
         names = [row[self.subject] for row in rows]
         if not self.shape.is_wide:
-            return frozenset(at for at, name in enumerate(names) if plain(name) in MEANS)
+            are_codes = not self.recorded and have_codes(names)
+            return {
+                at: f"named {name}"
+                for at, name in enumerate(names)
+                if plain(name) in MEANS or (are_codes and may_sum_up(name))
+            }
         lines = [[row[at] for at in self.shape.scores] for row in rows]
-        return summing_up(self.cells, names, lines)
+        sums = {
+            at: f"named {names[at]}"
+            if names[at]
+            else f"without a name ({self._line(at)}, a summary)"
+            for at in sorted(summing_up(self.cells, names, lines, are_codes=True))
+        }
+        rest = [at for at in range(len(rows)) if at not in sums]
+        scores = numbers_in(self.cells, [lines[at] for at in rest])
+        if (found := summing_column(scores)) is not None:
+            at, what = rest[found[0]], found[1]
+            sums[at] = f"named {names[at]} ({self._line(at)}, {what}; --keep-means keeps it)"
+        return sums
+
+    def _line(self, row: int) -> str:
+        return f"{self.cells.line_word} {self.cells.lines[row + 1]}"
 
     def _has_sessions(self) -> bool:
         header = list(self.cells.header)
@@ -219,14 +246,24 @@ class _Reader:
     def _subject(self, texts: Sequence[str], row: int) -> str:
         if self.subject is None:
             return "1" if self.shape.roles.subject_is == "one" else str(row + 1)
-        text = cell_name(texts[self.subject], self.cells.where(row))
-        number = self.cells.number(text)  # as pandas writes a whole number beside a missing one
-        whole = number is not None and number >= 0 and number % 1 == 0 and "." in text
-        return str(int(number)) if whole and number is not None else self._value(text)
+        return self._value(
+            _whole(self.cells, cell_name(texts[self.subject], self.cells.where(row)))
+        )
 
     def _part(self, column: int | None, text: str, row: int) -> str:
         name = cell_name(text, self.cells.where(None if column is None else row))
-        return name if column is None else self._value(name)
+        if column is None:
+            return name
+        return self._value(_whole(self.cells, name) if column in self._of_wholes else name)
+
+    @cached_property
+    def _of_wholes(self) -> frozenset[int]:
+        """The columns that name conditions and hold no number with a fraction."""
+        numbers = {
+            at: {self.cells.number(row[at]) or 0 for row in self.cells.rows}
+            for at in self.shape.parts
+        }
+        return frozenset(at for at in numbers if not any(number % 1 for number in numbers[at]))
 
     def _score(self, text: str, row: int, column: int) -> float | None:
         if is_missing(text):
@@ -240,10 +277,13 @@ class _Reader:
             )
         low, high = self.scale or (-LARGEST, LARGEST)
         if not low <= number <= high:
-            smaller = "" if self.scale else "; divide the scores, such as by 100 or 1000"
-            raise TableError(
-                f"{where}: a score must lie in [{low}, {high}], got {text[:40]}{smaller}"
-            )
+            said = f"{where}: a score must lie in [{low}, {high}], got {text[:40]}"
+            name = self.cells.header[column]
+            if not self.scale:
+                said += "; divide the scores, such as by 100 or 1000"
+            elif self.shape.is_wide:
+                said += f"; if the column holds no scores, add --columns ignore={name}"
+            raise TableError(said)
         return number
 
     def _contrast(self, texts: Sequence[str], row: int) -> float | None:
@@ -277,6 +317,13 @@ class _Reader:
         return meaning
 
 
+def _whole(cells: Cells, text: str) -> str:
+    """Return a whole number without the zeros that pandas writes where others are missing."""
+    number = cells.number(text)
+    whole = number is not None and number % 1 == 0 and re.search(r"[.,]0*$", text)
+    return text[: whole.start()] if whole else text
+
+
 def _require_scale(cells: Cells, scale: Scale | None) -> None:
     if scale is not None and not -LARGEST <= scale[0] < scale[1] <= LARGEST:
         raise TableError(
@@ -300,6 +347,47 @@ def _require_no_codes(cells: Cells, entries: Sequence[Entry]) -> None:
             )
 
 
+def _require_one_range(cells: Cells, entries: Sequence[Entry]) -> None:
+    """Refuse columns of a wide table with numbers that lie far from those of most others.
+
+    Such are ages, temperatures and totals beside scores. Columns of a few numbers say nothing.
+    """
+    scores: dict[str, list[float]] = defaultdict(list)
+    for entry in entries:
+        if entry.score is not None:
+            scores[entry.parts[0]].append(entry.score)
+    named = [name for name, given in scores.items() if len(given) >= _LEAST_OF_RANGE]
+    alike: list[list[str]] = []
+    for name in sorted(named, key=lambda name: (median(scores[name]), name)):
+        near = [
+            others
+            for others in alike
+            if any(_are_near(scores[one], scores[name]) for one in others)
+        ]
+        alike = [others for others in alike if others not in near]
+        alike.append([*(one for others in near for one in others), name])
+    most = max(alike, key=len, default=[])
+    far = [name for name in named if name not in most]
+    if far:
+        first, rest = scores[far[0]], [score for name in most for score in scores[name]]
+        raise TableError(
+            f"{cells.source}: {listed(far)} lie{'s' * (len(far) == 1)} far from the scores of "
+            f"{listed(sorted(most, key=named.index))} ({min(first):g} to {max(first):g}, and "
+            f"{min(rest):g} to {max(rest):g}): no condition (add --columns "
+            f"{','.join(f'ignore={name}' for name in far)}), or conditions like the others (add "
+            "--columns condition=heading, or --scale with the ends of the scale)"
+        )
+
+
+def _are_near(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether numbers overlap, almost do, are of one size, or all on a usual scale."""
+    low, high = sorted((one, other), key=median)
+    gap = min(high) - max(low)
+    span = max(max(one) - min(one), max(other) - min(other))
+    usual = max(map(abs, (*low, *high))) <= _USUAL
+    return usual or gap <= span / 2 or median(map(abs, high)) < 2 * max(map(abs, low))
+
+
 def _require_no_answers(cells: Cells, entries: Sequence[Entry]) -> None:
     """Refuse answers beside scores: the lowest score seen need not be the lowest of the scale."""
     has_answers = any(entry.answer is not None for entry in entries)
@@ -321,7 +409,10 @@ def _require_apart(cells: Cells, entries: Sequence[Entry]) -> None:
     for kind, names in kinds.items():
         seen: dict[str, tuple[str, int]] = {}
         for name, row in dict(reversed(names)).items():
-            first, other = seen.setdefault(folded(name), (name, row))
+            # As numbers, 2.5 and 2.50 are one; as codes, two.
+            number = cells.number(name) if kind == "conditions" else None
+            alike = folded(name) if number is None else repr(number)
+            first, other = seen.setdefault(alike, (name, row))
             if first != name:
                 lines = f"{cells.line_word}s {cells.lines[row + 1]} and {cells.lines[other + 1]}"
                 raise TableError(

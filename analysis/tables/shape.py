@@ -5,13 +5,15 @@ What could mean two things is refused, with both and the option that chooses.
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
+from types import MappingProxyType
 
+from analysis.tables.means import is_mean_of, numbers_in, summing_column
 from analysis.tables.roles import Roles, is_recorded, plain
-from analysis.tables.summaries import MEANS, may_sum_up, summing_up
+from analysis.tables.summaries import MEANS, beside_scores, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed, typed_as
 
@@ -20,6 +22,12 @@ _MOST_LEVELS = 30
 
 _FEW_TEXTS = 5
 """Different texts in a column of numbers that may all stand for no score."""
+
+
+_YES_NO = frozenset(
+    {"true", "false", "yes", "no", "ja", "nein", "oui", "non", "correct", "incorrect", "wrong", ""}
+)
+"""Words of a column that says of each row whether something is so, and names no condition."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +110,11 @@ def shape_of(cells: Cells, roles: Roles, *, keep_means: bool = False) -> Shape:
     if not roles.headings and (roles.column("score") is not None or named):
         _require_no_heading(table)
         return _long(table, numbers)
+    if _is_long_unsaid(table, numbers):
+        shape = _long(table, numbers)
+        if len(shape.parts) > 1:
+            raise _several(table, shape.parts)
+        return shape
     return _wide(table, numbers)
 
 
@@ -116,6 +129,40 @@ def _require_names(cells: Cells) -> None:
                 f"{cells.where()}: the columns {first!r} and {name!r} may be repeats or two "
                 "conditions; call them apart, repeats with a number at the end"
             )
+
+
+def _is_long_unsaid(table: _Table, numbers: Sequence[int]) -> bool:
+    """Return whether a column of words tells apart each subject's rows, with one of numbers.
+
+    It is the condition, whatever it is called.
+    """
+    roles = table.roles
+    scores = [at for at in numbers if roles.of.get(at) is None]
+    is_open = not (roles.headings or roles.subject_is or roles.repeat_is == "ending")
+    return is_open and len(scores) == 1 and bool(_words_apart(table, roles))
+
+
+def _words_apart(table: _Table, roles: Roles) -> list[int]:
+    """Return the columns of words without a role that vary within subjects."""
+    if roles.column("subject") is None:
+        return []
+    words = [at for at in table.free if at not in roles.of and not table.numeric[at]]
+    told = {at: {word.casefold() for word in table.values(at)} for at in words}
+    return [at for at in words if not told[at] <= _YES_NO and _varies_within(table, roles, at)]
+
+
+def _numbers_apart(table: _Table, roles: Roles) -> list[int]:
+    """Return the columns of numbers without a role that each subject meets once, all alike."""
+    subject = roles.column("subject")
+    assert subject is not None
+    rows, who = table.cells.rows, set(table.values(subject))
+    numbers = [at for at in table.free if at not in roles.of and table.numeric[at]]
+    return [
+        at
+        for at in numbers
+        if len(who) > 1 and len(who) * len({row[at] for row in rows}) == len(rows)
+        and len({(row[subject], row[at]) for row in rows}) == len(rows)
+    ]  # fmt: skip
 
 
 # A wide table.
@@ -145,7 +192,7 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
     used = {*scores, *parts, *roles.columns("subject", "repeat", "session", "group")}
     return Shape(
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
-        left_out=_left_out(table, used),
+        left_out=_left_out(table, used, sums),
     )  # fmt: skip
 
 
@@ -170,15 +217,39 @@ def _require_no_mixed(table: _Table, roles: Roles) -> None:
             )
 
 
-def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> set[int]:
-    """Return the columns that sum up the others; of rows that may do so nothing is asked."""
+def _sums(table: _Table, roles: Roles, columns: Sequence[int]) -> dict[int, str]:
+    """Return the columns that sum up others, and what to say of those known by their values.
+
+    Of rows that may sum up the others nothing is asked.
+    """
     if table.kept_means:
-        return set()
+        return {}
     subject = roles.column("subject")
     rows = [row for row in table.cells.rows if subject is None or not may_sum_up(row[subject])]
-    names = [table.cells.header[at] for at in columns]
-    lines = [[row[at] for row in rows] for at in columns]
-    return {columns[place] for place in summing_up(table.cells, names, lines)}
+    sums: dict[int, str] = {}
+    for known in (beside_scores, partial(summing_up, table.cells), partial(_by_value, table.cells)):
+        rest = [at for at in columns if at not in sums]
+        names = [table.cells.header[at] for at in rest]
+        lines = [[row[at] for row in rows] for at in rest]
+        said: Mapping[int, str] | Collection[int] = known(names, lines)
+        why = said if isinstance(said, Mapping) else dict.fromkeys(said, "")
+        sums |= {rest[place]: words for place, words in why.items()}
+    return sums
+
+
+def _by_value(cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]) -> dict[int, str]:
+    """Return the places of columns that are the mean or sum of all others, or of repeats."""
+    scores = numbers_in(cells, lines)
+    if (summing := summing_column(scores)) is not None:
+        return dict([summing])
+    of = _repeated(dict(enumerate(names)))
+    sums: dict[int, str] = {}
+    for stem in dict.fromkeys(of.values()):
+        repeats = [at for at, each in of.items() if each == stem]
+        for place in range(len(names)):
+            if place not in of and is_mean_of(scores[:, place], scores[:, repeats]):
+                sums[place] = f"the mean of {listed(names[at] for at in repeats)}"
+    return sums
 
 
 def _with_subject(table: _Table) -> Roles:
@@ -225,30 +296,42 @@ _ENDING = re.compile(r"(.*?)[\s_.\-#(]*(\d{1,3})\)?")
 def _stems(table: _Table, scores: Sequence[int]) -> Mapping[int, str]:
     """Return the condition of each column: its heading, or that without a number at its end."""
     names = {at: table.cells.header[at] for at in scores}
-    ends = {at: _ENDING.fullmatch(name) for at, name in names.items()}
-    by_stem: dict[str, list[int]] = defaultdict(list)
-    for end in ends.values():
-        if end and end[1].strip(" _.-"):
-            by_stem[end[1]].append(int(end[2]))
-    counts = [sorted(numbers) for numbers in by_stem.values()]
-    many = len(counts[0]) if counts else 0
-    counted = all(each in (list(range(many)), list(range(1, many + 1))) for each in counts)
-    # Conditions that all have the same repeats; one alone would compare nothing.
-    is_crossed = all(ends.values()) and len(counts) > 1 and many > 1 and counted
+    of = _repeated(names)
+    # Conditions that have repeats; one alone would compare nothing.
+    is_crossed = len(set(of.values())) > 1
+    others = [names[at] for at in scores if at not in of]
+    ignored = "".join(f",ignore={name}" for name in others)
     if table.roles.repeat_is == "ending":
-        if not is_crossed:
+        if not is_crossed or others:
+            without = f"; leave others out with {ignored[1:]}" if is_crossed else ""
             raise table.refuse(
                 "--columns repeat=ending needs headings that all end with the same numbers, such "
-                f"as rough_1, rough_2, smooth_1, smooth_2; got {table.names(scores)}"
+                f"as rough_1, rough_2, smooth_1, smooth_2; got {table.names(scores)}{without}"
             )
-        return {at: end[1] for at, end in ends.items() if end}
+        return of
     if is_crossed and not table.roles.headings:
-        first = [names[at] for at in list(scores)[:many]]
+        first = [names[at] for at in of if of[at] == next(iter(of.values()))]
         raise table.refuse(
-            f"{listed(first)} may be {many} repeats of a condition (add --columns repeat=ending) "
-            "or conditions of their own (add --columns condition=heading)"
+            f"{listed(first)} may be {len(first)} repeats of a condition (add --columns "
+            f"repeat=ending{ignored}) or conditions of their own (add --columns condition=heading)"
         )
     return names
+
+
+def _repeated(names: Mapping[int, str]) -> Mapping[int, str]:
+    """Return the stem of each heading that ends with a number, of those that count from 0 or 1."""
+    numbers: dict[str, dict[int, int]] = defaultdict(dict)
+    for at, name in names.items():
+        if (end := _ENDING.fullmatch(name)) and end[1].strip(" _.-"):
+            numbers[end[1]][at] = int(end[2])
+    return {
+        at: stem
+        for stem, counts in numbers.items()
+        if len(counts) > 1 and sorted(counts.values()) in (
+            list(range(len(counts))), list(range(1, len(counts) + 1))
+        )
+        for at in counts
+    }  # fmt: skip
 
 
 def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> None:
@@ -262,10 +345,19 @@ def _require_a_row_each(table: _Table, roles: Roles, parts: Sequence[int]) -> No
         key = tuple(row[at] for at in (subject, *apart))
         if row[subject] and lines.setdefault(key, number) != number:
             first = table.cells.lines[lines[key] + 1]
+            repeats = "repeats (add --columns repeat=row), or another subject (give it a name of"
+            columns = _words_apart(table, roles) or _numbers_apart(table, roles)
+            names = [table.cells.named(at) for at in columns]
+            if names:
+                told = names[0] if len(names) == 1 else "NAME"
+                repeats = (
+                    f"{listed(names)} may tell its rows apart, as a session (add --columns "
+                    f"session={told}) or a part of the condition (add --columns condition=heading,"
+                    f"factor={told}); else {repeats}"
+                )
             raise TableError(
                 f"{table.cells.where(number)}: {', '.join(key)} stands in {table.cells.line_word} "
-                f"{first}, too: repeats (add --columns repeat=row), or another subject (give it a "
-                "name of its own)"
+                f"{first}, too: {repeats} its own)"
             )
 
 
@@ -367,11 +459,15 @@ def _conditions_among(table: _Table, roles: Roles, free: Sequence[int]) -> tuple
             "add --columns condition=NAME, or condition=heading if there was one condition"
         )
     if len(apart) > 1 and any(table.numeric[at] for at in apart):
-        raise table.refuse(
-            f"each of {table.names(apart)} may be the condition, or a factor of it; add --columns "
-            "condition=NAME, or factor=NAME for each of them, and ignore=NAME for the others"
-        )
+        raise _several(table, apart)
     return tuple(apart)
+
+
+def _several(table: _Table, columns: Sequence[int]) -> TableError:
+    return table.refuse(
+        f"each of {table.names(columns)} may be the condition, or a factor of it; add --columns "
+        "condition=NAME, or factor=NAME for each of them, and ignore=NAME for the others"
+    )
 
 
 def _varies_within(table: _Table, roles: Roles, column: int) -> bool:
@@ -435,9 +531,11 @@ def _determines(table: _Table, one: int, other: int) -> bool:
     return all(told.setdefault(value, beside) == beside for value, beside in pairs)
 
 
-def _left_out(table: _Table, used: set[int]) -> tuple[str, ...]:
+def _left_out(
+    table: _Table, used: set[int], why: Mapping[int, str] = MappingProxyType({})
+) -> tuple[str, ...]:
     return tuple(
-        table.cells.named(at)
+        table.cells.named(at) + (f" ({why[at]}; --keep-means keeps it)" if why.get(at) else "")
         for at in range(len(table.cells.header))
         if at not in used and not table.is_index(at)
     )

@@ -2,6 +2,7 @@
 
 import re
 import statistics
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from analysis.tables.roles import plain
@@ -9,8 +10,14 @@ from analysis.tables.table_cells import Cells, is_missing
 
 MEANS = frozenset(
     {
-        "average", "comprehensive", "mean", "total", "median", "mittelwert", "durchschnitt",
-        "summe", "gesamt", "moyenne", "stdev", "grandmean",
+        "average", "comprehensive", "mean", "means", "total", "totals", "median", "mittelwert",
+        "mittelwerte", "durchschnitt", "summe", "gesamt", "moyenne", "promedio", "stdev", "stddev",
+        "standarddeviation", "standardabweichung", "stdabw", "écarttype", "desviaciónestándar",
+        "sdn1", "stderr", "stderror", "standarderror", "standardfehler", "minimum", "maximum",
+        "anzahl", "grandmean", "grandtotal", "overallmean", "subtotal", "meansd", "meansem",
+        "meanse", "mwsd", "msd", "平均", "平均值", "均值", "平均数", "标准差", "標準差", "標準偏差",
+        "合计", "合計", "总计", "總計", "总分", "总和", "最大值", "最小值", "中位数", "標準誤差",
+        "标准误",
     }
 )  # fmt: skip
 """Names that nobody has, and no condition."""
@@ -44,37 +51,84 @@ _SHORT: Mapping[str, Statistic] = {
     **dict.fromkeys(("m", "mw", "ø", "avg", "media"), _means),
     **dict.fromkeys(("sd", "std"), _deviations),
     **dict.fromkeys(("se", "sem"), _errors),
-    "n": _counts,
+    **dict.fromkeys(("n", "count"), _counts),
     "sum": _sums,
+    "all": lambda values: (statistics.fmean(values), sum(values)),
+    "min": lambda values: (min(values),),
+    "max": lambda values: (max(values),),
 }
 """Names that may be initials, or conditions, too: their numbers tell."""
-_LEAST_OTHERS = 3
-_LEAST_MET = 3
+_LEAST = 2
+_LEAST_OF_BOTH = 5
+
+
+_AVERAGES = MEANS | {"m", "mw", "avg"}
+_SPREADS = frozenset({"sd", "se", "sem", "std", "stdev", "stddev", "stderr"})
+
+
+def beside_scores(names: Sequence[str], lines: Sequence[Sequence[str]]) -> set[int]:
+    """Return the places of columns that by their names tell of other columns, or of their forms.
+
+    Such are `rough_sd`, `mean_rough` beside `rough_1` and `rough_2`, and of REDCap and Qualtrics
+    `ratings_complete` and the total `SC0`.
+    """
+    words = [re.findall(r"[^\W_]+", re.sub(r"(?<=[^\W\d_A-Z])(?=[A-Z])", " ", at)) for at in names]
+    stems = [re.sub(r"\d+$", "", plain(name)) for name in names]
+    counted = Counter(stem for stem, name in zip(stems, names, strict=True) if stem != plain(name))
+    told: set[int] = set()
+    for at, said in enumerate(words):
+        for word, rest in ((said[:1], said[1:]), (said[-1:], said[:-1])):
+            of = plain("".join(rest))
+            is_average = plain("".join(word)) in _AVERAGES and counted[of] > 1
+            is_spread = plain("".join(word)) in _SPREADS and of and not of.isdigit()
+            if is_average or is_spread:
+                told.add(at)
+        form = names[at].endswith("_complete") and {"0", "1", "2"}.issuperset(
+            filter(None, lines[at])
+        )
+        if form or names[at] == "SC0":
+            told.add(at)
+    return told if len(told) < len(names) else set()
 
 
 def may_sum_up(name: str) -> bool:
     return plain(name) in MEANS or plain(name) in _SHORT
 
 
+def have_codes(names: Sequence[str]) -> bool:
+    """Return whether all names that may be of subjects alone have a digit."""
+    own = [name for name in names if not (may_sum_up(name) or is_missing(name))]
+    return bool(own) and all(any(map(str.isdigit, name)) for name in own)
+
+
 def summing_up(
-    cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]
+    cells: Cells,
+    names: Sequence[str],
+    lines: Sequence[Sequence[str]],
+    *,
+    are_codes: bool = False,
 ) -> frozenset[int]:
     """Return the places of the lines - rows, or columns - that sum up those before them.
 
     They are called so; those with a short name stand at the end, and what they hold is the
-    statistic of that name, to its printed digits.
+    statistic of that name, to its printed digits - or all others have codes for names, with a
+    digit, as is known of subjects (`are_codes`). A last one without a name is the mean or the sum.
     """
-    if not any(map(may_sum_up, names)):
+    if not any(map(may_sum_up, names)) and not (are_codes and names and is_missing(names[-1])):
         return frozenset()
+    are_codes = are_codes and have_codes(names)
     named: set[int] = set()
     last: dict[int, list[float | None]] = {}
     others: list[list[float | None]] = []
     for at, (name, texts) in enumerate(zip(names, lines, strict=True)):
         numbers = [cells.number(text) for text in texts]
         statistic = _SHORT.get(plain(name))
+        is_last = at == len(names) - 1
         if plain(name) in MEANS:
             named.add(at)
-        elif statistic and _is_that(statistic, texts, numbers, others):
+        elif (statistic and (are_codes or _is_that(statistic, texts, numbers, others))) or (
+            is_missing(name) and is_last and _meets(_SHORT["all"], texts, numbers, others)
+        ):
             last[at] = numbers
         else:
             others += [*last.values(), numbers]
@@ -90,8 +144,23 @@ def _is_that(
 ) -> bool:
     """Return whether numbers are the statistic of the others, and not by chance.
 
-    A fraction, where all others are whole, is proof; else it takes three others and three cells.
+    A fraction, where all others are whole, is proof; else it takes five others and cells, two of
+    each at least.
     """
+    telling = _meets(statistic, texts, numbers, others)
+    whole = all(value is None or value % 1 == 0 for other in others for value in other)
+    proof = whole and any(number is not None and number % 1 for number in numbers)
+    least = min(len(others), telling)
+    return telling > 0 and (proof or (least >= _LEAST and len(others) + telling >= _LEAST_OF_BOTH))
+
+
+def _meets(
+    statistic: Statistic,
+    texts: Sequence[str],
+    numbers: Sequence[float | None],
+    others: Sequence[Sequence[float | None]],
+) -> int:
+    """Return how many numbers are the statistic of others that differ, 0 if one is not."""
     decimals = [len(mark[1]) for text in texts if (mark := re.search(r"[.,](\d+)$", text))]
     near = max(0.51 * 10 ** -max(decimals), 1e-6) if decimals else 1e-6
     telling = 0
@@ -100,10 +169,8 @@ def _is_that(
             continue
         values = [value for other in others if (value := other[at]) is not None]
         if number is None or not values:
-            return False
+            return 0
         if all(abs(number - value) > near for value in statistic(values)):
-            return False
+            return 0
         telling += len(set(values)) > 1
-    whole = all(value is None or value % 1 == 0 for other in others for value in other)
-    proof = whole and any(number is not None and number % 1 for number in numbers)
-    return telling > 0 and (proof or (len(others) >= _LEAST_OTHERS and telling >= _LEAST_MET))
+    return telling

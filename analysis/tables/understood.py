@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
 
-from analysis.tables.ratings import ANSWERS, EXPECTED, Entry, Imported
+from analysis.tables.ratings import ANSWERS, CONTRARY, EXPECTED, SAME, Entry, Imported
 from analysis.tables.shape import Shape
 from analysis.tables.table_cells import MOST_NAMED, Cells
 from protocol.errors import listed
@@ -77,9 +77,11 @@ def _missing_line(imported: Imported, entries: Sequence[Entry]) -> str:
     met = {
         (visit.participant, each.condition) for visit in imported.visits for each in visit.ratings
     }
+    withheld = sum(entry.score is None and entry.answer in {CONTRARY, SAME} for entry in entries)
     absent = len(people) * len(imported.conditions) - len(met)
     answers = Counter(entry.answer for entry in entries if entry.answer)
     told = [f"{blank} score{'s' * (blank > 1)} blank"] * bool(blank)
+    told += [f"{withheld} without a score after another answer"] * bool(withheld)
     unanswered = sum(entry.answer is None and entry.score is not None for entry in entries)
     if any(entry.answer for entry in entries) and unanswered:
         told += [f"{unanswered} without an answer, which do not count"]

@@ -3,7 +3,6 @@
 import numpy as np
 
 from analysis.estimates import ScoreTable
-from analysis.tables.means import require_no_means
 from analysis.tables.ratings import Imported
 from analysis.tables.reading import cells_in
 from analysis.tables.roles import roles_in
@@ -23,10 +22,7 @@ def imported(
     content = text.encode() if isinstance(text, str) else text
     cells = cells_in(content, source, most=MOST_ROWS).without(missing)
     shape = shape_of(cells, roles_in(cells, columns), keep_means=keep_means)
-    scores = scores_in(cells, shape, keep_means=keep_means, **known)  # type: ignore[arg-type]
-    if not keep_means:
-        require_no_means(cells, shape, scores)
-    return scores
+    return scores_in(cells, shape, keep_means=keep_means, **known)  # type: ignore[arg-type]
 
 
 def score_table(text: str, **known: object) -> ScoreTable:

@@ -59,7 +59,6 @@ def import_scores(
 
     from analysis.tables import imported_study
     from analysis.tables.answer_words import told_meanings, with_answers
-    from analysis.tables.means import require_no_means
     from analysis.tables.ratings import ANSWERS, ANSWERS_EXAMPLE
     from analysis.tables.reading import cells_in
     from analysis.tables.roles import roles_in
@@ -80,8 +79,6 @@ def import_scores(
     if shape.is_wide and words:
         raise BadInput(f"{table}: --answers needs a row per score; here columns are conditions")
     imported = scores_in(cells, shape, scale=scale, answers=answers, keep_means=keep_means)
-    if not keep_means:
-        require_no_means(cells, shape, imported)
     folder = options.study_folder(study)
     require_free(folder)
     for line in imported.lines:

@@ -141,19 +141,68 @@ def test_printed_means_that_are_called_so_are_left_out(
     assert len(scores.ratings) == 9 * 5
 
 
+KEEPS = "the mean of all others; --keep-means keeps it)"
+COLUMN, ROW = f"column overall ({KEEPS}", f"1 row named all-9 (line 11, {KEEPS}"
+
+
 @pytest.mark.parametrize(
-    ("column", "row", "message"),
+    ("column", "row", "left_out"),
     [
-        ("overall", None, "column overall: is the mean of all other columns; remove the column .*"),
-        (None, "all-9", "the row of 'all-9' is the mean of all others; remove the row, or add --k"),
-        ("overall", "all-9", "column overall: is the mean of all other columns"),
+        ("overall", None, COLUMN),
+        (None, "all-9", ROW),
+        ("overall", "all-9", f"{COLUMN}; {ROW}"),
     ],
 )
-def test_means_under_other_names_are_refused(
-    column: str | None, row: str | None, message: str
+def test_means_under_other_names_are_left_out_and_named(
+    column: str | None, row: str | None, left_out: str
 ) -> None:
-    with pytest.raises(TableError, match=message):
-        imported(with_means(column, row))
+    scores = imported(with_means(column, row))
+    assert scores.lines[-1] == f"Left out: {left_out}."
+    assert len(scores.ratings) == 9 * 5
+
+
+REPEATS = "vp,rau_1,rau_2,glatt_1,glatt_2{}\nA,3,4,5,6{}\nB,2,4,6,7{}\nC,3,5,4,6{}\n"
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        (",rau_MW,glatt_MW", ",3.5,5.5", ",3,6.5", ",4,5"),
+        (",mean_rau,meanGlatt", ",3.5,5.5", ",3,6.5", ",,5"),
+        (",x,y", ",3.5,5.5", ",3,6.5", ",4,5"),
+    ],
+)
+def test_means_of_repeats_are_left_out_by_their_names_and_values(beside: tuple[str, ...]) -> None:
+    text = REPEATS.format(*beside)
+    with pytest.raises(TableError, match=r"repeat=ending\) or conditions of their own"):
+        imported(text)
+    scores = imported(text, "repeat=ending")
+    assert (scores.conditions, len(scores.ratings)) == (("rau", "glatt"), 12)
+    assert scores.lines[-1].startswith("Left out: columns ")
+    assert imported(text, "condition=heading", keep_means=True).conditions[4:] == tuple(
+        beside[0][1:].split(",")
+    )
+
+
+def test_a_further_column_does_not_hide_that_the_others_may_be_repeats() -> None:
+    text = REPEATS.format(",confidence", ",3", ",1", ",2")
+    said = r"rau_1, rau_2 may be 2 repeats of a condition \(add --columns repeat=ending,ignore=conf"
+    with pytest.raises(TableError, match=said):
+        imported(text)
+    with pytest.raises(TableError, match="leave others out with ignore=confidence"):
+        imported(text, "repeat=ending")
+    assert imported(text, "repeat=ending,ignore=confidence").conditions == ("rau", "glatt")
+    assert len(imported(text, "condition=heading").conditions) == 5
+
+
+def test_columns_that_tell_of_others_by_their_names_are_no_conditions() -> None:
+    text = "subject,rau_mean,rau_sd,fein_mean,fein_se,SC0,touch_complete,is_complete\n" + "".join(
+        f"P{who},{who},.5,{who + 1},.{who},{2 * who + 1},2,{who}\n" for who in (1, 2, 3)
+    )
+    scores = imported(text)
+    assert scores.conditions == ("rau_mean", "fein_mean", "is_complete")
+    assert scores.lines[-1] == "Left out: columns rau_sd, fein_se, SC0, touch_complete."
+    assert imported("subject,left_sd,right_sd\nP1,1,2\nP2,2,4\n").conditions[0] == "left_sd"
 
 
 def test_scores_that_are_the_mean_of_all_others_can_be_kept() -> None:
@@ -547,3 +596,153 @@ def test_all_open_columns_are_asked_at_once() -> None:
     with pytest.raises(TableError, match=said):
         imported(text)
     assert imported(text, "ignore=limb,ignore=side").conditions == ("x", "y")
+
+
+PERSONS = "id,bmi,temp,smooth,rough,hard\n" + "".join(
+    f"{who},{20.2 + who % 4},{29 + who % 3},{who % 4 + 1},{5 + who % 3},{who % 7 + 1}\n"
+    for who in range(1, 9)
+)
+
+
+def test_columns_far_from_the_scores_are_asked_about() -> None:
+    said = (
+        r"bmi, temp lie far from the scores of smooth, rough, hard \(20.2 to 23.2, and 1 to 7\): no"
+        r" condition \(add --columns ignore=bmi,ignore=temp\), or conditions like the others \(add "
+        r"--columns condition=heading, or --scale with the ends of the scale\)"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(PERSONS)
+    assert imported(PERSONS, "ignore=bmi,ignore=temp").conditions == ("smooth", "rough", "hard")
+    assert len(imported(PERSONS, "condition=heading").conditions) == 5
+    assert len(imported(PERSONS, scale=(0, 40)).conditions) == 5
+    with pytest.raises(TableError, match=r"21.2; if the column holds no scores, .* ignore=bmi$"):
+        imported(PERSONS, scale=(1, 7))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        [(5, 12, 20), (30, 40, 50), (60, 75, 90)],
+        [(1, 2, 1), (5, 7, 6)],
+        [(2, 3, 2), (5, 6, 5)],
+        [(-3, -2, -3), (2, 3, 1)],
+        [(1, 1, 1), (1, 2, 1), (0, 0, 0)],
+        [(3, 4, 5), (21, 30)],
+    ],
+)
+def test_conditions_that_differ_much_are_read(columns: list[tuple[int, ...]]) -> None:
+    header = ",".join(["subject", *"abcd"[: len(columns)]])
+    rows = [[f"P{row}", *(c[row] if row < len(c) else "" for c in columns)] for row in range(3)]
+    text = "\n".join([header, *(",".join(map(str, row)) for row in rows)])
+    assert len(imported(text).conditions) == len(columns)
+
+
+def test_words_that_vary_within_subjects_are_the_condition_whatever_they_are_called() -> None:
+    text = "subject;M;U\nP01;rau;5,5\nP01;fein;3\nP02;rau;6\nP02;fein;4\n"
+    scores = imported(text)
+    assert scores.conditions == ("rau", "fein")
+    assert "Subjects: 2 (column subject). Conditions: 2 (column M): rau, fein." in scores.lines
+    two = "subject;M;N;U\nP1;a;x;5\nP1;a;y;3\nP1;b;x;6\nP1;b;y;4\n"
+    with pytest.raises(TableError, match="each of M, N may be the condition, or a factor of it"):
+        imported(two)
+    assert imported(two, "factor=M,factor=N").conditions == ("a, x", "a, y", "b, x", "b, y")
+    assert len(imported(two, "condition=M,ignore=N").conditions) == 2
+    with pytest.raises(TableError, match="line 3: P1 stands in line 2, too: repeats"):
+        imported("subject,correct,level\nP1,TRUE,5\nP1,FALSE,3\nP1,TRUE,2\n")
+
+
+def test_what_tells_a_subjects_rows_apart_is_offered_before_repeats() -> None:
+    words = "subject,event,a,b\nP1,first,1,2\nP1,then,3,4\nP2,first,1,1\nP2,then,3,4\n"
+    said = (
+        r"P1 stands in line 2, too: event may tell its rows apart, as a session \(add --columns "
+        r"session=event\) or a part of the condition \(add --columns condition=heading,factor=event"
+        r"\); else repeats \(add --columns repeat=row\), or another subject \(give it a name of its"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(words)
+    scores = imported(words, "session=event")
+    assert sorted({visit.session for visit in scores.visits}) == [1, 2]
+    assert len(imported(words, "condition=heading,factor=event").conditions) == 4
+    numbers = words.replace("first", "10").replace("then", "20").replace("P2,20,3", "P2,20,1")
+    with pytest.raises(TableError, match="event may tell its rows apart, as a session"):
+        imported(numbers)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("SEM", "SE", "Std. Dev.", "StdDev", "SD (n-1)", "Min", "Max", "n", "N", "Anzahl", "Sum"),
+        *("标准差", "平均", "合计", "总分", "Écart-type", "Mean ± SD", "All", "Grand Total", "M."),
+    ],
+)
+def test_rows_that_sum_up_beside_codes_of_subjects_are_known_by_their_names(name: str) -> None:
+    scores = imported(f"id,a,b\nP1,3,6\nP2,2,5\nP3,3,7\n{name},0.6,1.0\n")
+    assert len(scores.visits) == 3
+    assert scores.lines[-1] == f"Left out: 1 row named {name}."
+    long = f"id,item,score\nP1,a,3\nP1,b,4\nP2,a,3\nP2,b,1\n{name},a,0.6\n{name},b,1\n"
+    assert len(imported(long).visits) == 2
+
+
+def test_short_names_beside_names_are_people_unless_their_numbers_tell() -> None:
+    people = "id,a,b,c\nAnn,3,6,2\nBo,2,5,3\nCem,4,7,3\n{}\n"
+    for row in ("Max,4,7,3", "Min,2,5,2", "All,3,6,2.67", "Sum,9,18,8", "n,3,3,3"):
+        assert len(imported(people.format(row)).visits) == 3, row
+    for row in ("Max,4,6,3", "Min,1,5,2", "All,3,6,3", "Sum,9,7,8", "n,3,2,3"):
+        assert len(imported(people.format(row)).visits) == 4, row
+
+
+def test_columns_that_sum_up_are_known_by_their_names_and_numbers() -> None:
+    text = "id,a,b,{}\nP1,3,6,{}\nP2,2,5,{}\nP3,4,7,{}\n"
+    for sums in (
+        ("All", 4.5, 3.5, 5.5),
+        ("Sum", 9, 7, 11),
+        ("Min", 3, 2, 4),
+        ("n", 2, 2, 2),
+        ("总分", 9, 7, 11),
+    ):
+        scores = imported(text.format(*sums))
+        assert scores.lines[-1] == f"Left out: column {sums[0]}."
+    assert imported(text.format("Min", 3, 2, 5)).conditions == ("a", "b", "Min")
+
+
+@pytest.mark.parametrize(
+    ("row", "what"),
+    [
+        ("zusammen,17,10", "the sum"),
+        ("Streuung,1.26,1.29", "the standard deviation"),
+        ("Streuung,1.1,1.1", "the standard deviation"),
+    ],
+)
+def test_a_last_row_of_sums_is_known_by_its_numbers(row: str, what: str) -> None:
+    text = "id,a,b\nX,3,1\nY,4,2\nZ,6,4\nV,4,3\n"
+    name = row.split(",", maxsplit=1)[0]
+    assert imported(f"{text}{row}\n").lines[-1] == (
+        f"Left out: 1 row named {name} (line 6, {what} of all others; --keep-means keeps it)."
+    )
+    assert len(imported(f"{text}{row}\n", keep_means=True).visits) == 5
+    assert len(imported(text + row.replace(",1", ",3") + "\n").visits) == 5
+
+
+def test_a_last_row_without_a_name_that_sums_up_is_left_out() -> None:
+    text = "id,a,b\nP1,3,6\nP2,2,5\nP3,4,7\n,{}\n"
+    for sums in ("3,6", "9,18"):
+        scores = imported(text.format(sums))
+        assert scores.lines[-1] == "Left out: 1 row without a name (line 5, a summary)."
+    with pytest.raises(TableError, match="line 5: a subject must have a name"):
+        imported(text.format("3,5"))
+
+
+def test_conditions_that_are_equal_numbers_are_one() -> None:
+    rows = "P1,1,3\nP1,2,4\nP2,1.0,3\nP2,2.0,4\nP3,{},2\nP3,{},4\n"
+    scores = imported("participant,condition,rating\n" + rows.format(1, 2))
+    assert scores.conditions == ("1", "2")
+    codes = "participant,condition,rating\nP1,{},3\nP1,1.5,4\nP1,1.10,2\n"
+    assert imported(codes.format("1.0")).conditions == ("1.0", "1.5", "1.10")
+    with pytest.raises(TableError, match=r"the conditions '1.1' and '1.10' .* may be one or two"):
+        imported(codes.format("1.1"))
+
+
+def test_a_score_that_is_missing_is_counted_whatever_was_answered() -> None:
+    text = "subject,item,answer,score\nP1,a,expected,3\nP1,b,same,\nP2,a,contrary,NA\nP2,b,,\n"
+    (said,) = (line for line in imported(text, scale=(1, 7)).lines if line.startswith("Missing"))
+    assert said.startswith("Missing: 1 score blank, 2 without a score after another answer. Answ")

@@ -58,8 +58,8 @@ def read_study(
     from runner.journal.verification import readable_chains
 
     path, broken = folder.existing_journal(), list[str]()
-    text, file = folder.text(), folder.study()
     with read_journal(path) as journal:
+        text, file = folder.recorded(journal)
         withdrawals = journal.withdrawals()
         chains = readable_chains(journal, broken, rehearsals=rehearsals)
         recorded = load_sessions(followed(chains, len(journal.sessions())))

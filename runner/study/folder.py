@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,11 +19,12 @@ from protocol.errors import BadInput, Problem, typed_as
 from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
-from protocol.study.study_question import is_picture_name
+from protocol.study.study_question import is_digest, is_picture_name
 from protocol.study_file.loading import (
     ignored_tables,
     parsed_study,
     picture_names,
+    pictures_in,
     table_name,
     with_digests,
     with_languages,
@@ -32,11 +34,14 @@ from runner.study import files
 
 if TYPE_CHECKING:
     from protocol.journal.events import ScoresImported
+    from runner.journal.store import Journal
 
 # Pictures of a study: which files may be shown, and their digests.
 
 LARGEST_BYTES = 4_000_000
 LARGEST_SIDE = 4_096
+_UNKNOWN = "0" * 64
+"""In place of the digest of a picture that no session had."""
 _FORMATS = MappingProxyType({"PNG": b"\x89PNG", "JPEG": b"\xff\xd8"})
 """How the files of each begin."""
 
@@ -143,17 +148,18 @@ class StudyFolder:
         """The study's own languages, one file each."""
         return self.path / "texts"
 
-    def text(self) -> str:
+    def text(self, instead: Mapping[str, str] = MappingProxyType({})) -> str:
         """Return the study file with its languages and files' digests, or raise `BadInput`.
 
-        A picture that cannot be shown has in place of a digest what is wrong with it.
+        A picture that cannot be shown has in place of a digest what is wrong with it; pictures
+        `instead` have the digests given here.
         """
         text = self._study_text()
         whole = with_languages(text, self._languages())
         names = picture_names(text) if "picture" in text else []
         # Other names are no pictures', which the study's own checks say.
         pictures = {name: self._picture(name) for name in names if is_picture_name(name)}
-        whole = with_digests(whole, "pictures", pictures)
+        whole = with_digests(whole, "pictures", {**pictures, **instead})
         if "surface" not in text or (name := table_name(text)) is None:
             return whole
         # Loaded with the first surface that has a table, which few have.
@@ -243,6 +249,28 @@ class StudyFolder:
     def study(self) -> Study:
         """Return the checked study; raise `BadInput` if it is missing, `StudyError` if wrong."""
         return parsed_study(self.text(), str(self.study_file), dialects=DIALECTS)
+
+    def recorded(self, journal: "Journal") -> tuple[str, Study]:
+        """Return the text and the study by which results are read, which show no picture.
+
+        A picture that cannot be shown gives a warning, and has the digest in the journal. Raise as
+        `study` does for everything else.
+        """
+        text = self.text()
+        known = pictures_in(text)
+        lost = {name: fault for name, fault in known.items() if not is_digest(fault)}
+        if lost:
+            from protocol.journal.events import SessionOpened
+
+            before: dict[str, str] = {}
+            for _, opened in journal.records_of(SessionOpened):
+                before |= pictures_in(opened.study_text or "")
+            text = self.text({name: before.get(name, _UNKNOWN) for name in lost})
+        study = parsed_study(text, str(self.study_file), dialects=DIALECTS)
+        for name, fault in lost.items():
+            told = f"results are read without the picture {name!r}, which {fault}"
+            warnings.warn(f"{self.study_file}: {told}", stacklevel=4)
+        return text, study
 
     def existing_journal(self) -> Path:
         """Return the path of the journal; raise `BadInput` if nothing has been recorded yet."""

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -198,8 +199,11 @@ def _answers_in(
         content = bytes_of(table, most=MOST_BYTES)
         return cells_in(content, str(table), most=MOST_ROWS, **dialect), None
     folder = options.study_folder(table)
+    tracks: Sequence[Any] | None = None
+    with suppress(BadInput):  # what reads the results says what is wrong
+        tracks = folder.study().track
     # Before anything is read, which may take long.
-    if not folder.study().track:
+    if tracks is not None and not tracks:
         raise BadInput(f"{table}: {NO_TRACKS}")
     study = read_study(folder, rehearsals=rehearsals)
     if study.trials.empty:

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+import touchbeam
 from protocol.errors import BadInput
 from protocol.study_file.loading import StudyError, text_digest
 from runner.study.folder import LARGEST_BYTES, StudyFolder, picture_digest
 from tests.runner.command_line import typed
+from touchbeam.study import reported
 
 PAGE = """
 [[page]]
@@ -182,3 +184,44 @@ def test_a_text_is_needed_in_every_language_and_must_fit(
     study.study_file.write_text(text.replace("Like this.", "Like this. " * 40), encoding="utf-8")
     assert typed("check", study.path) == 2
     assert "page.0.text.en: a text must fit its place" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("always:.*results are read without:UserWarning")
+def test_results_are_read_without_a_lost_picture(
+    study: StudyFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P01") == 0
+    before = touchbeam.load(study.path, rehearsals=True)
+    (study.path / "pictures" / "hand.png").unlink()
+    told = "results are read without the picture 'pictures/hand.png', which is missing"
+    with pytest.warns(UserWarning, match=told):
+        after = touchbeam.load(study.path, rehearsals=True)
+    assert after.trials.equals(before.trials)
+    # The study is the recorded one: its digest is, too, which the report says.
+    assert after.file == before.file
+    assert len(reported(after).attempts) == len(before.recorded.attempts)
+    for command in (
+        ("report", study.path, "--rehearsals"),
+        ("export", study.path, tmp_path / "csv", "--format", "csv", "--rehearsals"),
+    ):
+        capsys.readouterr()
+        assert typed(*command) == 0
+        assert capsys.readouterr().err.count(told) == 1
+    assert typed("status", study.path) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert "No session can begin or go on: " in last
+    assert last.endswith(
+        "page 1, picture: " + FAULT.format("pictures/hand.png", "is missing") + "put it there"
+    )
+    assert typed("status", study.path, "--json") == 0
+    assert "which is missing" in json.loads(capsys.readouterr().out)["study_problem"]
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P02") == 2
+
+
+def test_results_are_read_also_if_no_session_had_the_picture(study: StudyFolder) -> None:
+    text = study.study_file.read_text(encoding="utf-8")
+    study.study_file.write_text(text.replace(PAGE, ""), encoding="utf-8")
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P01") == 0
+    study.study_file.write_text(text.replace("hand.png", "foot.png"), encoding="utf-8")
+    with pytest.warns(UserWarning, match="foot.png', which is missing"):
+        assert len(touchbeam.load(study.path, rehearsals=True).sessions) == 1

@@ -53,6 +53,7 @@ _NOTED = ("skin_state", "room_temperature", "humidity", "cleaning")
 _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 CONTRAST_COLUMNS = (
     *TOUCH_COLUMNS[:4],
+    BY_NAME["trial_kind"],
     BY_NAME["condition"],
     Column(
         "law",

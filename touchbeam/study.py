@@ -195,6 +195,7 @@ class Study:
         contrast that was measured, and its error, follow where friction was recorded. All are the
         numbers of the report.
         """
+        from analysis.export.trial_table import NAMED_CONTRASTS
         from analysis.felt.measured_statistics import measured_trials
         from analysis.loading.study_lock import default_rig
         from analysis.trials.contrasts import trial_contrasts
@@ -202,7 +203,7 @@ class Study:
         counted = self._counted
         rig = default_rig(counted.lock, counted.kinds, self._rig)
         found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
-        named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
+        named = counted.trials[[*NAMED_CONTRASTS]]
         felt: dict[str, Any] = dict.fromkeys(
             ("measured_contrast", "measured_contrast_error"), float("nan")
         )

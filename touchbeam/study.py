@@ -309,7 +309,7 @@ class Study:
         from analysis.model.predict import study_defaults, study_rig
 
         options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
-        rig = study_rig(self.file, self._rig)
+        rig = study_rig(self.file, self._rig, instead="touchbeam.predict takes the paper's beam")
         return predicted_frame(scenes, study_defaults(self.file, rig), {**options, "rig": rig})
 
 

@@ -58,8 +58,8 @@ def read_study(
     from runner.journal.verification import readable_chains
 
     path, broken = folder.existing_journal(), list[str]()
-    text, file = folder.text(), folder.study()
     with read_journal(path) as journal:
+        text, file = folder.recorded(journal)
         withdrawals = journal.withdrawals()
         chains = readable_chains(journal, broken, rehearsals=rehearsals)
         recorded = load_sessions(followed(chains, len(journal.sessions())))
@@ -195,6 +195,7 @@ class Study:
         contrast that was measured, and its error, follow where friction was recorded. All are the
         numbers of the report.
         """
+        from analysis.export.trial_table import NAMED_CONTRASTS
         from analysis.felt.measured_statistics import measured_trials
         from analysis.loading.study_lock import default_rig
         from analysis.trials.contrasts import trial_contrasts
@@ -202,7 +203,7 @@ class Study:
         counted = self._counted
         rig = default_rig(counted.lock, counted.kinds, self._rig)
         found = trial_contrasts(self.file, counted.trials, counted.touches, rig)
-        named = counted.trials[["participant", "session", "trial_index", "condition", "score"]]
+        named = counted.trials[[*NAMED_CONTRASTS]]
         felt: dict[str, Any] = dict.fromkeys(
             ("measured_contrast", "measured_contrast_error"), float("nan")
         )
@@ -308,7 +309,7 @@ class Study:
         from analysis.model.predict import study_defaults, study_rig
 
         options = {"law": law, "rung": rung, "tolerance": tolerance, "eq15_overlap": eq15_overlap}
-        rig = study_rig(self.file, self._rig)
+        rig = study_rig(self.file, self._rig, instead="touchbeam.predict takes the paper's beam")
         return predicted_frame(scenes, study_defaults(self.file, rig), {**options, "rig": rig})
 
 

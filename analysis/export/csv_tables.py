@@ -12,7 +12,6 @@ from analysis.cells import BETWEEN_TOUCHES, csv_cell, csv_item, csv_quoted, csv_
 from analysis.estimates import IntArray
 from analysis.export.dataset import Dataset, known
 from analysis.export.recordings import DRIVEN, MEASURED, TIME, samples_csv
-from analysis.export.trial_table import CONTRAST_COLUMNS
 from analysis.loading.records import values
 from protocol.study.columns import TOUCH_COLUMNS, Column
 
@@ -24,7 +23,7 @@ def csv_tables(data: Dataset) -> dict[str, str]:
         **_table("trials", data.tables.flat, data.columns, data),
         # Published scores have no touches; an empty table would look like a loss.
         **({} if touched.empty else _table("touches", touched, TOUCH_COLUMNS, data)),
-        **_table("contrasts", data.contrasts, CONTRAST_COLUMNS, data),
+        **_table("contrasts", data.contrasts, data.contrast_columns, data),
         **_table("participants", data.participants, data.participant_columns, data),
     }
 

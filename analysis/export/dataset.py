@@ -13,7 +13,13 @@ from typing import Any, cast
 import pandas as pd
 
 from analysis.export.recordings import RecordedTouch, SessionKey, recorded_touches, session_key
-from analysis.export.trial_table import Frames, contrast_table, frames, participant_table
+from analysis.export.trial_table import (
+    CONTRAST_COLUMNS,
+    Frames,
+    contrast_table,
+    frames,
+    participant_table,
+)
 from analysis.loading.sessions import Sessions, load_sessions
 from analysis.loading.study_data import scale_of_scores
 from analysis.loading.study_lock import default_rig, study_lock
@@ -153,6 +159,12 @@ class Dataset:
             lock = study_lock(self.tables.found.decisions, self.sessions)
         rig = default_rig(lock, self.kinds, self.rig)
         return contrast_table(self.study, self.tables.found, self.tables.flat, rig)
+
+    @property
+    def contrast_columns(self) -> tuple[Column, ...]:
+        # The kinds of trials of this study, tracks among them.
+        kind = next(column for column in self.columns if column.name == "trial_kind")
+        return tuple(kind if it.name == kind.name else it for it in CONTRAST_COLUMNS)
 
     @property
     def participant_columns(self) -> tuple[Column, ...]:

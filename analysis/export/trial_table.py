@@ -53,6 +53,7 @@ _NOTED = ("skin_state", "room_temperature", "humidity", "cleaning")
 _PER_TOUCH = [column.name for column in COLUMNS if column.per_touch]
 CONTRAST_COLUMNS = (
     *TOUCH_COLUMNS[:4],
+    BY_NAME["trial_kind"],
     BY_NAME["condition"],
     Column(
         "law",
@@ -75,6 +76,8 @@ CONTRAST_COLUMNS = (
     BY_NAME["measured_contrast_error"],
 )
 """Of a table of contrasts."""
+NAMED_CONTRASTS = ("participant", "session", "trial_index", "trial_kind", "condition", "score")
+"""The columns of Python's table of contrasts, one of each law, before the predictions."""
 
 
 def _made(*, per_touch: bool) -> dict[str, Callable[[pd.DataFrame], Any]]:
@@ -416,6 +419,7 @@ class Frames:
         known = {column.name: column for column in self.columns}
         score = known["score"].description.format(scale=scale)
         known["score"] = replace(known["score"], description=score)
+        of_contrasts = {column.name: column for column in CONTRAST_COLUMNS}
         people = known | {column.name: column for column in PARTICIPANT_COLUMNS}
         tables: Mapping[str, Iterable[Column]] = {
             "participants": [people[str(name)] for name in self.participants],
@@ -423,6 +427,15 @@ class Frames:
             "trials": [known[str(name)] for name in self._trials],
             "touches": TOUCH_COLUMNS,
             "traces": TRACE_COLUMNS,
+            "contrasts": [
+                *(known[name] for name in NAMED_CONTRASTS),
+                of_contrasts["touch_measured"],
+                *(
+                    Column(name, f"Contrast by this law, {law.meaning}; missing where none is.")
+                    for name, law in LAWS.items()
+                ),
+                *CONTRAST_COLUMNS[-2:],
+            ],
         }
         rows = [
             (

@@ -262,10 +262,25 @@ class StudyData:
                 f"{beside} of these scores {'was' if beside == 1 else 'were'} given after another "
                 "answer than the expected one; the tests count those trials as 0."
             )
-        for what, names in zip(("subject", "condition"), unscored(self.table), strict=True):
-            if names:
-                said.append(f"{what.capitalize()}s without any score: {listed(names)}.")
+        for axis, names in enumerate(unscored(self.table)):
+            what = ("Subjects", "Conditions")[axis]
+            place = {name: at for at, name in enumerate(self._named[axis])}
+            excluded = [name for name in names if self._is_excluded(axis, place[name])]
+            if given := [name for name in names if name not in excluded]:
+                said.append(f"{what} without any score: {listed(given)}.")
+            if excluded:
+                why = "as their trials are left out"
+                said.append(f"{what} without a score that counts, {why}: {listed(excluded)}.")
         return said
+
+    @property
+    def _named(self) -> tuple[Sequence[str], Sequence[str]]:
+        return self.table.subjects, self.table.conditions
+
+    def _is_excluded(self, axis: int, place: int) -> bool:
+        """Return whether every trial that a row or column of the table has is left out."""
+        why = {kind for cell, kind in self.empty.items() if cell[axis] == place}
+        return Why.EXCLUDED in why and why <= {Why.EXCLUDED, Why.NOT_REACHED}
 
 
 def load_study_data(

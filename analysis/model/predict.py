@@ -61,16 +61,16 @@ class PredictOptions:
         return np.asarray(frequency_hz * (own_hz / self.rig.resonance_hz))
 
 
-def study_rig(study: Study, rig: Calibration = NOMINAL) -> Calibration:
+def study_rig(study: Study, rig: Calibration = NOMINAL, *, instead: str = "") -> Calibration:
     """Return the rig as calibrated; without a fitted resonance its own is the study's nominal one.
 
     As everywhere in a study, a drive in Hz is then as far from the resonance as on the rig. Raise
-    `BadInput` for a surface whose friction no model predicts.
+    `BadInput` for a surface whose friction no model predicts, with what to do `instead`.
     """
     if not isinstance(rig.surface, BeamSurface):
         raise BadInput(
             f"the surface of {study.study.name} has kind {study.surface.kind}: no model predicts "
-            "its friction; leave --study out for the paper's beam"
+            f"its friction{instead and f'; {instead}'}"
         )
     return replace(rig, resonance_hz=rig.resonance_hz or study.rig.nominal_resonance_hz)
 

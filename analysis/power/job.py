@@ -1,7 +1,7 @@
 """A run in pieces: each simulates and analyses a few studies, anywhere, always with one result."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from threadpoolctl import threadpool_limits
@@ -82,7 +82,9 @@ def tasks(job: Job, design: Design, studies: int, null_studies: int) -> list[Tas
 @lru_cache(maxsize=8)
 def asked(job: Job) -> Asked:
     """Return what the job's study asks."""
-    return asked_by(job.simulated, job.rig, models=job.models)
+    study, people = job.simulated, people_in(job.people) if job.people else DEFAULT
+    alike = bool(study.groups) and people.groups.keys().isdisjoint(study.groups)
+    return replace(asked_by(study, job.rig, models=job.models), alike=alike)
 
 
 @lru_cache(maxsize=8)

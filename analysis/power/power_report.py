@@ -5,7 +5,7 @@ from math import isfinite
 
 from analysis.estimates import Json, plain
 from analysis.power.power_summary import EstimateQuality, Measured, Summary, TestPower, too_often
-from analysis.power.study_records import LEVELS
+from analysis.power.study_records import LEVELS, OF_GROUPS
 from protocol.registration.registration import FOLLOWS, NOTICED, OMNIBUS
 from protocol.study.study import Study
 
@@ -147,11 +147,22 @@ def design_answer(summary: Summary) -> str:
             if name in questions
         ),
     ]
-    if of_design := [test for test in questions.values() if test.name not in in_words]:
-        able = ", ".join(repr(test.name) for test in of_design if _is_able(test))
-        none = "less than 80% power for every question about groups and factors"
-        parts.append(f"80% power for {able}" if able else none)
+    parts += _of_groups_and_factors(
+        summary, [test for test in questions.values() if test.name not in in_words]
+    )
     return f"{summary.design}: {', '.join(parts + [_of_pairs(summary)] * bool(questions))}."
+
+
+def _of_groups_and_factors(summary: Summary, tests: Sequence[TestPower]) -> Iterator[str]:
+    of_groups = [test for test in tests if test.name in OF_GROUPS]
+    of_factors = [test for test in tests if test not in of_groups]
+    if of_groups and summary.alike:
+        yield "nothing to find between groups, which are drawn from the same people"
+        of_groups = []
+    if able := [repr(test.name) for test in (*of_groups, *of_factors) if _is_able(test)]:
+        yield f"at least 80% power for {', '.join(able)}"
+    elif about := ["groups"] * bool(of_groups) + ["factors"] * bool(of_factors):
+        yield f"less than 80% power for every question about {' and '.join(about)}"
 
 
 def _precisions(estimates: Sequence[EstimateQuality]) -> Iterator[str]:
@@ -170,7 +181,7 @@ def _of_pairs(summary: Summary) -> str:
         return "less than 80% power for every pair of conditions"
     able = [" and ".join(test.name.split(" - ")) for test in pairs]
     more = f", and {len(able) - 4} more pairs" if len(able) > _MOST_TOLD else ""
-    return f"80% power to tell apart {', '.join(able[: 4 if more else None])}{more}"
+    return f"at least 80% power to tell apart {', '.join(able[: 4 if more else None])}{more}"
 
 
 def warnings(summaries: Sequence[Summary]) -> list[str]:

@@ -98,7 +98,8 @@ class Summary:
 
     `told` is the share of studies in which the gains of people are told. `any_false_claim` is the
     share of null cohorts of each kind in which any test of the family is claimed that is false
-    there, NaN where none is; `null_studies` are there of each kind.
+    there, NaN where none is; `null_studies` are there of each kind. `alike` is whether the people
+    of all groups were drawn from one population.
     """
 
     design: Design
@@ -108,6 +109,7 @@ class Summary:
     estimates: tuple[EstimateQuality, ...]
     told: Measured
     any_false_claim: Mapping[str, Measured]
+    alike: bool = False
 
 
 def summary(
@@ -152,6 +154,7 @@ def summary(
             kind: share(np.logical_or.reduce([*of_kind.values()])) if of_kind else UNKNOWN
             for kind, of_kind in false.items()
         },
+        alike=asked.alike,
     )
 
 

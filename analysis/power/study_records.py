@@ -27,7 +27,7 @@ from protocol.study.study import Study
 
 # The names of tests and estimates.
 
-GROUP_SCORE, GROUP_GAIN, BY_GROUP = CLAIMED.values()
+GROUP_SCORE, GROUP_GAIN, BY_GROUP = OF_GROUPS = tuple(CLAIMED.values())
 pair_of = "{} - {}".format
 between_groups = "{} - {} between groups".format
 of_thresholds = "thresholds: {} - {}".format
@@ -43,11 +43,13 @@ class Asked:
     participant among them; `contrasts` is the predicted contrast of each condition as planned, for
     the slope and the gains of groups; with `models` levels and gains are estimated, and gains
     tested for being equal; in an `absolute` study nobody is asked what changed, so that nothing is
-    tested of noticing; `tracks` and the pairs of those that are compared have thresholds.
+    tested of noticing; `tracks` and the pairs of those that are compared have thresholds. People
+    of groups that are `alike` are drawn from one population.
     """
 
     conditions: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
+    alike: bool = False
     factors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     contrasts: tuple[float, ...] = ()
     models: bool = False

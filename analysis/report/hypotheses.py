@@ -24,6 +24,7 @@ from analysis.statistics.slope import FEWEST_CONDITIONS
 from analysis.statistics.summary import ConditionTests
 from analysis.trials.law_comparison import LawOrder
 from device.friction.changes import LAW
+from protocol.errors import BadInput
 from protocol.registration import registration as hypothesis
 from protocol.study.study import Study
 
@@ -59,6 +60,24 @@ def how_tested(study: Study, named: Iterable[str] = (), earlier: str = "") -> di
     `earlier` is that of the registration (`Registration.earlier`).
     """
     return {each.name: each.test for each in _all(study, named, earlier) if each.asked}
+
+
+def require_asked(study: Study, names: Iterable[str]) -> None:
+    """Refuse the name of a hypothesis that other studies have, with what this one lacks for it."""
+    unasked = {each.name for each in _all(study, (), "") if not each.asked}
+    for name in names:
+        if name in unasked and (why := _lacking(study, name)):
+            raise BadInput(f"no hypothesis {name!r} of this study: {why}")
+
+
+def _lacking(study: Study, name: str) -> str:
+    if not study.condition:
+        return "it has no conditions"
+    if name.endswith(hypothesis.NOTICED):
+        return "nobody is asked about a change" if study.absolute else "it has no catch trials"
+    if not _is_predicted(study):
+        return "nothing is predicted, for its touches state no friction"
+    return f"it has no more than {FEWEST_CONDITIONS} conditions" * (name == hypothesis.FOLLOWS)
 
 
 def registered(study: Study, names: Sequence[str], earlier: str = "") -> list[Hypothesis]:

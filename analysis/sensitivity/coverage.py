@@ -34,6 +34,11 @@ class SimulatedStudies:
     observable: bool
     absolute: bool = False
 
+    @property
+    def scale(self) -> str:
+        """The scale of the scores, as docs/mathematics/answers.md has it of each kind."""
+        return "1 to 7" if self.absolute else "0 to 10"
+
     def distance(self, people: float, trials: float, noticed: float, highest: float) -> float:
         """Return how unlike a study is: a factor of two counts as much as a fifth of a share."""
         factors = (people / self.people, trials / self.trials)

@@ -328,7 +328,7 @@ class _TiedRanks:
 def _tied_ranks(table: ScoreTable) -> _TiedRanks | NotEstimable:
     columns = table.given.any(axis=0)
     if not columns.any():
-        return NotEstimable("no score was given")
+        return NotEstimable("there is no score that counts")
     conditions = tuple(np.array(table.conditions, dtype=object)[columns])
     scores = table.scores[np.ix_(table.given.sum(axis=1) >= 2, columns)]
     if not len(scores):

@@ -144,9 +144,13 @@ def is_picture_name(name: str) -> bool:
     return _PICTURE.fullmatch(name) is not None
 
 
-_OF_A_PICTURE = required(
-    is_picture_name, "must name a .png or .jpg file in the study's folder, such as beam.png"
-)
+def is_digest(known: str) -> bool:
+    """Return whether what is known of a picture is its digest, and not what is wrong with it."""
+    return re.fullmatch(r"[0-9a-f]+", known) is not None
+
+
+PICTURE_NAME = "must name a .png or .jpg file in the study's folder, such as beam.png"
+_OF_A_PICTURE = required(is_picture_name, PICTURE_NAME)
 Filename = Annotated[Line, _OF_A_PICTURE]
 _Shown = Annotated[Line, AfterValidator(require_printable)]
 

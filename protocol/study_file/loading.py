@@ -49,6 +49,12 @@ def picture_names(text: str) -> list[str]:
     return list(dict.fromkeys(name for name in names if isinstance(name, str)))
 
 
+def pictures_in(text: str) -> dict[str, str]:
+    """Return what the text of a study, with its files' digests, knows of each picture."""
+    document = toml_document(text) if "[pictures]" in text else {}
+    return {} if isinstance(document, Problem) else document.get("pictures", {})
+
+
 def table_name(text: str) -> str | None:
     """Return the name of the file of a surface's friction, if there is one that can be read."""
     document = toml_document(text)

@@ -27,11 +27,14 @@ from protocol.study.study_question import (
     MEANINGS,
     MOST_LABELS,
     ONCE,
+    PICTURE_NAME,
     RATING,
     SCORE,
     AskedIf,
     InstructionPage,
     StudyQuestion,
+    is_digest,
+    is_picture_name,
     trial_facts,
 )
 from protocol.study.surface import NO_PICTURE
@@ -172,10 +175,7 @@ def _fields(text: str) -> list[str]:
 
 # What is wrong with a study's own questions and pages: names, keys, labels, places and texts.
 
-PICTURE_RULE = (
-    "must be a PNG or JPEG file in the study's folder, at most 4 MB and 4096 pixels wide and high, "
-    "and no link"
-)
+_PICTURE_RULE = "must be a PNG or JPEG file in the study's folder"
 _Found = Iterator[tuple[str | int, str, str, str]]
 """Key, rule, value and hint of each problem."""
 
@@ -213,9 +213,8 @@ def surface_problems(study: Study) -> Iterator[Problem]:
             if key not in study.touch.model_fields_set:
                 rule = "must be given where [surface] is not the paper's beam"
                 yield Problem.of_key(f"touch.{key}", rule, "none")
-    picture = surface.picture
-    if picture not in {None, NO_PICTURE, *study.pictures}:
-        yield Problem.of_key("surface.picture", f"{PICTURE_RULE}, or none", repr(picture))
+    for rule, value in _picture_problems(study, surface.picture):
+        yield Problem.of_key("surface.picture", rule, value)
     if surface.path_in_picture is not None:
         begin, end = surface.path_in_picture
         (left_m, right_m), place_m = study.touch.path_m, study.touch.smooth_place_m
@@ -238,8 +237,17 @@ def _page(study: Study, page: InstructionPage) -> Iterator[tuple[str, str, str]]
         yield "block", f"must be at most {blocks}, the number of blocks", str(page.block)
     if page.before == "practice" and design.practice_trials == 0:
         yield "before", 'must not be "practice" without practice_trials', "one"
-    if page.picture is not None and page.picture not in study.pictures:
-        yield "picture", PICTURE_RULE, repr(page.picture)
+    for rule, value in _picture_problems(study, page.picture):
+        yield "picture", rule, value
+
+
+def _picture_problems(study: Study, name: str | None) -> Iterator[tuple[str, str]]:
+    if name is None or name == NO_PICTURE:
+        return
+    if not is_picture_name(name):
+        yield PICTURE_NAME, f"{name!r}; copy the picture there"
+    elif not is_digest(known := study.pictures.get(name, "")):
+        yield _PICTURE_RULE, f"{name!r}{f', which {known}' if known else ''}"
 
 
 def _problem(question: StudyQuestion, path: Path, rule: str, value: str, hint: str = "") -> Problem:

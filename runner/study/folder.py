@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,11 +19,12 @@ from protocol.errors import BadInput, Problem, typed_as
 from protocol.study.fields import LONGEST_NAME, Names, printable
 from protocol.study.languages import CODE, FOLDER, REFERENCE, built_in_codes
 from protocol.study.study import Study
-from protocol.study.study_question import is_picture_name
+from protocol.study.study_question import is_digest, is_picture_name
 from protocol.study_file.loading import (
     ignored_tables,
     parsed_study,
     picture_names,
+    pictures_in,
     table_name,
     with_digests,
     with_languages,
@@ -32,45 +34,66 @@ from runner.study import files
 
 if TYPE_CHECKING:
     from protocol.journal.events import ScoresImported
+    from runner.journal.store import Journal
 
 # Pictures of a study: which files may be shown, and their digests.
 
 LARGEST_BYTES = 4_000_000
 LARGEST_SIDE = 4_096
-_FORMATS = ("PNG", "JPEG")
+_UNKNOWN = "0" * 64
+"""In place of the digest of a picture that no session had."""
+_FORMATS = MappingProxyType({"PNG": b"\x89PNG", "JPEG": b"\xff\xd8"})
+"""How the files of each begin."""
 
 
-def picture_digest(folder: Path, name: str) -> str | None:
-    """Return the SHA-256 of a picture that may be shown: one that decodes, small, no link."""
-    if not is_picture_name(name):
-        return None
+def picture_digest(folder: Path, name: str) -> str:
+    """Return the SHA-256 of a picture that may be shown: one that decodes, small, no link.
+
+    Raise `BadInput`, which says what another file is and what to do, after 'which'.
+    """
     try:
         whole = folder.resolve(strict=True) / name
         # No link in its path: the picture could otherwise be any file of the user, shown and
         # digested.
-        if whole.resolve(strict=True) != whole or not whole.is_file():
-            return None
+        if whole.resolve(strict=True) != whole:
+            raise BadInput("is a link or lies behind one; copy the picture itself there")
+        if not whole.is_file():
+            raise BadInput("is no file; put a picture there")
         with whole.open("rb") as file:
             # One byte more than allowed shows that a file is too large, without reading all of it.
             data = file.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError):
-        return None
-    return sha256(data).hexdigest() if len(data) <= LARGEST_BYTES and _is_shown(data) else None
+    except FileNotFoundError:
+        raise BadInput("is missing; put it there") from None
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror}); make it readable") from None
+    _require_shown(data)
+    return sha256(data).hexdigest()
 
 
-def _is_shown(data: bytes) -> bool:
+def _require_shown(data: bytes) -> None:
     from PIL import Image
 
+    if not data:
+        raise BadInput("is empty; put a picture there")
+    if len(data) > LARGEST_BYTES:
+        raise BadInput(f"is too large; make it smaller, to at most {LARGEST_BYTES // 10**6} MB")
+    wide = ""
     try:
         # Only these two decoders: the file may come from a stranger, and others can start programs.
-        with Image.open(BytesIO(data), formats=_FORMATS) as picture:
+        with Image.open(BytesIO(data), formats=tuple(_FORMATS)) as picture:
             # Before it is decoded, because a small file can hold an enormous picture.
             if max(picture.size) > LARGEST_SIDE:
-                return False
-            picture.load()
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return False
-    return True
+                wide = "has {} x {} pixels".format(*picture.size)
+            else:
+                picture.load()
+    except Image.DecompressionBombError:
+        wide = "has too many pixels"
+    except (OSError, ValueError, SyntaxError):
+        if data.startswith(tuple(_FORMATS.values())):
+            raise BadInput("is damaged or cut short; save it or copy it again") from None
+        raise BadInput("is neither PNG nor JPEG; save it as one of these") from None
+    if wide:
+        raise BadInput(f"{wide}; make it at most {LARGEST_SIDE} pixels wide and high")
 
 
 # Imported once a study names one, because that takes a while.
@@ -125,14 +148,18 @@ class StudyFolder:
         """The study's own languages, one file each."""
         return self.path / "texts"
 
-    def text(self) -> str:
-        """Return the study file with its languages and files' digests, or raise `BadInput`."""
+    def text(self, instead: Mapping[str, str] = MappingProxyType({})) -> str:
+        """Return the study file with its languages and files' digests, or raise `BadInput`.
+
+        A picture that cannot be shown has in place of a digest what is wrong with it; pictures
+        `instead` have the digests given here.
+        """
         text = self._study_text()
         whole = with_languages(text, self._languages())
         names = picture_names(text) if "picture" in text else []
-        digests = {name: picture_digest(self.path, name) for name in names}
-        shown = {name: digest for name, digest in digests.items() if digest is not None}
-        whole = with_digests(whole, "pictures", shown)
+        # Other names are no pictures', which the study's own checks say.
+        pictures = {name: self._picture(name) for name in names if is_picture_name(name)}
+        whole = with_digests(whole, "pictures", {**pictures, **instead})
         if "surface" not in text or (name := table_name(text)) is None:
             return whole
         # Loaded with the first surface that has a table, which few have.
@@ -140,6 +167,13 @@ class StudyFolder:
 
         digest = table_digest(self.path, name)
         return with_digests(whole, "tables", {} if digest is None else {name: digest})
+
+    def _picture(self, name: str) -> str:
+        """Return the digest of a picture; of one that cannot be shown what is wrong with it."""
+        try:
+            return picture_digest(self.path, name)
+        except BadInput as fault:
+            return str(fault)
 
     def ignored(self) -> str:
         """Return what nothing obeys in the study file, in words; '' if all is obeyed."""
@@ -215,6 +249,28 @@ class StudyFolder:
     def study(self) -> Study:
         """Return the checked study; raise `BadInput` if it is missing, `StudyError` if wrong."""
         return parsed_study(self.text(), str(self.study_file), dialects=DIALECTS)
+
+    def recorded(self, journal: "Journal") -> tuple[str, Study]:
+        """Return the text and the study by which results are read, which show no picture.
+
+        A picture that cannot be shown gives a warning, and has the digest in the journal. Raise as
+        `study` does for everything else.
+        """
+        text = self.text()
+        known = pictures_in(text)
+        lost = {name: fault for name, fault in known.items() if not is_digest(fault)}
+        if lost:
+            from protocol.journal.events import SessionOpened
+
+            before: dict[str, str] = {}
+            for _, opened in journal.records_of(SessionOpened):
+                before |= pictures_in(opened.study_text or "")
+            text = self.text({name: before.get(name, _UNKNOWN) for name in lost})
+        study = parsed_study(text, str(self.study_file), dialects=DIALECTS)
+        for name, fault in lost.items():
+            told = f"results are read without the picture {name!r}, which {fault}"
+            warnings.warn(f"{self.study_file}: {told}", stacklevel=4)
+        return text, study
 
     def existing_journal(self) -> Path:
         """Return the path of the journal; raise `BadInput` if nothing has been recorded yet."""

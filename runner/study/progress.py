@@ -34,6 +34,8 @@ class Progress:
     """As it is typed here."""
     accepted: bool = True
     """Whether the study file is the one that sessions go on with."""
+    unusable: str = ""
+    """Why no session can begin or go on now; '' if one can."""
 
     @property
     def next_slot(self) -> int | None:
@@ -228,6 +230,8 @@ class Progress:
         enough = self.planned is not None and self.done >= self.planned
         if self._is_imported or (enough and max(missing.values(), default=0) <= 0):
             return f"{done} Next: {self._command('report')}"
+        if self.unusable:
+            return f"{done} No session can begin or go on: {self.unusable}"
         told = self.study is not None and self.study.design.assign_groups == "by the operator"
         group = ["--group", max(missing, key=missing.__getitem__)] if missing and told else []
         command = self._command("run", "--participant", self.next_participant, *group)

@@ -123,6 +123,7 @@ def test_every_column_is_described(study: touchbeam.Study) -> None:
         "trials": study.trials,
         "touches": study.touches,
         "traces": study.traces(),
+        "contrasts": study.contrasts,
     }
     described = [(name, column) for name, table in tables.items() for column in map(str, table)]
     assert study.columns.index.tolist() == described

@@ -40,6 +40,7 @@ def status(study: options.StudyArgument, as_json: options.JsonOption = False) ->
             **({"groups": progress.groups} if progress.groups else {}),
             "done": progress.done,
             "planned": progress.planned,
+            **({"study_problem": progress.unusable} if progress.unusable else {}),
         }
     )
 
@@ -121,12 +122,14 @@ def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
     from runner.study.progress import Progress
     from runner.study.registered import registration_of
 
-    sessions, file, accepted = cohort.states(journal), None, False
-    with suppress(BadInput):  # what is recorded is told all the same
+    sessions, file, accepted, unusable = cohort.states(journal), None, False, ""
+    try:
         registered = registration_of(folder.path)
         file = locked(folder.study(), registered.digest if registered else None)
         latest = amendments.accepted_digests(journal)[-1:]
         accepted = latest in ([], [text_digest(folder.text())])
+    except BadInput as error:  # what is recorded is told all the same
+        unusable = str(error)
     return Progress(
         folder=folder.path,
         study=file,
@@ -135,6 +138,7 @@ def _progress(folder: "StudyFolder", journal: "Journal") -> "Progress":
         now=WallClock().utc(),
         program=program(),
         accepted=accepted,
+        unusable=unusable,
     )
 
 

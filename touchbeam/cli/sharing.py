@@ -119,7 +119,7 @@ def export(
 
     source = options.study_folder(study)
     with options.study_journal(source) as journal:
-        file = source.study()
+        _, file = source.recorded(journal)
         _require_known(participant, journal.sessions())
         withdrawals, broken = journal.withdrawals(), list[str]()
         chains = readable_chains(journal, broken, participant, rehearsals=rehearsals)

@@ -287,7 +287,7 @@ def register(
     Writes registration.toml, whose digest then seeds every order, and prints what it settles.
     """
     from analysis.loading.exclusion_rules import rules_in_words
-    from analysis.report.hypotheses import how_tested
+    from analysis.report.hypotheses import how_tested, require_asked
     from analysis.report.sections.registration import analysis_settings
     from protocol.registration.registration import FILE
     from protocol.registration.registry_text import registry_text
@@ -301,7 +301,9 @@ def register(
     checked = runnable_study(text, str(folder.study_file))
     checked_place(folder.path, mounts_of_this_machine())
     asked = hypothesis or []
-    known = how_tested(checked, [*filter(None, (primary, *asked))])
+    named = [*filter(None, (primary, *asked))]
+    require_asked(checked, named)
+    known = how_tested(checked, named)
     made = new_registration(
         folder,
         text,

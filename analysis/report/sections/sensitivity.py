@@ -139,7 +139,8 @@ def _coverage(found: Findings, rating: Rated) -> str:
         held += f" (of {count_of(len(apart), 'kind')} of studies)"
     too_few = f" Those of {listed(alike.too_few)} are too narrow." * bool(alike.too_few)
     return (
-        f"In the {alike.studies} simulated studies most like this one ({alike.name}: "
+        f"In the {alike.studies} simulated studies most like this one "
+        f"({alike.name}, scored {alike.scale}: "
         f"{alike.people:.0f} people with {alike.trials:.0f} rated trials each, "
         f"{alike.highest:.0%} of the scores the highest), 95% intervals held the truth: {held}."
         f"{too_few} An interval that held it in nearly all is wider than it need be."

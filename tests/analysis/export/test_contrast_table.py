@@ -25,7 +25,8 @@ from tests.analysis.report.sections.test_registered import NEW, OLD, REGISTERED,
 from tests.analysis.reports import PAPER, session_events
 
 Chains = Sequence[Sequence[StoredEvent]]
-KEY = ("participant", "session", "session_kind", "trial_index")
+# With the kind of trial, because catch trials stand under their condition, at a contrast of 0.
+KEY = ("participant", "session", "session_kind", "trial_index", "trial_kind")
 CALIBRATED = Calibration(damping_ratio=0.003, origin="session slide/9")
 
 
@@ -101,6 +102,7 @@ def test_every_trial_has_a_row_for_each_law() -> None:
     described = json.loads(files["contrasts.json"])
     assert list(rows[0]) == list(described) == [column.name for column in CONTRAST_COLUMNS]
     assert described["law"]["levels"].keys() == LAWS.keys()
+    assert described["trial_kind"] == json.loads(files["trials.json"])["trial_kind"]
     wanted = [
         (*(trial[name] for name in KEY), law)
         for trial in csv_rows(files["trials.csv"])

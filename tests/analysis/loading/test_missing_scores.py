@@ -147,7 +147,7 @@ def test_the_page_marks_and_counts_each_kind() -> None:
         "= no change was noticed: 1 cell.",
         "× without a score, as the trials are excluded: 4 cells.",
         "○ without a trial, as the session did not get there: 2 cells.",
-        "Subjects without any score: P04.",
+        "Subjects without a score that counts, as their trials are left out: P04.",
     ):
         assert said in page
 

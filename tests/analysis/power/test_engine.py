@@ -10,8 +10,11 @@ import pytest
 from analysis.power.designs import Design
 from analysis.power.engine import connected
 from analysis.power.job import Job, asked, records, tasks
+from device.friction.calibration import Calibration
+from device.friction.surfaces import GivenSurface
 from protocol.errors import BadInput, WorkFailed
 from protocol.registration.registration import GAINS
+from protocol.study_file.loading import template, with_digests
 from tests.analysis.power.simulated_job import job, numbers_alone, numbers_by, wanted
 
 
@@ -38,6 +41,22 @@ def test_studies_without_models_are_those_with_models() -> None:
     assert fitted.estimates.shape[1] == 2
     assert np.isnan(tested.told).all()
     assert set(fitted.told.tolist()) <= {0.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("people", "alike"),
+    [
+        ("", True),
+        ("[population]\ngain = { mean = 4.0, sd = 1.0 }\n", True),
+        ("[group.older.population]\ngain = { mean = 2.0, sd = 1.0 }\n", False),
+    ],
+)
+def test_groups_are_alike_unless_one_has_people_of_its_own(people: str, alike: bool) -> None:
+    text = with_digests(template("plate"), "pictures", {"plate.png": "0" * 64})
+    rig = Calibration.of(GivenSurface(length_m=0.1))
+    plate = Job(study=text, version="", seed=1, models=False, rig=rig, people=people)
+    assert asked(plate).alike == alike
+    assert not asked(job()).alike, "without groups"
 
 
 def test_no_task_has_more_people_than_memory_is_for() -> None:

@@ -178,7 +178,27 @@ def test_the_answer_says_which_conditions_are_told_apart() -> None:
     nothing = design_answer(summed(records_by(5, 50)))
     assert ", less than 80% power for every pair of conditions." in nothing
     p_of(NAMES, records, "a - e")[:] = 0.01
-    assert "80% power to tell apart a and e" in design_answer(summed(records))
+    assert ", at least 80% power to tell apart a and e." in design_answer(summed(records))
+
+
+def test_the_answer_speaks_of_groups_and_factors_only_where_there_is_something_to_find() -> None:
+    groups = replace(NAMES, groups=("old", "young"))
+    factors = {"force": ("1", "2"), "speed": ("1", "2")}
+    for asked, said in (
+        (groups, ", less than 80% power for every question about groups, "),
+        (replace(NAMES, factors=factors), ", less than 80% power for every question about factors"),
+        (
+            replace(groups, factors=factors),
+            ", less than 80% power for every question about groups and factors, ",
+        ),
+        (
+            replace(groups, alike=True),
+            ", nothing to find between groups, which are drawn from the same people, less than ",
+        ),
+    ):
+        p = np.full((20, len(asked.tests)), 0.5)
+        nothing = Records(p, np.zeros((20, 0, 5)), np.full(20, np.nan))
+        assert said in design_answer(summary(DESIGN, asked, nothing, of_each(nothing)))
 
 
 def test_of_several_designs_the_smallest_that_does_is_the_answer() -> None:

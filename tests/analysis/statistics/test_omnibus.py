@@ -287,7 +287,7 @@ def test_uninformative_rows_change_nothing(table_of: TableOf) -> None:
 @pytest.mark.parametrize(
     ("scores", "reason"),
     [
-        ([[np.nan, np.nan]], "no score was given"),
+        ([[np.nan, np.nan]], "there is no score that counts"),
         ([[1.0, np.nan], [np.nan, 2.0]], "no subject scored two conditions"),
         ([[1.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, 2.0]], "compares c0, c1 with"),
         (

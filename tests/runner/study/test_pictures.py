@@ -1,15 +1,19 @@
 """Pictures of a study: which files may be shown, and that a changed one is a changed study."""
 
 import json
+import re
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+import touchbeam
+from protocol.errors import BadInput
 from protocol.study_file.loading import StudyError, text_digest
 from runner.study.folder import LARGEST_BYTES, StudyFolder, picture_digest
 from tests.runner.command_line import typed
+from touchbeam.study import reported
 
 PAGE = """
 [[page]]
@@ -93,33 +97,71 @@ def test_check_lists_the_pages(study: StudyFolder, capsys: pytest.CaptureFixture
     ]
 
 
+FAULT = "must be a PNG or JPEG file in the study's folder, got '{}', which {}; "
+
+
 @pytest.mark.parametrize(
-    "data",
+    ("data", "fault"),
     [
-        b"",
-        b"not a picture",
-        png()[:40],
-        png(5000, 10),
-        png() + b"\0" * LARGEST_BYTES,
-        png(form="GIF"),
+        (b"", "is empty"),
+        (b"not a picture", "is neither PNG nor JPEG"),
+        (png()[:40], "is damaged or cut short"),
+        (png(5000, 10), "has 5000 x 10 pixels"),
+        (png() + b"\0" * LARGEST_BYTES, "is too large"),
+        (png(form="GIF"), "is neither PNG nor JPEG"),
+        (None, "is missing"),
     ],
-    ids=["empty", "text", "cut", "wide", "large", "gif"],
+    ids=["empty", "text", "cut", "wide", "large", "gif", "missing"],
 )
-def test_a_file_that_cannot_be_shown_is_refused(study: StudyFolder, data: bytes) -> None:
-    (study.path / "pictures" / "hand.png").write_bytes(data)
-    with pytest.raises(StudyError, match=r"page 1, picture: must be a PNG or JPEG file in the"):
+def test_a_file_that_cannot_be_shown_is_refused(
+    study: StudyFolder, data: bytes | None, fault: str
+) -> None:
+    picture = study.path / "pictures" / "hand.png"
+    picture.unlink() if data is None else picture.write_bytes(data)
+    told = f"page 1, picture: {FAULT.format('pictures/hand.png', fault)}"
+    with pytest.raises(StudyError, match=re.escape(told)):
         study.study()
+
+
+def test_a_folder_is_no_picture(study: StudyFolder) -> None:
+    (study.path / "pictures" / "hand.png").unlink()
+    (study.path / "pictures" / "hand.png").mkdir()
+    with pytest.raises(StudyError, match=r"which is no file; "):
+        study.study()
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("plate.png", FAULT.format("plate.png", "is missing")),
+        ("../plate.png", "must name a .png or .jpg file in the study's folder, such as beam.png"),
+        ("/tmp/plate.png", "must name a .png or .jpg file in the study's folder"),
+        ("plate.svg", "must name a .png or .jpg file in the study's folder"),
+    ],
+)
+def test_the_picture_of_a_surface_is_judged_as_that_of_a_page(
+    tmp_path: Path, name: str, told: str
+) -> None:
+    assert typed("new", tmp_path / "plate", "--template", "plate") == 0
+    folder = StudyFolder(path=tmp_path / "plate")
+    (folder.path / "plate.png").rename(tmp_path / "plate.png")
+    text = folder.study_file.read_text(encoding="utf-8").replace('"plate.png"', f'"{name}"')
+    folder.study_file.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError, match=re.escape(f"surface.picture: {told}")):
+        folder.study()
 
 
 def test_a_link_is_refused(study: StudyFolder, tmp_path: Path) -> None:
     inside = study.path / "pictures" / "hand.png"
     outside = inside.rename(tmp_path / "hand.png")
     inside.symlink_to(outside)
-    assert picture_digest(study.path, "pictures/hand.png") is None
+    with pytest.raises(BadInput, match="is a link or lies behind one"):
+        picture_digest(study.path, "pictures/hand.png")
     inside.unlink()
     (study.path / "pictures").rmdir()
     (study.path / "pictures").symlink_to(tmp_path)
-    assert picture_digest(study.path, "pictures/hand.png") is None
+    with pytest.raises(BadInput, match="is a link or lies behind one"):
+        picture_digest(study.path, "pictures/hand.png")
 
 
 @pytest.mark.parametrize(
@@ -142,3 +184,44 @@ def test_a_text_is_needed_in_every_language_and_must_fit(
     study.study_file.write_text(text.replace("Like this.", "Like this. " * 40), encoding="utf-8")
     assert typed("check", study.path) == 2
     assert "page.0.text.en: a text must fit its place" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("always:.*results are read without:UserWarning")
+def test_results_are_read_without_a_lost_picture(
+    study: StudyFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P01") == 0
+    before = touchbeam.load(study.path, rehearsals=True)
+    (study.path / "pictures" / "hand.png").unlink()
+    told = "results are read without the picture 'pictures/hand.png', which is missing"
+    with pytest.warns(UserWarning, match=told):
+        after = touchbeam.load(study.path, rehearsals=True)
+    assert after.trials.equals(before.trials)
+    # The study is the recorded one: its digest is, too, which the report says.
+    assert after.file == before.file
+    assert len(reported(after).attempts) == len(before.recorded.attempts)
+    for command in (
+        ("report", study.path, "--rehearsals"),
+        ("export", study.path, tmp_path / "csv", "--format", "csv", "--rehearsals"),
+    ):
+        capsys.readouterr()
+        assert typed(*command) == 0
+        assert capsys.readouterr().err.count(told) == 1
+    assert typed("status", study.path) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert "No session can begin or go on: " in last
+    assert last.endswith(
+        "page 1, picture: " + FAULT.format("pictures/hand.png", "is missing") + "put it there"
+    )
+    assert typed("status", study.path, "--json") == 0
+    assert "which is missing" in json.loads(capsys.readouterr().out)["study_problem"]
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P02") == 2
+
+
+def test_results_are_read_also_if_no_session_had_the_picture(study: StudyFolder) -> None:
+    text = study.study_file.read_text(encoding="utf-8")
+    study.study_file.write_text(text.replace(PAGE, ""), encoding="utf-8")
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P01") == 0
+    study.study_file.write_text(text.replace("hand.png", "foot.png"), encoding="utf-8")
+    with pytest.warns(UserWarning, match="foot.png', which is missing"):
+        assert len(touchbeam.load(study.path, rehearsals=True).sessions) == 1

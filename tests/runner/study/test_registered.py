@@ -18,7 +18,7 @@ import touchbeam
 from protocol.errors import BadInput
 from protocol.journal.events import SessionOpened, StudyAmended, StudyRegistered
 from protocol.plan.plan import plan
-from protocol.registration.registration import locked, registration_in
+from protocol.registration.registration import FOLLOWS, NOTICED, locked, registration_in
 from protocol.study_file.loading import parsed_study, text_digest
 from runner.study.calibration import fitted_calibration, keep_fit
 from runner.study.folder import StudyFolder
@@ -95,6 +95,34 @@ def test_what_cannot_be_registered_leaves_nothing_behind(
     study_in(tmp_path, "paper", change)
     assert told in refused(capsys, "register", tmp_path, *options)
     assert everything(tmp_path) == {"study.toml"}
+
+
+@pytest.mark.parametrize(
+    ("template", "changes", "name", "why"),
+    [
+        ("plate", (), NOTICED, "nobody is asked about a change"),
+        ("plate", (r", friction = 0\.\d+",), FOLLOWS, "its touches state no friction"),
+        ("paper", (r"catch_trials = \d+",), f"voltage {NOTICED}", "it has no catch trials"),
+    ],
+)
+def test_a_hypothesis_that_a_study_lacks_is_refused_with_the_reason(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    template: str,
+    changes: tuple[str, ...],
+    name: str,
+    why: str,
+) -> None:
+    assert typed("new", tmp_path / "study", "--template", template) == 0
+    file = tmp_path / "study" / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    for change in changes:
+        text = re.sub(change, "", text)
+    file.write_text(text, encoding="utf-8")
+    capsys.readouterr()
+    told = refused(capsys, "register", tmp_path / "study", "--primary", name)
+    assert f"no hypothesis {name!r} of this study: " in told
+    assert told.rstrip().endswith(why)
 
 
 def test_the_digest_seeds_plans_wherever_they_are_made(

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import touchbeam
@@ -149,3 +150,19 @@ def test_there_is_no_ladder_without_a_model(
     assert typed("ladder", tmp_path) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "has kind given: no model predicts its friction" in line
+
+
+def test_what_no_model_predicts_is_told_to_each_in_its_own_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, scenes = tmp_path / "plate", tmp_path / "scenes.csv"
+    assert typed("new", study, "--template", "plate") == 0
+    assert typed("run", study, "--participant", "P01", "--ratings", "virtual") == 0
+    scenes.write_text("voltage_v\n50\n", encoding="utf-8")
+    capsys.readouterr()
+    assert typed("predict", scenes, "--study", study, "-o", tmp_path / "out.csv") == 2
+    told = "has kind given: no model predicts its friction; "
+    assert f"{told}leave --study out for the paper's beam" in capsys.readouterr().err
+    loaded = touchbeam.load(study, rehearsals=True)
+    with pytest.raises(ValueError, match=f"{told}touchbeam.predict takes the paper's beam"):
+        loaded.predict(pd.DataFrame({"voltage_v": [50.0]}))

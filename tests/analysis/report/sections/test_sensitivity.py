@@ -171,7 +171,8 @@ def test_the_page_quotes_the_simulated_studies_that_are_most_like_this_one() -> 
     alike = report_json(of_people(9))["sensitivity_coverage"]
     told = " ".join(ReadPage(report_html(of_people(9))).words)
     assert (
-        f"In the {alike['studies']} simulated studies most like this one ({alike['name']}: " in told
+        f"In the {alike['studies']} simulated studies most like this one "
+        f"({alike['name']}, scored 0 to 10: " in told
     )
     assert f"held the truth: gains {bounded(alike['held']['gains'], 3)}, " in told
     of_noticing = f"d {bounded(alike['held']['d'], 3)}."

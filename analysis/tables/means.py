@@ -1,6 +1,7 @@
 """Columns and rows of means, which a printed table has beside its scores."""
 
 from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from analysis.tables.table_cells import Cells
 LEAST_OTHERS = 3
 LEAST_ROWS = 3
 LEAST_SUMS = 2
+LEAST_DIFFERENT = 4
 # Each may be off by half of the last digit; the rest allows for binary fractions.
 _PRINTED, _TENTHS = 0.0101, 0.0501
 """How far two means to two decimals may lie apart that were the same before rounding, and how far
@@ -93,6 +95,22 @@ def _highest_of_others(scores: FloatArray) -> FloatArray:
     # second.
     second, first = np.partition(known, -2, axis=1)[:, -2:].T[:, :, None]
     return np.where(known == first, second, first)
+
+
+def difference_column(scores: FloatArray) -> tuple[int, int, int] | None:
+    """Return the last column if it is in every row the difference of two others, and which two.
+
+    Rows without a number tell nothing, nor do those where the two are alike: it takes four others.
+    """
+    last = scores[:, -1]
+    near = _tolerance(np.nan_to_num(last))
+    for one, other in permutations(range(scores.shape[1] - 1), 2):
+        difference = scores[:, one] - scores[:, other]
+        known = ~np.isnan(difference) & ~np.isnan(last)
+        met = np.abs(last - difference) <= near
+        if met[known].all() and (known & (difference != 0)).sum() >= LEAST_DIFFERENT:
+            return scores.shape[1] - 1, one, other
+    return None
 
 
 def is_mean_of(line: FloatArray, scores: FloatArray) -> bool:

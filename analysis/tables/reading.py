@@ -90,6 +90,8 @@ def cells_in(
     rows, separator = separated.rows_in(text, source, most=most + SAMPLE, of=of)
     told = [separated.SEPARATORS[separator], *[named] * (named != "UTF-8")]
     mark = decimal or separated.decimal_mark(rows, text, separator, source)
+    if mark == "comma":
+        _require_no_thousands(rows, source)
     told += ["decimal commas"] * (mark == "comma")
     return _cells(rows, source, told, decimal=mark, most=(most, of))
 
@@ -191,6 +193,21 @@ def _names_in_two(rows: Rows) -> list[str]:
     if of_rows or (not any(numbers) and 2 * below >= len(pairs)):
         return [f"{name}_{part}" for name, part in of_rows or pairs]
     return []
+
+
+def _require_no_thousands(rows: Rows, source: str) -> None:
+    """Refuse points in numbers whose decimal mark is the comma: `1.000` is 1000 to many."""
+    for line, row in rows:
+        for cell in row:
+            if _THOUSANDS.fullmatch(cell):
+                raise TableError(
+                    f"{source}, line {line}: {cell} may be {cell.replace('.', '')} or "
+                    f"{float(cell.split(',')[0].replace('.', '', cell.count('.') - 1)):g}; write "
+                    "numbers without points where the comma is the decimal mark"
+                )
+
+
+_THOUSANDS = re.compile(r"-?[1-9]\d{0,2}(\.\d{3})+(,\d+)?")
 
 
 def _of_qualtrics(below: Rows) -> set[int] | None:

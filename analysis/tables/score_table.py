@@ -151,6 +151,7 @@ class _Reader:
         self.subject, self.session, self.group = columns.values()
         self.answer, self.contrast = map(shape.roles.column, ("answer", "contrast"))
         self.recorded = is_recorded(cells)
+        self.excluded = None if self.recorded else _excluded(cells, shape)
 
     def entries(self) -> Iterator[Entry]:
         rehearsals = self.recorded and self._has_sessions()
@@ -199,6 +200,8 @@ class _Reader:
                 return "excluded"
             if has_sessions and known.get("session_kind") == "rehearsal":
                 return "of rehearsals"
+        elif self.excluded is not None and is_excluded(texts[self.excluded]):
+            return "excluded"
         return self._sums.get(row, "")
 
     @cached_property
@@ -322,6 +325,16 @@ def _whole(cells: Cells, text: str) -> str:
     number = cells.number(text)
     whole = number is not None and number % 1 == 0 and re.search(r"[.,]0*$", text)
     return text[: whole.start()] if whole else text
+
+
+def _excluded(cells: Cells, shape: Shape) -> int | None:
+    """Return the column that says of each row whether it is excluded, unless it has a role."""
+    words = {"yes", "no", "true", "false", "1", "0", "1.0", "0.0"}
+    for at, name in enumerate(cells.header):
+        if plain(name) == "excluded" and at not in shape.roles.told:
+            values = {row[at].casefold() for row in cells.rows if not is_missing(row[at])}
+            return at if values <= words else None
+    return None
 
 
 def _require_scale(cells: Cells, scale: Scale | None) -> None:

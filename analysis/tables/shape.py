@@ -4,14 +4,14 @@ What could mean two things is refused, with both and the option that chooses.
 """
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from types import MappingProxyType
 
-from analysis.tables.means import is_mean_of, numbers_in, summing_column
+from analysis.tables.means import difference_column, is_mean_of, numbers_in, summing_column
 from analysis.tables.roles import Roles, is_recorded, plain
 from analysis.tables.summaries import MEANS, beside_scores, may_sum_up, summing_up
 from analysis.tables.table_cells import Cells, TableError, is_missing
@@ -19,6 +19,9 @@ from protocol.errors import listed, typed_as
 
 _MOST_LEVELS = 30
 """Different values of a column that may tell conditions apart: a study has no more conditions."""
+
+_LEAST_ALIKE = 6
+"""Rows of other subjects whose numbers are those of the first one's: levels, and no chance."""
 
 _FEW_TEXTS = 5
 """Different texts in a column of numbers that may all stand for no score."""
@@ -186,6 +189,7 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
             f"{cells.where()}: every condition must have a name, got none in column "
             f"{unnamed[0] + 1}"
         )
+    _require_no_levels(table, roles, scores)
     stems = _stems(table, scores)
     parts = tuple(roles.columns("factor", "condition"))
     _require_a_row_each(table, roles, parts)
@@ -194,6 +198,31 @@ def _wide(table: _Table, numbers: Sequence[int]) -> Shape:
         is_wide=True, roles=roles, scores=scores, parts=parts, stems=stems,
         left_out=_left_out(table, used, sums),
     )  # fmt: skip
+
+
+def _require_no_levels(table: _Table, roles: Roles, scores: Sequence[int]) -> None:
+    """Refuse a column of numbers that are the same in each subject's rows: levels of a stimulus."""
+    subject, names = roles.column("subject"), [table.cells.named(at) for at in scores]
+    if subject is None or roles.headings or len(scores) < 2:
+        return
+    by_subject: dict[str, list[Sequence[str]]] = defaultdict(list)
+    for row in table.cells.rows:
+        by_subject[row[subject]].append(row)
+    several = [rows for rows in by_subject.values() if len(rows) > 1]
+    # Of fewer rows scores, too, may be alike by chance.
+    if sum(map(len, several[1:])) < _LEAST_ALIKE:
+        return
+    for at, name in zip(scores, names, strict=True):
+        counts = {tuple(sorted(Counter(row[at] for row in rows).items())) for rows in several}
+        (first, *others) = counts
+        if not others and 1 < len(first) <= _MOST_LEVELS:
+            rest = [other for other in names if other != name]
+            score = rest[0] if len(rest) == 1 else "NAME"
+            raise table.refuse(
+                f"{name} has the same numbers in each subject's rows: the condition (add --columns "
+                f"condition={name},score={score}), or scores like {listed(rest)} (add --columns "
+                "condition=heading)"
+            )
 
 
 def _require_no_mixed(table: _Table, roles: Roles) -> None:
@@ -242,6 +271,10 @@ def _by_value(cells: Cells, names: Sequence[str], lines: Sequence[Sequence[str]]
     scores = numbers_in(cells, lines)
     if (summing := summing_column(scores)) is not None:
         return dict([summing])
+    few = 3 <= len(names) <= _MOST_LEVELS
+    if few and (difference := difference_column(scores)) is not None:
+        place, *two = difference
+        return {place: f"the difference of {listed(names[at] for at in two)}"}
     of = _repeated(dict(enumerate(names)))
     sums: dict[int, str] = {}
     for stem in dict.fromkeys(of.values()):

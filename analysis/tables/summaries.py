@@ -66,22 +66,35 @@ _AVERAGES = MEANS | {"m", "mw", "avg"}
 _SPREADS = frozenset({"sd", "se", "sem", "std", "stdev", "stddev", "stderr"})
 
 
+_DERIVED = frozenset(
+    {
+        "diff", "difference", "differenz", "delta", "ratio", "norm", "normalised", "normalized",
+        "normiert", "pct", "percent", "z", "zscore",
+    }
+)  # fmt: skip
+"""What is made of other columns, which it names."""
+_DIFFERENCES = frozenset({"diff", "difference", "differenz", "ratio"})
+
+
 def beside_scores(names: Sequence[str], lines: Sequence[Sequence[str]]) -> set[int]:
     """Return the places of columns that by their names tell of other columns, or of their forms.
 
     Such are `rough_sd`, `mean_rough` beside `rough_1` and `rough_2`, and of REDCap and Qualtrics
-    `ratings_complete` and the total `SC0`.
+    `ratings_complete` and the total `SC0`; others are `z_dry` beside `dry`, and `Difference`.
     """
     words = [re.findall(r"[^\W_]+", re.sub(r"(?<=[^\W\d_A-Z])(?=[A-Z])", " ", at)) for at in names]
     stems = [re.sub(r"\d+$", "", plain(name)) for name in names]
     counted = Counter(stem for stem, name in zip(stems, names, strict=True) if stem != plain(name))
+    own = {plain(name) for name in names}
     told: set[int] = set()
     for at, said in enumerate(words):
         for word, rest in ((said[:1], said[1:]), (said[-1:], said[:-1])):
             of = plain("".join(rest))
             is_average = plain("".join(word)) in _AVERAGES and counted[of] > 1
             is_spread = plain("".join(word)) in _SPREADS and of and not of.isdigit()
-            if is_average or is_spread:
+            made = plain("".join(word))
+            is_derived = made in _DERIVED if of in own else not of and made in _DIFFERENCES
+            if is_average or is_spread or is_derived:
                 told.add(at)
         form = names[at].endswith("_complete") and {"0", "1", "2"}.issuperset(
             filter(None, lines[at])

@@ -243,3 +243,9 @@ def test_a_first_row_of_words_is_no_header() -> None:
         "subject,a,b,c\nP1,2,2,3\nP2,,,\nP3,1,2,3\n",
     ):
         assert len(read(text).rows) > 1
+
+
+def test_points_between_thousands_are_refused_beside_decimal_commas() -> None:
+    with pytest.raises(TableError, match=r"line 3: 1.000 may be 1000 or 1; write numbers without"):
+        read(b"id;a;b\nP1;350,5;200,0\nP2;987,0;1.000\n", decimal="comma")
+    assert read(b"id;a;b\nP1;350.5;200.0\nP2;987.0;1.000\n").rows[1][2] == "1.000"

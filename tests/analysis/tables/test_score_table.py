@@ -746,3 +746,63 @@ def test_a_score_that_is_missing_is_counted_whatever_was_answered() -> None:
     text = "subject,item,answer,score\nP1,a,expected,3\nP1,b,same,\nP2,a,contrary,NA\nP2,b,,\n"
     (said,) = (line for line in imported(text, scale=(1, 7)).lines if line.startswith("Missing"))
     assert said.startswith("Missing: 1 score blank, 2 without a score after another answer. Answ")
+
+
+LEVELS = "subject,trial,grating,rough\n" + "".join(
+    f"P{who},{trial},{grating},{3 + who + trial}.5\n"
+    for who in (1, 2, 3)
+    for trial, grating in enumerate((0.1, 0.3, 0.3, 0.1))
+)
+
+
+def test_numbers_that_are_alike_in_each_subjects_rows_are_asked_about() -> None:
+    said = (
+        r"grating has the same numbers in each subject's rows: the condition \(add --columns "
+        r"condition=grating,score=rough\), or scores like rough \(add --columns condition=heading\)"
+    )
+    with pytest.raises(TableError, match=said):
+        imported(LEVELS)
+    scores = imported(LEVELS, "condition=grating,score=rough")
+    assert scores.conditions == ("0.1", "0.3")
+    assert len(imported(LEVELS, "condition=heading").conditions) == 2
+    others = LEVELS.replace("P2,3,0.1", "P2,3,0.2")
+    assert imported(others).conditions == ("grating", "rough")
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "why"),
+    [
+        ("Difference", (9, 9, 9, 9), ""),
+        ("z_a", (9, 9, 9, 9), ""),
+        ("b_norm", (9, 9, 9, 9), ""),
+        ("a over b", (-2, 3, -1, 2), " (the difference of a, b; --keep-means keeps it)"),
+    ],
+)
+def test_what_is_made_of_other_columns_is_no_condition(
+    name: str, numbers: tuple[int, ...], why: str
+) -> None:
+    rows = zip((1, 5, 3, 6), (3, 2, 4, 4), numbers, strict=True)
+    text = f"id,a,b,{name}\n" + "".join(
+        f"P{row},{a},{b},{c}\n" for row, (a, b, c) in enumerate(rows)
+    )
+    scores = imported(text)
+    assert scores.conditions == ("a", "b")
+    assert scores.lines[-1] == f"Left out: column {name}{why}."
+
+
+@pytest.mark.parametrize("name", ["z", "delta", "norm", "z_c", "paper"])
+def test_conditions_that_are_made_of_no_other_column_are_kept(name: str) -> None:
+    assert imported(f"id,a,b,{name}\nP1,1,3,2\nP2,5,2,4\nP3,3,4,1\n").conditions == ("a", "b", name)
+
+
+def test_rows_that_say_so_are_left_out() -> None:
+    text = "subject,item,rating,excluded\n" + "".join(
+        f"P{who},{item},{score},{out}\n"
+        for who in (1, 2)
+        for item, score, out in (("a", 3, "no"), ("a", 7, "yes"), ("b", 5, ""))
+    )
+    scores = imported(text)
+    assert [rating.score for rating in scores.ratings] == [3, 5, 3, 5]
+    assert scores.lines[-1] == "Left out: column excluded; 2 rows excluded."
+    assert len(imported(text, "ignore=excluded").ratings) == 6
+    assert len(imported(text.replace("yes", "tired")).ratings) == 6

@@ -131,6 +131,8 @@ def _cells(
         )
     of_qualtrics = _of_qualtrics(below)
     below = below[2:] if of_qualtrics is not None else below
+    count = len(below)
+    below = _without_practice(header, below)
     width = _width(header)
     longer = word == "line" and all(len(row) == len(header) + 1 for _, row in below)
     if longer and any(row[-1] for _, row in below):
@@ -150,6 +152,8 @@ def _cells(
     said = [f"{titles} title line{'s' * (titles > 1)} above the header"] * bool(titles)
     if of_qualtrics is not None:
         said += ["two further header rows and the own columns of Qualtrics left out"]
+    if practised := count - len(below):
+        said += [f"{practised} row{'s' * (practised > 1)} of a practice loop left out"]
     return Cells(
         source=source,
         header=kept[0],
@@ -193,6 +197,21 @@ def _names_in_two(rows: Rows) -> list[str]:
     if of_rows or (not any(numbers) and 2 * below >= len(pairs)):
         return [f"{name}_{part}" for name, part in of_rows or pairs]
     return []
+
+
+_LOOP = re.compile(r"(.+)\.thisN")
+_PRACTICE = re.compile(r"(prac|training|warm_?up|familiari|übung).*", re.IGNORECASE)
+
+
+def _without_practice(header: Sequence[str], below: Rows) -> Rows:
+    """Return the rows of PsychoPy but for those of a loop of practice beside another loop."""
+    loops = {at: loop[1] for at, name in enumerate(header) if (loop := _LOOP.fullmatch(name))}
+    practice = [at for at, loop in loops.items() if _PRACTICE.fullmatch(loop)]
+    if len(practice) in {0, len(loops)}:
+        return below
+    return [
+        (line, row) for line, row in below if not any("".join(row[at : at + 1]) for at in practice)
+    ]
 
 
 def _require_no_thousands(rows: Rows, source: str) -> None:

@@ -184,12 +184,13 @@ def fit(
     fits = fits_of(tracks, str(table), **asked, guess=guess)
     fitted = list(output.followed("tracks", fits, len(tracks), alone=as_json))
     compared = list(comparisons(fitted, shape))
+    unread = [f"{cells.source}: {part}." for part in cells.understood if part.endswith("left out")]
     if as_json:
         records = [track.record(threshold) for track, threshold in fitted]
         beside = {"comparisons": [plain(each) for each in compared]}
         output.print_json({"task": task, "shape": shape, "tracks": records, **beside})
-        if pooled := pooled_line(cells, columns):
-            output.complain(f"touchbeam: warning: {pooled}")
+        for line in filter(None, (*unread, pooled_line(cells, columns))):
+            output.complain(f"touchbeam: warning: {line}")
         return
     at = fitted[0][1].threshold_at
     what = "of the curve" if guess_rate(task, guess) is None else "correct"
@@ -197,7 +198,7 @@ def fit(
     if compared:
         output.print_table("Tracks compared", [*comparison_lines(compared), [""] * 5])
     said = columns_line(cells, columns), pooled_line(cells, columns)
-    for line in filter(None, (*said, left_out_line(tracks), yes_or_no_line(fitted))):
+    for line in filter(None, (*unread, *said, left_out_line(tracks), yes_or_no_line(fitted))):
         output.say(line)
 
 

@@ -249,3 +249,14 @@ def test_points_between_thousands_are_refused_beside_decimal_commas() -> None:
     with pytest.raises(TableError, match=r"line 3: 1.000 may be 1000 or 1; write numbers without"):
         read(b"id;a;b\nP1;350,5;200,0\nP2;987,0;1.000\n", decimal="comma")
     assert read(b"id;a;b\nP1;350.5;200.0\nP2;987.0;1.000\n").rows[1][2] == "1.000"
+
+
+def test_rows_of_a_practice_loop_are_left_out() -> None:
+    header = "participant,texture,slider.response,practice.thisN,trials.thisN\n"
+    rows = "1,a,7,0,\n1,b,6,1,\n1,a,3,,0\n1,b,4,,1\n"
+    cells = read(header + rows)
+    assert [row[2] for row in cells.rows] == ["3", "4"]
+    assert cells.lines == [1, 4, 5]
+    assert cells.understood[-1] == "2 rows of a practice loop left out"
+    alone = "participant,texture,slider.response,practice.thisN\n1,a,7,0\n1,b,6,1\n"
+    assert len(read(alone).rows) == 2, "nothing else was rated"

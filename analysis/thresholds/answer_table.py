@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import combinations
@@ -34,8 +34,8 @@ _SEVERAL = frozenset({"condition", "ignore"})
 """Roles that several columns may have: those of the condition name the track together."""
 _OWN: Mapping[str, str] = {"subject": "participant", "condition": "track", "answer": "correct"}
 """Names of columns that are not those of their roles."""
-_MOST_VALUES = 30
-"""Of a column that may tell conditions apart."""
+_MOST_VALUES, _MOST_NUMBERS = 30, 6
+"""Of a column of words, or of numbers, that may tell conditions apart."""
 LEVEL_VALUE = "level_value"
 """Of trials that touchbeam recorded, whose column level has the number of a level."""
 OF_TRIALS = frozenset({"trial_kind", "study_sha256"})
@@ -314,13 +314,16 @@ def _with_parts(cells: Cells, columns: _Columns, others: Sequence[int]) -> str:
 
 
 def pooled_line(cells: Cells, told: str | None) -> str:
-    """Return in words which columns of few texts are left out though they vary within a track."""
+    """Return in words which columns are left out though they vary within a track, of few values.
+
+    Numbers 0, 1 and 2 say which answer or interval it was.
+    """
     columns = _columns(cells, told)
     few = {
         at: f"{cells.named(at)} ({len(values)} values: {', '.join(values[:5])}"
         f"{', …' * (len(values) > 5)})"
         for at, values in _varying(cells, columns).items()
-        if len(values) <= min(_MOST_VALUES, len(cells.rows) - 1) and not cells.is_numeric(at)
+        if len(values) <= min(_most(cells, at, values), len(cells.rows) - 1)
     }
     if not few:
         return ""
@@ -330,6 +333,13 @@ def pooled_line(cells: Cells, told: str | None) -> str:
         f"Left out: column{'s' * (len(few) > 1)} {names}{more}. A threshold for each value: add "
         f"{_with_parts(cells, columns, list(few)[:1])}."
     )
+
+
+def _most(cells: Cells, column: int, values: Collection[str]) -> int:
+    """Return how many values of a column may be conditions."""
+    if not cells.is_numeric(column):
+        return _MOST_VALUES
+    return 0 if {cells.number(value) for value in values} <= {0, 1, 2, None} else _MOST_NUMBERS
 
 
 def _lacking(cells: Cells, role: str) -> str:

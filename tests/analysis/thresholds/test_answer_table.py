@@ -464,6 +464,10 @@ def test_texts_that_vary_within_a_track_are_named() -> None:
         "condition=track,condition=hand."
     )
     assert pooled_line(cells, "ignore=hand") == pooled_line(cells, "condition=hand") == ""
+    for wet, dry, is_named in (("30", "250", True), ("1", "2", False), ("0", "1", False)):
+        numbers = TWO.replace("condition,", "hand,").replace("wet", wet).replace("dry", dry)
+        said = pooled_line(cells_in(numbers.encode(), "t.csv", most=99), None)
+        assert (f"column hand (2 values: {wet}, {dry})" in said) == is_named
 
 
 @pytest.mark.parametrize("no", ["no", "No", "False", "FALSE", "0", "", "NA"])

@@ -166,9 +166,11 @@ class _Reader:
         answer = self._answer(texts, row)
         if not (subject := self._subject(texts, row)):
             if answer is not None or any(score is not None for score in scores.values()):
+                name = "" if self.subject is None else texts[self.subject]
+                what = f"{name!r}, which says none; call the subject otherwise" * bool(name)
                 raise TableError(
-                    f"{self.cells.where(row)}: a subject must have a name, got none; write it in "
-                    "each row"
+                    f"{self.cells.where(row)}: a subject must have a name, got "
+                    f"{what or 'none; write it in each row'}"
                 )
             self.rows_left_out["without a subject and a score"] += 1
             return
@@ -285,7 +287,10 @@ class _Reader:
             if not self.scale:
                 said += "; divide the scores, such as by 100 or 1000"
             elif self.shape.is_wide:
-                said += f"; if the column holds no scores, add --columns ignore={name}"
+                said += (
+                    f"; if it stands for a missing score, add --missing {text}; if the column "
+                    f"holds no scores, add --columns ignore={name}"
+                )
             raise TableError(said)
         return number
 

@@ -806,3 +806,15 @@ def test_rows_that_say_so_are_left_out() -> None:
     assert scores.lines[-1] == "Left out: column excluded; 2 rows excluded."
     assert len(imported(text, "ignore=excluded").ratings) == 6
     assert len(imported(text.replace("yes", "tired")).ratings) == 6
+
+
+def test_initials_that_read_as_no_value_are_named() -> None:
+    with pytest.raises(TableError, match=r"line 3: a subject must have a name, got 'NA', which"):
+        imported("initials,a,b\nBK,1,2\nNA,3,4\nCD,5,6\n", "subject=initials")
+
+
+def test_a_code_beyond_the_scale_may_stand_for_a_missing_score() -> None:
+    said = r"got 99; if it stands for a missing score, add --missing 99; if the column holds no"
+    with pytest.raises(TableError, match=said):
+        imported("id,a,b\nP1,1,2\nP2,99,4\n", scale=(1, 9))
+    assert len(imported("id,a,b\nP1,1,2\nP2,99,4\n", scale=(1, 9), missing="99").visits) == 2

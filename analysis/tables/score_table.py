@@ -86,6 +86,7 @@ def scores_in(
         if shape.is_wide and not shape.roles.headings:
             _require_one_range(cells, entries)
     _require_apart(cells, entries)
+    _require_one_person(cells, shape, entries)
     silent = _silent(entries)
     told = [entry for entry in entries if not silent & {entry.subject, (entry.condition,)}]
     if not told:
@@ -437,6 +438,31 @@ def _require_apart(cells: Cells, entries: Sequence[Entry]) -> None:
                     f"{cells.source}: the {kind} {name!r} and {first!r} ({lines}) may be one or "
                     "two; write one alike everywhere, or call two apart"
                 )
+
+
+_AGES = frozenset({"age", "alter", "edad", "âge", "年龄"})
+"""Columns of what a person has once, or one more of in a later session."""
+_FACTS = _AGES | {"sex", "gender", "geschlecht", "性别"}
+
+
+def _require_one_person(cells: Cells, shape: Shape, entries: Sequence[Entry]) -> None:
+    """Refuse a subject who has two ages or sexes: two persons may share their initials."""
+    for at, heading in enumerate(cells.header):
+        if plain(heading) not in _FACTS or at in shape.roles.told:
+            continue
+        first: dict[str, str] = {}
+        for entry in entries:
+            text = cells.rows[entry.row][at]
+            before = first.setdefault(entry.subject, text) if not is_missing(text) else text
+            ages = [cells.number(value) or 0.0 for value in (before, text)]
+            older = plain(heading) in _AGES and 0 < abs(ages[1] - ages[0]) <= 1
+            if older or before.casefold() == text.casefold():
+                continue
+            name = cells.named(at)
+            raise TableError(
+                f"{cells.where(entry.row)}: {entry.subject} has the {name} {before} and {text}: "
+                f"two persons (give each a name of its own), or one (add --columns ignore={name})"
+            )
 
 
 def _silent(entries: Sequence[Entry]) -> set[str | tuple[str, ...]]:

@@ -818,3 +818,21 @@ def test_a_code_beyond_the_scale_may_stand_for_a_missing_score() -> None:
     with pytest.raises(TableError, match=said):
         imported("id,a,b\nP1,1,2\nP2,99,4\n", scale=(1, 9))
     assert len(imported("id,a,b\nP1,1,2\nP2,99,4\n", scale=(1, 9), missing="99").visits) == 2
+
+
+TWO_PERSONS = "initials,age,sex,material,vas\n" + "".join(
+    f"{who},{age},{sex},{material},{age + at}\n"
+    for who, age, sex in (("AB", 23, "f"), ("CD", 31, "m"), ("AB", 45, "m"))
+    for at, material in enumerate(("wood", "steel"))
+)
+
+
+def test_two_persons_of_the_same_initials_are_not_one() -> None:
+    said = r"line 6: AB has the age 23 and 45: two persons \(give each a name of its own\), or one"
+    with pytest.raises(TableError, match=said):
+        imported(TWO_PERSONS)
+    sexes = TWO_PERSONS.replace("45", "24").replace("CD,31,m,steel", "CD,32,m,steel")
+    with pytest.raises(TableError, match="AB has the sex f and m"):
+        imported(sexes)
+    assert len(imported(sexes, "ignore=sex").visits) == 2, "a year older, in a later session"
+    assert len(imported(TWO_PERSONS, "ignore=sex,ignore=age").visits) == 2

@@ -10,7 +10,6 @@ from math import ceil, floor
 from statistics import median
 
 from analysis.tables.answer_words import told_meanings
-from analysis.tables.means import numbers_in, summing_column
 from analysis.tables.ratings import (
     ANSWERS,
     ANSWERS_EXAMPLE,
@@ -25,7 +24,14 @@ from analysis.tables.ratings import (
 )
 from analysis.tables.roles import is_recorded, plain
 from analysis.tables.shape import Shape, cell_parts
-from analysis.tables.summaries import MEANS, have_codes, may_sum_up, summing_up
+from analysis.tables.summaries import (
+    MEANS,
+    have_codes,
+    may_sum_up,
+    numbers_in,
+    summing_column,
+    summing_up,
+)
 from analysis.tables.table_cells import (
     Cells,
     TableError,

@@ -11,9 +11,17 @@ from functools import cached_property, partial
 from itertools import pairwise
 from types import MappingProxyType
 
-from analysis.tables.means import difference_column, is_mean_of, numbers_in, summing_column
 from analysis.tables.roles import Roles, is_recorded, plain
-from analysis.tables.summaries import MEANS, beside_scores, may_sum_up, summing_up
+from analysis.tables.summaries import (
+    MEANS,
+    beside_scores,
+    difference_column,
+    is_mean_of,
+    may_sum_up,
+    numbers_in,
+    summing_column,
+    summing_up,
+)
 from analysis.tables.table_cells import Cells, TableError, is_missing
 from protocol.errors import listed, typed_as
 

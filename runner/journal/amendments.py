@@ -9,8 +9,7 @@ from collections.abc import Iterable
 from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.state import NotAllowed, in_words
-from protocol.study.rules import Rating
-from protocol.study_file.loading import parsed_study, text_digest
+from protocol.study_file.loading import StudyError, parsed_study, text_digest
 from runner.clock import Clock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, chains_of, is_rehearsal
 from runner.journal.store import Journal, SessionLog, close_interrupted, state_of
@@ -109,7 +108,7 @@ def amend(
     accepted = accepted_digests(journal)
     if accepted and digest == accepted[-1]:
         raise BadInput("study.toml has not changed since it was accepted; nothing to amend")
-    _require_same_scale(journal, parsed_study(study_text).rating)
+    _require_same_scale(journal, study_text)
     broken = in_force(journal)
     log = SessionLog(journal, STUDY_CHAIN, clock)
     breaks = None if broken is None else broken.registration
@@ -117,8 +116,18 @@ def amend(
     return broken
 
 
-def _require_same_scale(journal: Journal, rating: Rating) -> None:
+def _scale(study_text: str) -> tuple[int, int] | None:
+    """Return the ends of a study's scale; None of a file that this version cannot read."""
+    try:
+        rating = parsed_study(study_text).rating
+    except StudyError:
+        return None
+    return rating.minimum, rating.maximum
+
+
+def _require_same_scale(journal: Journal, study_text: str) -> None:
     """Refuse another scale than that of the sessions of people, unless they are excluded."""
+    scale = _scale(study_text)
     for chain in journal.sessions():
         if chain == STUDY_CHAIN or is_rehearsal(journal, chain):
             continue
@@ -130,12 +139,12 @@ def _require_same_scale(journal: Journal, rating: Rating) -> None:
             continue
         if opened.study_text is None:
             continue
-        given = parsed_study(opened.study_text).rating
-        if (given.minimum, given.maximum) != (rating.minimum, rating.maximum):
+        given = _scale(opened.study_text)
+        if scale is not None and given not in {None, scale}:
             raise BadInput(
-                f"study.toml: scores are from {rating.minimum} to {rating.maximum}, but those of "
-                f"{chain} were given from {given.minimum} to {given.maximum}; restore [rating], "
-                "make another study (touchbeam new), or exclude that session first"
+                "study.toml: scores are from {} to {}, but those of {} were given from {} to {}; "
+                "restore [rating], make another study (touchbeam new), or exclude that session "
+                "first".format(*scale, chain, *given)
             )
 
 

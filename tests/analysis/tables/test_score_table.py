@@ -11,9 +11,9 @@ from analysis.report.table4_text import table4_csv, table4_lines
 from analysis.statistics.omnibus import Friedman, friedman
 from analysis.statistics.summary import table4
 from analysis.tables.imported_study import described, events_of, is_papers
-from analysis.tables.means import mean_column
 from analysis.tables.ratings import Imported
 from analysis.tables.score_table import MOST_CONDITIONS, MOST_SUBJECTS
+from analysis.tables.summaries import mean_column
 from analysis.tables.table_cells import TableError
 from protocol.journal.events import ScoresImported
 from protocol.study_file.loading import parsed_study, template

@@ -37,7 +37,7 @@ from protocol.study.participant_texts import (
 from protocol.study.rules import Publication, Rating
 from protocol.study.study import Study
 from protocol.study.track import AXIS_UNITS
-from protocol.study_file.loading import StudyError, parsed_study
+from protocol.study_file.loading import scale_ends
 
 _OTHER = re.compile(r"[^0-9A-Za-z]")
 
@@ -323,19 +323,10 @@ _WHICH = {
 def _on_one_scale(found: Sessions, rating: Rating) -> Sessions:
     """Return `found` without rehearsals on another scale: one column cannot hold scores of both."""
     texts = found.attempts.groupby("session_id")["study_text"].last().dropna()
-    ends = {text: _ends(text) for text in texts.unique()}
+    ends = {text: scale_ends(text) for text in texts.unique()}
     off = texts[texts.map(ends).isin(set(ends.values()) - {None, (rating.minimum, rating.maximum)})]
     other = found.sessions["session_kind"].eq("rehearsal") & found.sessions.index.isin(off.index)
     return replace(found, sessions=found.sessions[~other], other_rehearsals=int(other.sum()))
-
-
-def _ends(study_text: str) -> tuple[int, int] | None:
-    """Return the ends of a study's scale; None of a file that this version cannot read."""
-    try:
-        rating = parsed_study(study_text).rating
-    except StudyError:
-        return None
-    return rating.minimum, rating.maximum
 
 
 def dataset(

@@ -498,6 +498,15 @@ def parsed_study(
     return study
 
 
+def scale_ends(study_text: str) -> tuple[int, int] | None:
+    """Return the ends of a study's scale; None of a file that this version cannot read."""
+    try:
+        rating = parsed_study(study_text).rating
+    except StudyError:
+        return None
+    return rating.minimum, rating.maximum
+
+
 def ignored_tables(text: str) -> str:
     """Return the tables in the text of a study that are ignored, in words; '' if none is."""
     if not any(name in text for name in GONE):  # then it need not be read

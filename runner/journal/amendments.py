@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from protocol.errors import BadInput
 from protocol.journal import events
 from protocol.journal.state import NotAllowed, in_words
-from protocol.study_file.loading import StudyError, parsed_study, text_digest
+from protocol.study_file.loading import scale_ends, text_digest
 from runner.clock import Clock
 from runner.journal.names import REHEARSAL, STUDY_CHAIN, chains_of, is_rehearsal
 from runner.journal.store import Journal, SessionLog, close_interrupted, state_of
@@ -116,18 +116,9 @@ def amend(
     return broken
 
 
-def _scale(study_text: str) -> tuple[int, int] | None:
-    """Return the ends of a study's scale; None of a file that this version cannot read."""
-    try:
-        rating = parsed_study(study_text).rating
-    except StudyError:
-        return None
-    return rating.minimum, rating.maximum
-
-
 def _require_same_scale(journal: Journal, study_text: str) -> None:
     """Refuse another scale than that of the sessions of people, unless they are excluded."""
-    scale = _scale(study_text)
+    scale = scale_ends(study_text)
     for chain in journal.sessions():
         if chain == STUDY_CHAIN or is_rehearsal(journal, chain):
             continue
@@ -139,7 +130,7 @@ def _require_same_scale(journal: Journal, study_text: str) -> None:
             continue
         if opened.study_text is None:
             continue
-        given = _scale(opened.study_text)
+        given = scale_ends(opened.study_text)
         if scale is not None and given not in {None, scale}:
             raise BadInput(
                 "study.toml: scores are from {} to {}, but those of {} were given from {} to {}; "

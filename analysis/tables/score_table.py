@@ -41,7 +41,7 @@ from analysis.tables.table_cells import (
     is_missing,
 )
 from analysis.tables.understood import left_out_lines, understood
-from protocol.errors import listed
+from protocol.errors import listed, typed_as
 from protocol.pseudonyms import pseudonyms
 
 MOST_SUBJECTS = 100_000
@@ -296,7 +296,7 @@ class _Reader:
             elif self.shape.is_wide:
                 said += (
                     f"; if it stands for a missing score, add --missing {text}; if the column "
-                    f"holds no scores, add --columns ignore={name}"
+                    f"holds no scores, add --columns {typed_as(f'ignore={name}')}"
                 )
             raise TableError(said)
         return number
@@ -467,7 +467,8 @@ def _require_one_person(cells: Cells, shape: Shape, entries: Sequence[Entry]) ->
             name = cells.named(at)
             raise TableError(
                 f"{cells.where(entry.row)}: {entry.subject} has the {name} {before} and {text}: "
-                f"two persons (give each a name of its own), or one (add --columns ignore={name})"
+                "two persons (give each a name of its own), or one (add --columns "
+                f"{typed_as(f'ignore={name}')})"
             )
 
 

@@ -226,10 +226,10 @@ def _require_no_levels(table: _Table, roles: Roles, scores: Sequence[int]) -> No
         if not others and 1 < len(first) <= _MOST_LEVELS:
             rest = [other for other in names if other != name]
             score = rest[0] if len(rest) == 1 else "NAME"
+            told = typed_as(f"condition={name},score={score}")
             raise table.refuse(
                 f"{name} has the same numbers in each subject's rows: the condition (add --columns "
-                f"condition={name},score={score}), or scores like {listed(rest)} (add --columns "
-                "condition=heading)"
+                f"{told}), or scores like {listed(rest)} (add --columns condition=heading)"
             )
 
 

@@ -205,6 +205,10 @@ _PRINTED, _TENTHS = 0.0101, 0.0501
 one to one decimal may lie from what it was."""
 
 
+_ROUNDED = 1e-9
+"""What rounding may leave of a difference that is none."""
+
+
 def numbers_in(cells: Cells, lines: Sequence[Sequence[str]]) -> FloatArray:
     """Return the numbers in lines - columns, or rows - NaN where there is none, a column each."""
     numbers = [[cells.number(text) for text in line] for line in lines]
@@ -265,8 +269,8 @@ def summing_column(scores: FloatArray) -> tuple[int, str] | None:
     is_higher = last > np.where(given, others, -np.inf).max(axis=1) + _PRINTED
     for word, statistic, tells in (
         ("sum", sums, is_higher),
-        ("standard deviation", np.sqrt(squares / np.maximum(many - 1, 1)), squares > 0),
-        ("standard deviation", np.sqrt(squares / np.maximum(many, 1)), squares > 0),
+        ("standard deviation", np.sqrt(squares / np.maximum(many - 1, 1)), squares > _ROUNDED),
+        ("standard deviation", np.sqrt(squares / np.maximum(many, 1)), squares > _ROUNDED),
     ):
         met = np.abs(last - statistic) <= near
         telling = met & tells & (many > 1)
@@ -288,8 +292,11 @@ def difference_column(scores: FloatArray) -> tuple[int, int, int] | None:
     """Return the last column if it is in every row the difference of two others, and which two.
 
     Rows without a number tell nothing, nor do those where the two are alike: it takes four others.
+    It alone is negative somewhere: else one of the two may be the difference.
     """
     last = scores[:, -1]
+    if not (last < 0).any() or (scores[:, :-1] < 0).any():
+        return None
     near = _tolerance(np.nan_to_num(last))
     for one, other in permutations(range(scores.shape[1] - 1), 2):
         difference = scores[:, one] - scores[:, other]
@@ -309,5 +316,5 @@ def is_mean_of(line: FloatArray, scores: FloatArray) -> bool:
     met = np.where(many > 0, np.abs(line - means) <= near, np.isnan(line))
     # A row tells if its scores differ: else the column may be one more of them.
     filled = np.where(given, scores, means[:, None])
-    telling = filled.max(axis=1) > filled.min(axis=1)
+    telling = filled.max(axis=1) > filled.min(axis=1) + _ROUNDED
     return bool(met.all() and (met & telling).sum() >= LEAST_ROWS)

@@ -790,6 +790,13 @@ def test_what_is_made_of_other_columns_is_no_condition(
     assert scores.lines[-1] == f"Left out: column {name}{why}."
 
 
+def test_a_difference_that_may_be_another_column_is_left_out_nowhere() -> None:
+    rows = [
+        f"P{at},{a},{a - b},{b}\n" for at, (a, b) in enumerate(((1, 3), (5, 2), (3, 4), (6, 4)))
+    ]
+    assert imported("id,a,effect,b\n" + "".join(rows)).conditions == ("a", "effect", "b")
+
+
 @pytest.mark.parametrize("name", ["z", "delta", "norm", "z_c", "paper"])
 def test_conditions_that_are_made_of_no_other_column_are_kept(name: str) -> None:
     assert imported(f"id,a,b,{name}\nP1,1,3,2\nP2,5,2,4\nP3,3,4,1\n").conditions == ("a", "b", name)

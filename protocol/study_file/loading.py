@@ -52,7 +52,10 @@ def picture_names(text: str) -> list[str]:
 def pictures_in(text: str) -> dict[str, str]:
     """Return what the text of a study, with its files' digests, knows of each picture."""
     document = toml_document(text) if "[pictures]" in text else {}
-    return {} if isinstance(document, Problem) else document.get("pictures", {})
+    pictures = {} if isinstance(document, Problem) else document.get("pictures")
+    # A study file may be anybody's; its own checks say what is wrong with it.
+    known = pictures.items() if isinstance(pictures, dict) else ()
+    return {name: digest for name, digest in known if isinstance(digest, str)}
 
 
 def table_name(text: str) -> str | None:

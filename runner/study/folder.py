@@ -257,8 +257,8 @@ class StudyFolder:
         `study` does for everything else.
         """
         text = self.text()
-        known = pictures_in(text)
-        lost = {name: fault for name, fault in known.items() if not is_digest(fault)}
+        known, shown = pictures_in(text), picture_names(text)
+        lost = {name: known[name] for name in shown if not is_digest(known.get(name, _UNKNOWN))}
         if lost:
             from protocol.journal.events import SessionOpened
 

@@ -225,3 +225,22 @@ def test_results_are_read_also_if_no_session_had_the_picture(study: StudyFolder)
     study.study_file.write_text(text.replace("hand.png", "foot.png"), encoding="utf-8")
     with pytest.warns(UserWarning, match="foot.png', which is missing"):
         assert len(touchbeam.load(study.path, rehearsals=True).sessions) == 1
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "rule"),
+    [
+        ("pictures = 3 # [pictures]\n", "", "must be a table, got 3"),
+        ("", '\n[pictures]\n"b.png" = 3\n', "must be a text, got 3"),
+    ],
+)
+def test_what_a_stranger_wrote_about_pictures_is_judged_as_the_rest_of_the_study(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str], head: str, tail: str, rule: str
+) -> None:
+    text = study.study_file.read_text(encoding="utf-8").replace(PAGE, "")
+    study.study_file.write_text(text, encoding="utf-8")
+    assert typed("run", study.path, "--ratings", "virtual", "--participant", "P01") == 0
+    study.study_file.write_text(f"{head}{text}{tail}", encoding="utf-8")
+    capsys.readouterr()
+    assert typed("report", study.path, "--rehearsals") == 2
+    assert rule in capsys.readouterr().err
